@@ -1,0 +1,1 @@
+"""The conformance harness: it judges clients from outside."""

@@ -1,0 +1,1 @@
+"""The standard, for machines: JSON Schemas, framing and limits as data."""

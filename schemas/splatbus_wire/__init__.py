@@ -1,0 +1,1 @@
+"""The standard, spoken by Python: framing, messages, poses, conventions, depth. Sans-I/O."""
