@@ -279,7 +279,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     models = list(dict.fromkeys(row["model"] for row in rows))
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), sharey=True)
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True)
     for axis, statistic in zip(axes, ("p50_ms", "p99_ms"), strict=True):
         for offset, state in enumerate(STATES):
             found = {
@@ -294,8 +294,9 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         axis.set_xticks(range(len(models)), models, fontsize=7)
         axis.set_yscale("log")
         axis.set_title(f"round trip, {statistic[:3]} (ms)")
-    axes[0].legend(fontsize=7)
-    figure.tight_layout()
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, ncols=3, loc="lower center", fontsize=7)
+    figure.tight_layout(rect=(0, 0.1, 1, 1))
     figure.savefig(path, dpi=110)
 
 
