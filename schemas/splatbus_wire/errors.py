@@ -21,7 +21,7 @@ class ProtocolError(ValueError):
         pointer: str | None = None,
         offset: int | None = None,
     ) -> None:
-        super().__init__(code, message, requirement, pointer, offset)
+        super().__init__(message)
         self.code = code
         self.message = message
         self.requirement = requirement
