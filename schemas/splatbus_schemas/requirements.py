@@ -1,0 +1,49 @@
+"""The requirements of the specification, as collected from its prose."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+
+from splatbus_schemas.data import VERSIONS, read_json
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """One normative sentence (spec/1.0 section 1.2).
+
+    `level` is MUST, MUST NOT, SHOULD, SHOULD NOT or MAY; `binds` names client, server or both; each
+    outcome in `acceptable` satisfies the sentence; `chapter` is its file, from the checkout's root.
+    """
+
+    id: str
+    level: str
+    binds: tuple[str, ...]
+    acceptable: tuple[str, ...]
+    sentence: str
+    why: str | None
+    chapter: str
+
+
+@cache
+def requirements(version: str) -> Mapping[str, Requirement]:
+    """Every requirement that applies in `version`, by id, in the order of the chapters.
+
+    Those of 1.1 include all of 1.0. ValueError for a version that is not in `VERSIONS`.
+    """
+    applicable = VERSIONS[: VERSIONS.index(version) + 1]
+    return MappingProxyType(
+        {
+            entry["id"]: Requirement(
+                id=entry["id"],
+                level=entry["level"],
+                binds=tuple(entry["binds"]),
+                acceptable=tuple(entry["acceptable"]),
+                sentence=entry["sentence"],
+                why=entry.get("why"),
+                chapter=entry["chapter"],
+            )
+            for each in applicable
+            for entry in read_json(each, "requirements.json")["requirements"]
+        }
+    )
