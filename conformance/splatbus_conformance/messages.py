@@ -1,0 +1,129 @@
+"""Messages that the harness sends when it plays the server, as plain objects.
+
+Written from the specification alone; the wire package is not used.
+"""
+
+import base64
+import json
+from typing import Any
+
+Json = dict[str, Any]
+
+EXAMPLE_HANDLE = base64.b64encode(
+    b"splatbus-conformance: a handle that nobody can open, 64 bytes :-".ljust(64, b".")
+)
+CAPABILITIES = {"ipc": ("host_shm", "frames", "reinit", "subscribe"), "msg": ()}
+
+
+def encode(message: Json) -> bytes:
+    """The payload of a message, without white space."""
+    return json.dumps(message, separators=(",", ":"), allow_nan=False).encode()
+
+
+def init_packet_1_0(width: int = 64, height: int = 48) -> Json:
+    """A 1.0 init packet with CUDA handles that no device knows (spec 1.0 chapter 4)."""
+    handle = EXAMPLE_HANDLE.decode()
+    return {
+        "meta": {
+            "w": width,
+            "h": height,
+            "fmtColor": "RGBA32F",
+            "pitchColor": 16 * width,
+            "fmtDepth": "R32F",
+            "pitchDepth": 4 * width,
+            "offsetColor": 0,
+            "offsetDepth": 16 * width * height,
+            "device": 0,
+        },
+        "mem_color": handle,
+        "mem_depth": handle,
+        "evt_done": handle,
+    }
+
+
+def ring_bytes(width: int, height: int, slots: int) -> int:
+    """Bytes that `init_packet_1_1` announces for a ring."""
+    depth_stride = -(-4 * width * height // 16) * 16
+    return slots * (16 * width * height + depth_stride)
+
+
+def init_packet_1_1(
+    name: str, generation: int, width: int = 64, height: int = 48, slots: int = 3
+) -> Json:
+    """A 1.1 init packet for host memory (spec 1.1 chapter 3)."""
+    color_stride = 16 * width * height
+    depth_stride = -(-4 * width * height // 16) * 16
+    return {
+        "version": "1.1",
+        "generation": generation,
+        "meta": {
+            "w": width,
+            "h": height,
+            "fmtColor": "RGBA32F",
+            "pitchColor": 16 * width,
+            "fmtDepth": "R32F",
+            "pitchDepth": 4 * width,
+        },
+        "memory": {"kind": "host_shm", "name": name, "bytes": ring_bytes(width, height, slots)},
+        "ring": {
+            "slots": slots,
+            "colorOffset": 0,
+            "colorStride": color_stride,
+            "depthOffset": slots * color_stride,
+            "depthStride": depth_stride,
+        },
+        "semantics": {
+            "rows": "bottom_up",
+            "alpha": "straight",
+            "colorSpace": "srgb",
+            "depth": {"kind": "planar_z", "estimator": "expected", "empty": "inf"},
+            "unitMetres": None,
+            "origin": [0.0, 0.0, 0.0],
+        },
+    }
+
+
+def welcome(channel: str, offered: list[str], version: str = "1.1") -> Json:
+    """The answer to a `hello` that offered these capabilities (NEG-6, NEG-7)."""
+    return {
+        "type": "welcome",
+        "version": version,
+        "server": {"name": "splatbus-conformance", "version": version},
+        "capabilities": [name for name in CAPABILITIES[channel] if name in offered],
+    }
+
+
+def frame(generation: int, seq: int, slot: int, width: int = 64, height: int = 48) -> Json:
+    """A `frame` (spec 1.1 section 5.1)."""
+    return {
+        "type": "frame",
+        "generation": generation,
+        "seq": seq,
+        "slot": slot,
+        "camera": {
+            "position": [0.0, 0.0, -4.0],
+            "rotation": [0.0, 0.0, 0.0, 1.0],
+            "fx": float(width),
+            "fy": float(width),
+            "cx": width / 2,
+            "cy": height / 2,
+            "width": width,
+            "height": height,
+            "near": 0.01,
+            "far": 100.0,
+        },
+        "time": 0.0,
+        "renderedAt": 1.0,
+    }
+
+
+def reply(request: Json, *, typed: bool, width: int = 64, height: int = 48) -> Json | None:
+    """The reply to a request (spec 1.0 section 6.2, 1.1 section 2.6); None if it is no request."""
+    added: Json = {"id": request["id"]} if typed and "id" in request else {}
+    if request.get("type") == "get_viewport_size":
+        size = {"viewport_size": [width, height]}
+        return {"type": "viewport_size", **added, **size} if typed else size
+    if request.get("type") == "get_camera_pose":
+        pose = {"position": [0.5, -0.25, -4.0], "rotation": [0.0, 0.6, 0.0, 0.8]}
+        return {"type": "camera", **added, **pose} if typed else pose
+    return None

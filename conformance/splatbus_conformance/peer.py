@@ -1,0 +1,200 @@
+"""The raw peer: two listeners, the connections that a testee makes to them, and a record of it all.
+
+One thread and one selector. Nothing happens but inside `pump` and what calls it, so a check reads
+as a sequence of steps. Every wait has a limit.
+"""
+
+import contextlib
+import selectors
+import socket
+import struct
+import time
+from collections.abc import Callable
+from typing import Literal, TypeVar
+
+from splatbus_conformance.packets import Packet, Splitter
+from splatbus_conformance.recording import Channel, Direction, Entry, Event
+
+T = TypeVar("T")
+CHANNELS: tuple[Channel, Channel] = ("ipc", "msg")
+SEND_SECONDS = 5.0
+RESET_ON_CLOSE = (
+    struct.pack("ii", 1, 0) if hasattr(socket, "SO_REUSEPORT") else struct.pack("hh", 1, 0)
+)
+
+
+class Connection:
+    """One connection that the testee made."""
+
+    def __init__(self, peer: "Peer", sock: socket.socket, channel: Channel, number: int) -> None:
+        self.channel = channel
+        self.number = number
+        self.opened = time.monotonic()
+        self.packets: list[Packet] = []
+        self.ended: Literal["eof", "reset"] | None = None
+        """How the testee ended its stream, if it did."""
+        self.open = True
+        """The harness has not closed it."""
+        self._peer = peer
+        self._sock = sock
+        self._splitter = Splitter()
+
+    def send(self, data: bytes) -> None:
+        """Send bytes as they are, in one write; quietly nothing if the testee has gone."""
+        if self.open:
+            with contextlib.suppress(OSError):
+                self._sock.sendall(data)
+                self._peer.note(self, "s2c", data)
+
+    def drip(self, data: bytes, pause: float = 0.0) -> None:
+        """Send bytes one by one, with `pause` seconds between them."""
+        for byte in data:
+            self.send(bytes([byte]))
+            self._peer.pump(pause)
+
+    def end_stream(self) -> None:
+        """Say that nothing more comes, and go on listening (a TCP half-close)."""
+        with contextlib.suppress(OSError):
+            self._sock.shutdown(socket.SHUT_WR)
+        self._peer.note_event(self, "eof", "s2c")
+
+    def close(self) -> None:
+        """Close."""
+        if self.open:
+            self.open = False
+            self._peer.forget(self._sock)
+            self._sock.close()
+            self._peer.note_event(self, "eof", "s2c")
+
+    def reset(self) -> None:
+        """Close so that the testee sees a reset."""
+        if self.open:
+            self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+            self.open = False
+            self._peer.forget(self._sock)
+            self._sock.close()
+            self._peer.note_event(self, "reset", "s2c")
+
+    def read(self) -> list[Packet]:
+        """Take what has arrived; return the packets that it completes."""
+        try:
+            data = self._sock.recv(1 << 16)
+        except (TimeoutError, BlockingIOError):
+            return []
+        except OSError:
+            self.ended = "reset"
+            self._peer.note_event(self, "reset", "c2s")
+            return []
+        if not data:
+            self.ended = "eof"
+            self._peer.note_event(self, "eof", "c2s")
+            return []
+        self._peer.note(self, "c2s", data)
+        packets = self._splitter.feed(data, time.monotonic())
+        self.packets += packets
+        return packets
+
+
+class Peer:
+    """Listens on both channels; tells `on_open` of connections, `on_packet` of packets."""
+
+    def __init__(self, host: str, ports: dict[Channel, int]) -> None:
+        self.host = host
+        self.ports = dict(ports)
+        self.connections: list[Connection] = []
+        self.entries: list[Entry] = []
+        """What crossed the wire since `clear`."""
+        self.on_open: Callable[[Connection], None] = lambda connection: None
+        self.on_packet: Callable[[Connection, Packet], None] = lambda connection, packet: None
+        self._selector = selectors.DefaultSelector()
+        self._listeners: dict[Channel, socket.socket] = {}
+        self._start = time.monotonic()
+        self._count = dict.fromkeys(CHANNELS, 0)
+
+    def listen(self, channel: Channel) -> None:
+        """Accept connections on this channel from now on; OSError if the port is taken."""
+        if channel not in self._listeners:
+            listener = socket.create_server((self.host, self.ports[channel]), backlog=16)
+            self.ports[channel] = listener.getsockname()[1]
+            listener.setblocking(False)
+            self._listeners[channel] = listener
+            self._selector.register(listener, selectors.EVENT_READ, channel)
+
+    def refuse(self, channel: Channel) -> None:
+        """Refuse connections on this channel from now on."""
+        if listener := self._listeners.pop(channel, None):
+            self._selector.unregister(listener)
+            listener.close()
+
+    def pump(self, seconds: float = 0.0) -> None:
+        """Handle what happens within `seconds`; at least what has happened already."""
+        deadline = time.monotonic() + seconds
+        while True:
+            for key, _ in self._selector.select(max(0.0, deadline - time.monotonic())):
+                if isinstance(key.data, Connection):
+                    self._handle(key.data)
+                else:
+                    self._accept(key.data)
+            if time.monotonic() >= deadline:
+                return
+
+    def until(self, condition: Callable[[], T], seconds: float) -> T:
+        """Pump until `condition` gives something true, or `seconds` pass; what it gave last."""
+        deadline = time.monotonic() + seconds
+        while not (given := condition()) and (left := deadline - time.monotonic()) > 0:
+            self.pump(min(left, 0.02))
+        return given
+
+    def clear(self) -> None:
+        """Close every connection and begin a new record."""
+        for connection in self.connections:
+            connection.close()
+        self.connections = []
+        self.entries = []
+
+    def close(self) -> None:
+        """Close everything."""
+        self.clear()
+        for channel in CHANNELS:
+            self.refuse(channel)
+        self._selector.close()
+
+    def note(self, connection: Connection, direction: Direction, data: bytes) -> None:
+        """Put bytes on record."""
+        self.entries.append(
+            Entry(self._now(), connection.channel, connection.number, direction, data)
+        )
+
+    def note_event(self, connection: Connection, event: Event, direction: Direction) -> None:
+        """Put an event on record."""
+        self.entries.append(
+            Entry(self._now(), connection.channel, connection.number, direction, event=event)
+        )
+
+    def forget(self, sock: socket.socket) -> None:
+        """Stop watching a socket."""
+        with contextlib.suppress(KeyError, ValueError):
+            self._selector.unregister(sock)
+
+    def _now(self) -> float:
+        return time.monotonic() - self._start
+
+    def _accept(self, channel: Channel) -> None:
+        try:
+            sock, _ = self._listeners[channel].accept()
+        except OSError:
+            return
+        sock.settimeout(SEND_SECONDS)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._count[channel] += 1
+        connection = Connection(self, sock, channel, self._count[channel])
+        self.connections.append(connection)
+        self.entries.append(Entry(self._now(), channel, connection.number, event="open"))
+        self._selector.register(sock, selectors.EVENT_READ, connection)
+        self.on_open(connection)
+
+    def _handle(self, connection: Connection) -> None:
+        for packet in connection.read():
+            self.on_packet(connection, packet)
+        if connection.ended:
+            self.forget(connection._sock)

@@ -1,0 +1,75 @@
+"""Rules: what can be judged from bytes that have crossed the wire, without taking part (L0).
+
+A rule is a function from one conversation to sightings. A sighting says that a requirement was
+exercised, and how it was broken if it was. `audit` judges recordings by them, and every live
+session of the harness is a recording too.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+from splatbus_conformance.conversation import Conversation, Message, conversations
+from splatbus_conformance.recording import Entry
+
+
+class Sighting(NamedTuple):
+    """A requirement was exercised by a peer."""
+
+    requirement: str
+    peer: str
+    """`client` or `server`: who was bound by it."""
+    channel: str
+    conn: int
+    t: float
+    breach: str | None = None
+    """What was wrong, in words; None if it was right."""
+    pointer: str = ""
+    """JSON Pointer into the message, where the breach has a place there."""
+    message: Message | None = None
+
+
+Rule = Callable[[Conversation], Iterable[Sighting]]
+
+
+def about(
+    conversation: Conversation,
+    message: Message,
+    requirement: str,
+    breach: str | None = None,
+    pointer: str = "",
+) -> Sighting:
+    """A sighting of what the sender of `message` did in it."""
+    return Sighting(
+        requirement,
+        message.sender,
+        conversation.channel,
+        conversation.number,
+        message.packet.ended,
+        breach,
+        pointer,
+        message,
+    )
+
+
+def all_rules() -> tuple[Rule, ...]:
+    """Every rule, in the order of the specification's chapters."""
+    from splatbus_conformance.rules import (
+        frames,
+        framing,
+        init_packets,
+        negotiation,
+        poses,
+        requests,
+        text,
+    )
+
+    modules = (framing, text, init_packets, poses, requests, negotiation, frames)
+    return tuple(rule for module in modules for rule in module.RULES)
+
+
+def sightings(entries: Iterable[Entry]) -> Iterator[Sighting]:
+    """Judge a recording by every rule."""
+    rules = all_rules()
+    for conversation in conversations(entries):
+        for rule in rules:
+            yield from rule(conversation)

@@ -1,0 +1,5 @@
+"""Rules (to be written)."""
+
+from splatbus_conformance.rules import Rule
+
+RULES: tuple[Rule, ...] = ()

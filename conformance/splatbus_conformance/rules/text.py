@@ -1,0 +1,20 @@
+"""Rules on JSON text (spec 1.0 section 2.2)."""
+
+from collections.abc import Iterator
+
+from splatbus_conformance.conversation import Conversation
+from splatbus_conformance.rules import Rule, Sighting, about
+
+TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5")
+
+
+def one_strict_object(conversation: Conversation) -> Iterator[Sighting]:
+    """JSN-1 to JSN-5: each payload is one JSON object, as strict as the text asks."""
+    for message in conversation.messages:
+        breaches = {fault.requirement: fault.text for fault in message.faults}
+        for requirement in TEXT:
+            if message.value is not None or requirement in breaches:
+                yield about(conversation, message, requirement, breaches.get(requirement))
+
+
+RULES: tuple[Rule, ...] = (one_strict_object,)

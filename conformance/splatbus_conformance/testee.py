@@ -1,0 +1,136 @@
+"""The program under test: launched by the harness, or started by hand while the harness waits."""
+
+import contextlib
+import os
+import shlex
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+STOP_SECONDS = 5.0
+WINDOWS_CRASH = 0xC0000000
+
+
+class Ended(NamedTuple):
+    """How a process ended."""
+
+    status: int
+    crashed: bool
+    """By a signal, an abort, or an unhandled exception of the system."""
+
+    def __str__(self) -> str:
+        if self.status < 0:
+            with contextlib.suppress(ValueError):
+                return f"was ended by {signal.Signals(-self.status).name}"
+        return f"ended with status {self.status}"
+
+
+class Testee(Protocol):
+    """What the harness can do with a program under test."""
+
+    name: str
+    expendable: bool
+    """It may be crashed: the harness can start another."""
+
+    def ensure_running(self) -> bool:
+        """Start it if it does not run; True if it was started now."""
+
+    def ended(self) -> Ended | None:
+        """How it ended, or None while it runs or where that cannot be known."""
+
+    def stop(self) -> Ended | None:
+        """End it in an orderly way, by force after a time; how it ended."""
+
+    def output(self) -> str:
+        """The last lines that it printed."""
+
+
+class Launched:
+    """A testee that the harness starts, again for each scenario that left none alive."""
+
+    expendable = True
+
+    def __init__(self, command: str, environment: Mapping[str, str]) -> None:
+        self.name = command
+        self._argv = shlex.split(command, posix=os.name == "posix")
+        self._environment = {**os.environ, **environment}
+        self._process: subprocess.Popen[bytes] | None = None
+        self._log = Path(tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")[1])
+
+    def ensure_running(self) -> bool:
+        """Start it if it does not run; OSError if the command cannot be started."""
+        if self._process is not None and self._process.poll() is None:
+            return False
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                self._argv,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+        return True
+
+    def ended(self) -> Ended | None:
+        """How it ended, or None while it runs."""
+        status = self._process.poll() if self._process else None
+        if status is None:
+            return None
+        return Ended(status, crashed=status < 0 or (os.name == "nt" and status >= WINDOWS_CRASH))
+
+    def stop(self) -> Ended | None:
+        """Ask it to end, then make it."""
+        if self._process is None:
+            return None
+        if self._process.poll() is None:
+            self._process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(STOP_SECONDS)
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait(STOP_SECONDS)
+        ended = self.ended()
+        self._process = None
+        return ended
+
+    def output(self) -> str:
+        """The end of what it printed."""
+        return self._log.read_text("utf-8", errors="replace")[-2000:]
+
+    def close(self) -> None:
+        """End it and remove its log."""
+        self.stop()
+        self._log.unlink(missing_ok=True)
+
+
+class Awaited:
+    """A testee that somebody else starts; the harness only sees its connections."""
+
+    expendable = False
+
+    def __init__(self, name: str = "the client that connects") -> None:
+        self.name = name
+        self.since = time.monotonic()
+
+    def ensure_running(self) -> bool:
+        """Nothing to do."""
+        return False
+
+    def ended(self) -> Ended | None:
+        """Not known."""
+        return None
+
+    def stop(self) -> Ended | None:
+        """Nothing to do."""
+        return None
+
+    def output(self) -> str:
+        """Nothing."""
+        return ""
+
+    def close(self) -> None:
+        """Nothing to do."""
