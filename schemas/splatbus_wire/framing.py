@@ -1,0 +1,96 @@
+"""Cut a stream of bytes into packets, and make packets (1.0 chapter 2)."""
+
+from collections import deque
+
+from splatbus_schemas import FRAMING, LIMITS
+
+from splatbus_wire.errors import FramingError, ProtocolError
+
+_HEADER_BYTES: int = FRAMING["length"]["bytes"]
+_BYTE_ORDER = FRAMING["length"]["byteOrder"]
+_MIN_PAYLOAD_BYTES: int = LIMITS["min_payload_bytes"]
+_MAX_PAYLOAD_BYTES: int = LIMITS["max_payload_bytes"]
+
+
+def encode_packet(payload: bytes) -> bytes:
+    """Return header and payload as one packet, to be sent in a single write [FRM-1, FRM-7].
+
+    Raises:
+        ProtocolError: the payload is empty or too long to be sent [FRM-2].
+    """
+    if not _MIN_PAYLOAD_BYTES <= len(payload) <= _MAX_PAYLOAD_BYTES:
+        raise ProtocolError(
+            "packet_too_large" if payload else "malformed_packet",
+            f"a payload of {len(payload)} bytes was to be sent; {_MIN_PAYLOAD_BYTES} to"
+            f" {_MAX_PAYLOAD_BYTES} are allowed",
+            requirement="FRM-2",
+        )
+    return len(payload).to_bytes(_HEADER_BYTES, _BYTE_ORDER) + payload
+
+
+class PacketDecoder:
+    """Packets out of the bytes of one connection, however TCP divides or joins them [FRM-4].
+
+    Work is linear in the bytes received, even byte by byte. What is held is at most one unfinished
+    packet, and the finished ones that `next_packet` has not yet handed out; nothing is reserved
+    because a header promises it.
+    """
+
+    def __init__(self) -> None:
+        self._unfinished = bytearray()
+        self._payloads: deque[bytes] = deque()
+        self._offset = 0
+        self._error: FramingError | None = None
+
+    def receive(self, data: bytes) -> None:
+        """Take bytes as they came from the connection; after a bad header, drop them."""
+        if self._error is not None:
+            return
+        buffer = self._unfinished
+        buffer += data
+        available = len(buffer)
+        start = 0
+        while available - start >= _HEADER_BYTES:
+            body = start + _HEADER_BYTES
+            length = int.from_bytes(buffer[start:body], _BYTE_ORDER)
+            if not _MIN_PAYLOAD_BYTES <= length <= _MAX_PAYLOAD_BYTES:
+                self._error = _bad_header(length, self._offset + start)
+                buffer.clear()
+                return
+            end = body + length
+            if end > available:
+                break
+            self._payloads.append(bytes(buffer[body:end]))
+            start = end
+        # What is moved to the front arrived with `data`, so this too is linear.
+        del buffer[:start]
+        self._offset += start
+
+    def next_packet(self) -> bytes | None:
+        """Return the payload of the next packet, or None if it is not complete yet.
+
+        Raises:
+            FramingError: a header announces 0 bytes or too many, and all packets before it have
+                been handed out; so does every later call [FRM-3]. `offset` is that of the header
+                within the connection.
+        """
+        if self._payloads:
+            return self._payloads.popleft()
+        if self._error is not None:
+            raise self._error
+        return None
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether the first bytes of a packet are here, and its last are not [FRM-5, FRM-6]."""
+        return bool(self._unfinished)
+
+
+def _bad_header(length: int, offset: int) -> FramingError:
+    return FramingError(
+        "packet_too_large" if length else "malformed_packet",
+        f"a header announces {length} bytes; {_MIN_PAYLOAD_BYTES} to {_MAX_PAYLOAD_BYTES} are"
+        " allowed, and nothing after it can be trusted",
+        requirement="FRM-3",
+        offset=offset,
+    )
