@@ -1,0 +1,169 @@
+"""Host memory that other processes open by name, and that a killed server does not leave behind.
+
+On Linux a segment is a file in /dev/shm. Its owner holds an exclusive lock on it for as long as it
+lives; the kernel drops the lock however the owner ends, so a segment that can be locked is nobody's
+[OPN-9]. A process id in the name would tell less: ids are used again.
+
+Elsewhere it is the standard library's shared memory. On Windows that is a named mapping, which goes
+with its last handle; on macOS, where segments cannot be listed, the library's resource tracker is
+a process of its own that outlives a killed owner and removes what it had.
+"""
+
+from __future__ import annotations
+
+import errno
+import mmap
+import os
+import re
+import secrets
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
+
+PREFIX = "splatbus-ref-"  # of this implementation: others need not lock what they own
+NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}")
+DIRECTORY = Path("/dev/shm")
+
+
+class Segment:
+    """Shared memory that this process owns.
+
+    Attributes:
+        name: what a client opens, as the init packet's ``memory.name`` says it.
+        buffer: its bytes, zero at first, writable, every page already in memory.
+    """
+
+    def __init__(self, name: str, buffer: memoryview, cleanup: ExitStack) -> None:
+        self.name = name
+        self.buffer = buffer
+        self._cleanup = cleanup
+
+    def close(self) -> None:
+        """Removes the name at once, and the memory with the last view of it; once is enough."""
+        self._cleanup.close()
+
+
+def create(size: int, prefix: str = PREFIX) -> Segment:
+    """Creates shared memory that only this user can open, under a name that was free [MEM-4].
+
+    A forked child that does not exec keeps the segment's lock for as long as it lives.
+
+    Args:
+        size: in bytes; fixed for life, since a reader of truncated memory is killed [MEM-5].
+        prefix: how the name begins; random characters follow.
+
+    Raises:
+        ValueError: the size is not positive, or no name of 30 characters can begin so [MEM-2].
+        OSError: there is no room; the message says for how many bytes.
+    """
+    if size <= 0:
+        raise ValueError(f"shared memory of {size} bytes")
+    while True:
+        name = prefix + secrets.token_hex(6)
+        if not NAME.fullmatch(name):
+            raise ValueError(f"no shared memory can be named {name!r} [MEM-2]")
+        segment = _create_named(name, size)
+        if segment is not None:
+            return segment
+
+
+def sweep_stale(prefix: str = PREFIX) -> list[str]:
+    """Removes this user's segments that begin so and whose owner is gone [OPN-9].
+
+    Returns:
+        their names; always none on systems other than Linux, which tidy up by themselves.
+    """
+    return [path.name for path in _listed(prefix) if _remove_if_unowned(path)]
+
+
+def create_with_standard_library(name: str, size: int) -> Segment | None:
+    """Creates the segment where there is no /dev/shm; None if the name is taken."""
+    system_name = f"Local\\{name}" if sys.platform == "win32" else name
+    try:
+        memory = SharedMemory(system_name, create=True, size=size)
+    except FileExistsError:
+        return None
+    except OSError as error:
+        raise OSError(
+            error.errno or errno.ENOMEM, f"no {size} bytes of shared memory: {error}"
+        ) from None
+    assert memory.buf is not None
+    with ExitStack() as cleanup:
+        cleanup.callback(memory.unlink)
+        buffer = memory.buf[:size]  # the system may have rounded up
+        cleanup.callback(_unmap, buffer, memory.close)
+        _touch(buffer)
+        return Segment(name, buffer, cleanup.pop_all())
+
+
+def _touch(buffer: memoryview) -> None:
+    """Writes to every page: the first touch of a frame's pages would cost tens of milliseconds."""
+    pages = buffer[:: mmap.PAGESIZE]
+    pages[:] = bytes(len(pages))
+
+
+def _unmap(buffer: memoryview, close: Callable[[], None]) -> None:
+    try:
+        buffer.release()
+        close()
+    except BufferError:  # arrays still view it: it is unmapped with the last of them
+        pass
+
+
+if sys.platform == "linux":
+    import fcntl
+
+    def _create_named(name: str, size: int) -> Segment | None:
+        """None if the name was taken, or a sweep got hold of the file before it was locked."""
+        path = DIRECTORY / name
+        with ExitStack() as cleanup:
+            try:
+                file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+            except FileExistsError:
+                return None
+            cleanup.callback(os.close, file)
+            cleanup.callback(path.unlink, missing_ok=True)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return None
+            if os.fstat(file).st_nlink == 0:
+                return None
+            try:  # unlike truncation this reserves the pages: too little room is an error here, now
+                os.posix_fallocate(file, 0, size)
+            except OSError as error:
+                raise OSError(
+                    error.errno, f"no {size} bytes in {DIRECTORY}: {error.strerror}"
+                ) from None
+            mapping = mmap.mmap(file, size)
+            buffer = memoryview(mapping)
+            cleanup.callback(_unmap, buffer, mapping.close)
+            _touch(buffer)
+            return Segment(name, buffer, cleanup.pop_all())
+
+    def _listed(prefix: str) -> list[Path]:
+        return [path for path in DIRECTORY.iterdir() if path.name.startswith(prefix)]
+
+    def _remove_if_unowned(path: Path) -> bool:
+        with ExitStack() as cleanup:
+            try:  # O_NONBLOCK: somebody's named pipe must not hold us up
+                file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+                cleanup.callback(os.close, file)
+                if os.fstat(file).st_uid != os.geteuid():
+                    return False
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
+            except OSError:  # owned and alive, another user's, or gone meanwhile
+                return False
+        return True
+
+else:
+    _create_named = create_with_standard_library
+
+    def _listed(prefix: str) -> list[Path]:
+        return []
+
+    def _remove_if_unowned(path: Path) -> bool:
+        return False
