@@ -1,0 +1,44 @@
+"""Checks: each plays one scenario with the testee and judges one requirement by it.
+
+A check is a function `check_*` that takes a `Trial`. Its docstring is what `explain` shows. The
+set of outcomes that it accepts is the one that the specification lists for its requirement.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+F = TypeVar("F", bound=Callable[..., None])
+
+
+@dataclass(frozen=True)
+class Check:
+    """What is known of a check before it runs."""
+
+    requirement: str
+    observable: str
+    """What of the requirement can be seen from outside."""
+    needs: tuple[str, ...]
+    """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
+    `poses`, `returns:ipc`, `returns:msg`, or a capability."""
+    may_crash: bool
+    """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
+    profile: str
+    """`quick` runs always, `full` only in the full profile."""
+
+
+def check(
+    requirement: str,
+    *,
+    observable: str,
+    needs: tuple[str, ...] = (),
+    may_crash: bool = False,
+    profile: str = "quick",
+) -> Callable[[F], F]:
+    """Declare a function to be the check of a requirement."""
+
+    def declare(function: F) -> F:
+        function.check = Check(requirement, observable, needs, may_crash, profile)  # type: ignore[attr-defined]
+        return function
+
+    return declare

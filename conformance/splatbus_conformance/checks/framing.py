@@ -1,0 +1,66 @@
+"""Checks on packets (spec 1.0 section 2.1)."""
+
+import itertools
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.messages import encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.trial import Trial
+
+BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
+
+
+@check(
+    "FRM-3",
+    observable="the testee closes the connection and connects again",
+    needs=("hello:ipc", "returns:ipc"),
+    may_crash=True,
+)
+def check_bad_length_closes_ipc(trial: Trial) -> None:
+    """A header that announces nothing, or more than the limit, makes the testee close."""
+    trial.role.offers_memory = False
+    for length in BAD_LENGTHS:
+        connection = trial.greeted("ipc")
+        outcome = trial.outcome_on_ipc(connection, length.to_bytes(4, "little"))
+        trial.judge(outcome, f"a header that announces {length:,} bytes")
+
+
+@check(
+    "FRM-3",
+    observable="the testee closes the connection and connects again",
+    needs=("asks", "returns:msg"),
+    may_crash=True,
+)
+def check_bad_length_closes_message_channel(trial: Trial) -> None:
+    """The same on the message channel, in place of a reply."""
+    for length in BAD_LENGTHS:
+        outcome = trial.outcome_of_reply(length.to_bytes(4, "little"))
+        trial.judge(outcome, f"a header that announces {length:,} bytes, in place of a reply")
+
+
+@check(
+    "FRM-4",
+    observable="the testee opens memory whose init packet arrived in pieces",
+    needs=("hello:ipc",),
+)
+def check_any_segmentation(trial: Trial) -> None:
+    """Init packets and frames arrive byte by byte, halved anywhere, and joined to others."""
+    trial.role.offers_memory = False
+    connection = trial.greeted("ipc")
+    dealings = trial.role.with_(connection)
+    cuts_drawn = trial.cases(st.lists(st.integers(1, 700), max_size=6), quick=20, full=300)
+    every_byte = list(range(1, 700))
+    for cuts in [every_byte, *cuts_drawn]:
+        if "reinit" not in trial.facts.capabilities() and dealings.generation:
+            connection = trial.greeted("ipc")
+            dealings = trial.role.with_(connection)
+        data = packet(encode(trial.role.init_packet(connection)))
+        for begin, end in itertools.pairwise([0, *sorted(cuts), len(data)]):
+            connection.send(data[begin:end])
+            trial.rest(0.0 if len(cuts) > 6 else 0.0005)
+        opened = trial.wait(lambda: dealings.generation in dealings.opened)  # noqa: B023
+        trial.expect(opened, f"an init packet of {len(data)} bytes cut at {cuts[:6]} was not opened")
+        trial.delivered += 1

@@ -1,0 +1,125 @@
+"""The command `splatbus-conformance`."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from splatbus_conformance import commands
+from splatbus_conformance.verdicts import EXIT_INTERRUPTED
+
+EPILOG = """\
+examples:
+  splatbus-conformance demo
+      judge the reference client, to see what a verdict looks like
+  splatbus-conformance client --launch "./my-viewer --headless"
+      start my-viewer again and again, and judge it
+  splatbus-conformance client --wait --ports 6001,6000
+      wait for a client that you start by hand, or inside an engine
+  splatbus-conformance audit session.jsonl
+      judge a recorded session, both sides of it
+  splatbus-conformance explain FRM-3
+      the sentence, what it accepts, and how it is checked
+
+exit status: 0 conforming, 1 not conforming, 2 usage, 3 no verdict, 130 interrupted
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    top = argparse.ArgumentParser(
+        prog="splatbus-conformance",
+        description="Judge a SplatBus client: which requirements it meets, which it breaks, "
+        "and the bytes that show it.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    top.add_argument("--plain", action="store_true", help="no colour, no moving lines")
+    commands_ = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    client = commands_.add_parser(
+        "client",
+        help="judge a client",
+        description="Judge a client. The harness plays the server, on two ports that it passes in "
+        "SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT to what it launches.",
+    )
+    how = client.add_mutually_exclusive_group(required=True)
+    how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")
+    how.add_argument("--wait", action="store_true", help="wait for a client that you start")
+    client.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
+    client.add_argument(
+        "--ports",
+        metavar="IPC,MSG",
+        help="ports to listen on (free ones with --launch, 6001,6000 with --wait)",
+    )
+    client.add_argument(
+        "--viewport",
+        metavar="WxH",
+        default="64x48",
+        help="image size to announce (%(default)s); some clients insist on their own",
+    )
+    client.add_argument(
+        "--patience", type=float, metavar="S", help="longest wait for a connection, in seconds"
+    )
+    client.add_argument(
+        "--profile", choices=("quick", "full"), default="quick", help="(%(default)s)"
+    )
+    client.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
+    client.add_argument("--select", metavar="ID,…", default="", help="only these requirements")
+    client.add_argument(
+        "--allow-crash",
+        action="store_true",
+        help="with --wait: also run what may crash a client that breaks a requirement",
+    )
+    client.add_argument("--strict", action="store_true", help="a warning fails the run")
+    client.add_argument("--json", metavar="FILE", help="write a report for programs")
+    client.add_argument("--junit", metavar="FILE", help="write a report for CI systems")
+    client.add_argument("--record", metavar="FOLDER", help="keep what crossed the wire")
+    client.set_defaults(run=commands.client)
+
+    audit = commands_.add_parser(
+        "audit",
+        help="judge a recorded session",
+        description="Judge recorded sessions by what both sides sent. The format of a recording "
+        "is in conformance/RECORDING.md.",
+    )
+    audit.add_argument("files", nargs="+", metavar="FILE")
+    audit.add_argument("--peer", choices=("client", "server", "both"), default="both")
+    audit.add_argument("--strict", action="store_true", help="a warning fails the run")
+    audit.add_argument("--json", metavar="FILE", help="write a report for programs")
+    audit.set_defaults(run=commands.audit)
+
+    demo = commands_.add_parser("demo", help="judge the reference client")
+    demo.set_defaults(run=commands.demo)
+
+    list_ = commands_.add_parser("list", help="every requirement, and how it is checked")
+    list_.add_argument("--peer", choices=("client", "server"), help="only those that bind this one")
+    list_.set_defaults(run=commands.list_)
+
+    explain = commands_.add_parser("explain", help="one requirement: sentence, reason, check")
+    explain.add_argument("ids", nargs="+", metavar="ID")
+    explain.set_defaults(run=commands.explain)
+
+    selftest = commands_.add_parser(
+        "selftest",
+        help="judge the harness: the reference must pass, each mutant must die",
+        description="Run the reference client, which must pass, and a zoo of mutants of it, each "
+        "of which breaks one requirement and must fail for it.",
+    )
+    selftest.add_argument("--only", metavar="NAME,…", default="", help="only these mutants")
+    selftest.add_argument("--json", metavar="FILE", help="write the kill matrix")
+    selftest.set_defaults(run=commands.selftest)
+    return top
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit status."""
+    arguments = parser().parse_args(argv)
+    try:
+        return int(arguments.run(arguments, commands.console(arguments.plain)))
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_INTERRUPTED

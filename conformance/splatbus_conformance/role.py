@@ -1,0 +1,139 @@
+"""The part that the harness plays: a well-behaved server, on whatever a check leaves to it."""
+
+from dataclasses import dataclass, field
+
+from splatbus_conformance import messages
+from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.lenient_json import read
+from splatbus_conformance.messages import Json
+from splatbus_conformance.packets import Packet, packet
+from splatbus_conformance.peer import Connection
+
+
+@dataclass
+class Dealings:
+    """What was said on one connection."""
+
+    hello: Json | None = None
+    welcome: Json | None = None
+    heard: list[Json] = field(default_factory=list)
+    """Every object that the testee sent."""
+    generation: int = 0
+    """Of the last init packet that was sent."""
+    opened: set[int] = field(default_factory=set)
+    failed: set[int] = field(default_factory=set)
+    closed: set[int] = field(default_factory=set)
+    released: list[int] = field(default_factory=list)
+    frames: int = 0
+    """`seq` of the last frame that was sent."""
+
+    def count(self, kind: str) -> int:
+        """How many messages of this type were heard."""
+        return sum(message.get("type") == kind for message in self.heard)
+
+
+class Role:
+    """Answers `hello`, offers memory, lends frames and replies to requests.
+
+    A check sets the switches before the testee connects, to leave out what it does itself.
+    """
+
+    def __init__(self, memory: HostMemory, width: int, height: int, slots: int = 3) -> None:
+        self.memory = memory
+        self.width, self.height, self.slots = width, height, slots
+        self.speaks = "1.1"
+        """`1.0` plays a server that knows no `hello`."""
+        self.welcomes = True
+        self.offers_memory = True
+        self.lends_frames = True
+        """Lends one frame of each generation that is opened; a check lends more itself."""
+        self.replies = True
+        self.dealings: dict[Connection, Dealings] = {}
+
+    def with_(self, connection: Connection) -> Dealings:
+        """What was said on this connection."""
+        return self.dealings.setdefault(connection, Dealings())
+
+    def on_open(self, connection: Connection) -> None:
+        """A testee connected."""
+        if connection.channel == "ipc" and self.speaks == "1.0" and self.offers_memory:
+            self.offer(connection, self.legacy_init_packet())
+
+    def on_packet(self, connection: Connection, arrived: Packet) -> None:
+        """A testee sent a packet."""
+        message = read(arrived.payload).value
+        if message is None:
+            return
+        dealings = self.with_(connection)
+        dealings.heard.append(message)
+        kind = message.get("type")
+        if kind == "hello":
+            dealings.hello = message
+            if self.speaks != "1.0" and self.welcomes:
+                self.welcome(connection)
+        elif connection.channel == "msg":
+            answer = messages.reply(
+                message,
+                typed=dealings.welcome is not None,
+                width=self.width,
+                height=self.height,
+            )
+            if answer and self.replies:
+                self.say(connection, answer)
+        else:
+            self._on_ipc(connection, dealings, message)
+
+    def welcome(self, connection: Connection, **changes: object) -> None:
+        """Send `welcome`, with members changed as named, and the memory that goes with it."""
+        dealings = self.with_(connection)
+        offered = (dealings.hello or {}).get("capabilities", [])
+        dealings.welcome = messages.welcome(connection.channel, offered) | changes
+        self.say(connection, dealings.welcome)
+        if connection.channel == "ipc" and self.offers_memory:
+            self.offer(connection, self.init_packet(connection))
+
+    def legacy_init_packet(self) -> Json:
+        """A 1.0 init packet of this server's size."""
+        return messages.init_packet_1_0(self.width, self.height)
+
+    def init_packet(self, connection: Connection) -> Json:
+        """A good 1.1 init packet with the next generation of this connection."""
+        dealings = self.with_(connection)
+        dealings.generation += 1
+        return messages.init_packet_1_1(
+            self.memory.name, dealings.generation, self.width, self.height, self.slots
+        )
+
+    def offer(self, connection: Connection, init_packet: Json) -> None:
+        """Send an init packet."""
+        self.say(connection, init_packet)
+
+    def lend(self, connection: Connection, **changes: object) -> int:
+        """Send a `frame`, with members changed as named; its `seq`."""
+        dealings = self.with_(connection)
+        dealings.frames += 1
+        seq = dealings.frames
+        frame = messages.frame(dealings.generation, seq, seq % self.slots, self.width, self.height)
+        self.say(connection, frame | changes)
+        return seq
+
+    def say(self, connection: Connection, message: Json) -> None:
+        """Send a message."""
+        connection.send(packet(messages.encode(message)))
+
+    def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
+        generation = message.get("generation")
+        if not isinstance(generation, int):
+            return
+        kind = message.get("type")
+        if kind == "opened":
+            dealings.opened.add(generation)
+            granted = (dealings.welcome or {}).get("capabilities", [])
+            if self.lends_frames and "frames" in granted and generation == dealings.generation:
+                self.lend(connection)
+        elif kind == "open_failed":
+            dealings.failed.add(generation)
+        elif kind == "closed":
+            dealings.closed.add(generation)
+        elif kind == "release" and isinstance(message.get("seq"), int):
+            dealings.released.append(message["seq"])

@@ -1,0 +1,105 @@
+"""What a person sees while the harness runs, and at its end."""
+
+from collections.abc import Iterable, Mapping
+
+from rich.console import Console
+from rich.markup import escape
+from rich.text import Text
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.verdicts import Result, Verdict, by_requirement, worst
+
+STYLE = {
+    Verdict.PASS: "green",
+    Verdict.FAIL: "bold red",
+    Verdict.WARN: "yellow",
+    Verdict.SKIP: "dim",
+    Verdict.ERROR: "bold magenta",
+}
+
+
+class Live:
+    """Says what runs now, and what came of it: one line, rewritten, or one line for each check."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._total = 0
+        self._done = 0
+        self._status = console.status("starting") if console.is_terminal else None
+
+    def begin(self, total: int) -> None:
+        """So many checks will run."""
+        self._total = total
+        if self._status:
+            self._status.start()
+
+    def start(self, check: str, requirement: str) -> None:
+        """This one runs now."""
+        if self._status:
+            self._status.update(f"{self._done + 1}/{self._total}  {requirement}  {words(check)}")
+
+    def done(self, result: Result) -> None:
+        """One has its verdict."""
+        self._done += 1
+        line = Text(f"{self._done:4}/{self._total}  {result.requirement:<7} ")
+        line.append(f"{result.verdict:<7}", STYLE[result.verdict])
+        line.append(f" {words(result.check)}")
+        if result.verdict is not Verdict.PASS:
+            line.append(f": {result.text.splitlines()[0] if result.text else ''}", "dim")
+        self._console.print(line, no_wrap=True, overflow="ellipsis", crop=self._console.is_terminal)
+
+    def end(self) -> None:
+        """The run is over."""
+        if self._status:
+            self._status.stop()
+
+
+def words(check: str) -> str:
+    """The name of a check as words."""
+    return check.removeprefix("check_").replace("_", " ")
+
+
+def print_failures(
+    console: Console, results: Iterable[Result], known: Mapping[str, Requirement]
+) -> None:
+    """Each breach: the sentence, what the specification accepts, what came, and the bytes."""
+    for result in results:
+        if result.verdict not in (Verdict.FAIL, Verdict.WARN, Verdict.ERROR):
+            continue
+        style = STYLE[result.verdict]
+        console.print()
+        console.print(
+            f"[{style}]{result.verdict.upper()}[/] [bold]{result.requirement}[/] "
+            f"[dim]at {result.level}, {words(result.check)}[/]"
+        )
+        if requirement := known.get(result.requirement):
+            console.print(f"  the standard   {escape(requirement.sentence)}")
+            console.print(f"  acceptable     {', '.join(requirement.acceptable)}")
+        console.print(f"  seen           {escape(result.text)}")
+        for line in result.evidence:
+            console.print(Text(f"    {line}", "dim"), no_wrap=True, overflow="ellipsis")
+    console.print()
+
+
+def summary(
+    results: Iterable[Result], judged: Mapping[str, Requirement], level: str
+) -> tuple[str, dict[str, Verdict]]:
+    """One sentence on a run, and the verdict on each requirement that could be judged."""
+    groups = by_requirement(results)
+    verdicts = {name: worst(groups.get(name, [])) for name in judged}
+    verdicts |= {name: worst(group) for name, group in groups.items() if name not in judged}
+    observed = sum(verdicts[name] is not Verdict.SKIP for name in judged)
+    broken = [name for name, verdict in verdicts.items() if verdict is Verdict.FAIL]
+    warned = [name for name, verdict in verdicts.items() if verdict is Verdict.WARN]
+    if broken:
+        opinion = f"not conforming: {', '.join(broken)} broken"
+    elif Verdict.ERROR in verdicts.values():
+        opinion = "no verdict: the harness failed"
+    elif not observed:
+        opinion = "no verdict: nothing was observed"
+    else:
+        opinion = f"conforming at {level}"
+    text = f"{opinion}: {observed} of {len(judged)} requirements observed"
+    if warned:
+        text += f"; advice not followed: {', '.join(warned)}"
+    return text, verdicts

@@ -1,0 +1,248 @@
+"""A trial: one check's dealings with the testee, from connecting to judgement."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NoReturn, TypeVar
+
+import pytest
+from hypothesis.strategies import SearchStrategy
+from splatbus_schemas import LIMITS
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.drawing import draw
+from splatbus_conformance.messages import Json, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection, Peer
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.role import Role
+from splatbus_conformance.testee import Ended, Testee
+
+T = TypeVar("T")
+EFFECT_SECONDS: float = LIMITS["close_seconds"]
+"""How long a check waits for an effect; the time that spec 1.0 section 1.2 gives a close."""
+
+
+class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
+    """The testee did what the requirement does not accept; the message says what."""
+
+
+@dataclass
+class Facts:
+    """What the testee showed of itself when it was first met."""
+
+    hello: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
+    connects: set[Channel] = field(default_factory=set)
+    asks: set[str] = field(default_factory=set)
+    """Types of the requests that it makes when it connects."""
+    poses: bool = False
+    """It sends poses unasked."""
+    returns: set[Channel] = field(default_factory=set)
+    """Channels that it connects to again after its connection was closed."""
+
+    def speaks_1_1(self, channel: Channel) -> bool:
+        """It said `hello` on this channel."""
+        return self.hello[channel] is not None
+
+    def capabilities(self) -> list[str]:
+        """What it declared on the IPC channel."""
+        declared: Any = (self.hello["ipc"] or {}).get("capabilities", [])
+        return declared if isinstance(declared, list) else []
+
+
+class Trial:
+    """What a check has in hand: the raw peer, the role it plays, the testee, and its judgement."""
+
+    def __init__(
+        self,
+        requirement: Requirement,
+        peer: Peer,
+        role: Role,
+        testee: Testee,
+        facts: Facts,
+        patience: float,
+    ) -> None:
+        self.requirement = requirement
+        self.peer = peer
+        self.role = role
+        self.testee = testee
+        self.facts = facts
+        self.patience = patience
+        self.delivered = 0
+        """Cases that were delivered and followed by something that proves it."""
+        self.seed = 0
+        self.profile = "quick"
+        self._used: set[Connection] = set()
+        peer.clear()
+        peer.on_open = role.on_open
+        peer.on_packet = role.on_packet
+
+    def cases(self, strategy: SearchStrategy[T], quick: int, full: int) -> list[T]:
+        """Cases drawn by Hypothesis, so many in each profile; the same ones for the same seed."""
+        return draw(strategy, full if self.profile == "full" else quick, self.seed)
+
+    # Meeting the testee
+
+    def connection(self, channel: Channel, seconds: float | None = None) -> Connection:
+        """The next connection that the testee makes on this channel, or the one it has just made.
+
+        Skips the check if none comes within the run's patience.
+        """
+        self.testee.ensure_running()
+        found = self.peer.until(
+            lambda: next(
+                (
+                    c
+                    for c in self.peer.connections
+                    if c.channel == channel and c not in self._used and c.open and not c.ended
+                ),
+                None,
+            ),
+            self.patience if seconds is None else seconds,
+        )
+        if found is None:
+            self.not_observable(f"the testee made no connection on the {channel} channel")
+        self._used.add(found)
+        return found
+
+    def greeted(self, channel: Channel) -> Connection:
+        """A new connection on which the testee has said `hello` and was given `welcome`."""
+        connection = self.connection(channel)
+        self.wait(lambda: self.role.with_(connection).welcome)
+        if self.role.with_(connection).welcome is None:
+            self.not_observable("the testee said no hello on this connection")
+        return connection
+
+    # Waiting and watching
+
+    def wait(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
+        """Wait until the condition holds or the testee's process has ended; whether it holds."""
+        self.peer.until(lambda: condition() or self.testee.ended(), seconds)
+        return bool(condition())
+
+    def rest(self, seconds: float) -> None:
+        """Let time pass, and handle what happens in it."""
+        self.peer.pump(seconds)
+
+    def fate(self) -> str | None:
+        """`dies` or `exits` if the testee's process has ended, else None."""
+        ended = self.testee.ended()
+        if ended is None:
+            return None
+        return "dies" if ended.crashed else "exits"
+
+    def how_it_ended(self) -> Ended | None:
+        """How the process ended, if it has."""
+        return self.testee.ended()
+
+    # Scripts, and what becomes of them
+
+    def outcome_on_ipc(self, connection: Connection, *scripts: bytes, hostile: int = 0) -> str:
+        """Deliver scripts on a greeted IPC connection, then a good init packet as the control.
+
+        `hostile` is the generation that the scripts announce, if they do. Returns `ignores` (the
+        good packet was opened), `declines` or `accepts` (as to the hostile generation), `closes`
+        (and came back), `exits`, `dies` or `hangs`.
+        """
+        dealings = self.role.with_(connection)
+        for script in scripts:
+            connection.send(script)
+        good = self.role.init_packet(connection)
+        generation = dealings.generation
+        connection.send(packet(encode(good)))
+        self.wait(lambda: generation in dealings.opened | dealings.failed or connection.ended)
+        if hostile in dealings.opened:
+            return "accepts"
+        if generation in dealings.opened:
+            self.delivered += 1
+            return "declines" if hostile in dealings.failed else "ignores"
+        return self._end_of(connection, "ipc")
+
+    def outcome_of_reply(self, script: bytes) -> str:
+        """Answer the testee's first request on a new connection with a script.
+
+        Returns `ignores` (it goes on), `closes` (and came back), `exits`, `dies` or `hangs`.
+        """
+        self.role.replies = False
+        connection = self.connection("msg")
+        dealings = self.role.with_(connection)
+        asked = self.wait(
+            lambda: dealings.count("get_camera_pose") + dealings.count("get_viewport_size")
+        )
+        if not asked:
+            self.not_observable("the testee makes no request when it connects")
+        connection.send(script)
+        self.role.replies = True
+        before = len(connection.packets)
+        self.wait(lambda: len(connection.packets) > before + 1 or connection.ended, 1.0)
+        if not connection.ended and len(connection.packets) > before + 1:
+            self.delivered += 1
+            return "ignores"
+        if not connection.ended and self.fate() is None:
+            connection.close()
+            return "ignores" if self.comes_back("msg") else "hangs"
+        return self._end_of(connection, "msg")
+
+    def comes_back(self, channel: Channel) -> bool:
+        """Whether the testee connects to this channel again and says something that it means."""
+        connection = self.connection(channel)
+        if channel == "ipc" and self.facts.speaks_1_1("ipc"):
+            dealings = self.role.with_(connection)
+            if not self.role.offers_memory:
+                self.wait(lambda: dealings.welcome)
+                self.role.offer(connection, self.role.init_packet(connection))
+            back = self.wait(lambda: dealings.generation in dealings.opened)
+        else:
+            back = self.wait(lambda: connection.packets)
+        self.delivered += back
+        return back
+
+    def _end_of(self, connection: Connection, channel: Channel) -> str:
+        self.wait(lambda: self.fate(), 0.05)
+        if fate := self.fate():
+            return fate
+        if not connection.ended:
+            return "hangs"
+        if channel not in self.facts.returns:
+            self.not_observable(
+                "the testee closed the connection and is not known to come back: "
+                "a clean close and a dead listener look alike"
+            )
+        return "closes" if self.comes_back(channel) else "hangs"
+
+    # Judgement
+
+    def judge(self, outcome: str, what: str) -> None:
+        """Compare an outcome with those that the specification accepts for this requirement."""
+        if outcome not in self.requirement.acceptable:
+            self.violated(f"{what}: the testee {OUTCOME_WORDS.get(outcome, outcome)}")
+
+    def expect(self, holds: object, what: str) -> None:
+        """The requirement is violated unless `holds`; `what` says what was seen instead."""
+        if not holds:
+            self.violated(what)
+
+    def violated(self, what: str) -> NoReturn:
+        """The requirement is violated."""
+        if ended := self.testee.ended():
+            what += f"; its process {ended}"
+        raise Violation(what)
+
+    def not_observable(self, reason: str) -> NoReturn:
+        """Nothing can be said: skip, with the reason."""
+        if ended := self.testee.ended():
+            reason += f"; its process {ended}"
+        pytest.skip(reason)
+
+
+OUTCOME_WORDS = {
+    "accepts": "took it as valid",
+    "closes": "closed the connection",
+    "declines": "answered open_failed",
+    "dies": "died",
+    "exits": "exited",
+    "hangs": "neither reacted nor went on",
+    "ignores": "ignored it and went on",
+    "keeps": "kept its state",
+    "reconnects": "connected again",
+    "waits": "waited",
+}
