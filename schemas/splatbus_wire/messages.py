@@ -1,0 +1,68 @@
+"""The messages of both channels: what they are, and how they come off and go onto the wire."""
+
+from splatbus_wire.decoding import (
+    Channel,
+    decode_from_client,
+    decode_from_server_ipc,
+    decode_from_server_message,
+)
+from splatbus_wire.encoding import encode, message_object
+from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.message_types import (
+    CameraPose,
+    CameraReply,
+    ClientMessage,
+    Closed,
+    ErrorMessage,
+    Frame,
+    FrameCamera,
+    GetCameraPose,
+    GetViewportSize,
+    Hello,
+    Message,
+    Opened,
+    OpenFailed,
+    PointCloudPose,
+    Program,
+    Release,
+    Reply,
+    Request,
+    ServerMessage,
+    Subscribe,
+    ViewportSize,
+    Welcome,
+)
+from splatbus_wire.poses import Pose
+
+__all__ = [
+    "CameraPose",
+    "CameraReply",
+    "Channel",
+    "ClientMessage",
+    "Closed",
+    "ErrorMessage",
+    "Frame",
+    "FrameCamera",
+    "GetCameraPose",
+    "GetViewportSize",
+    "Hello",
+    "InitPacket",
+    "Message",
+    "OpenFailed",
+    "Opened",
+    "PointCloudPose",
+    "Pose",
+    "Program",
+    "Release",
+    "Reply",
+    "Request",
+    "ServerMessage",
+    "Subscribe",
+    "ViewportSize",
+    "Welcome",
+    "decode_from_client",
+    "decode_from_server_ipc",
+    "decode_from_server_message",
+    "encode",
+    "message_object",
+]
