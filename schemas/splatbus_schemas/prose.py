@@ -115,7 +115,11 @@ def collect(version: str, root: Path = CHECKOUT) -> dict[str, Any]:
             if unknown := set(requirement["acceptable"]) - known:
                 raise ProseError(f"{source}: {requirement['id']} accepts {sorted(unknown)}")
             requirements[requirement["id"]] = requirement
-    return {"version": version, "requirements": list(requirements.values())}
+    return {
+        "$schema": "urn:splatbus:schema:requirements",
+        "version": version,
+        "requirements": list(requirements.values()),
+    }
 
 
 def examples(version: str, root: Path = CHECKOUT) -> list[Example]:

@@ -72,5 +72,11 @@ _Validator = extend(Draft202012Validator, {"required": _required})
 def _registry() -> Registry[Any]:
     loaded = [schema(name, version) for version in (None, *VERSIONS) for name in names(version)]
     return Registry().with_resources(
-        (each["$id"], DRAFT202012.create_resource(each)) for each in loaded
+        (each["$id"], DRAFT202012.create_resource(_without_dialect(each))) for each in loaded
     )
+
+
+def _without_dialect(loaded: dict[str, Any]) -> dict[str, Any]:
+    # At a `$ref` jsonschema goes on with the stock validator of the `$schema` that it finds there,
+    # whose errors about missing members lack the member.
+    return {keyword: value for keyword, value in loaded.items() if keyword != "$schema"}
