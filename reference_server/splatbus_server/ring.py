@@ -1,0 +1,99 @@
+"""Who may touch which slot of a generation's ring: bookkeeping only, no memory and no waiting.
+
+A client holds at most one lease, so with two slots more than clients (the newest image, and the one
+being written) there is always one free: nobody holds up the renderer, and nothing lent is taken
+back. The caller serialises the calls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import NamedTuple
+
+
+class Lease(NamedTuple):
+    """An image and where it lies."""
+
+    seq: int
+    slot: int
+
+
+class Ring:
+    """The slots of one generation of memory.
+
+    Attributes:
+        slots: how many there are.
+        newest: the image published last, if any.
+    """
+
+    def __init__(self, clients: int, last_seq: int = 0) -> None:
+        """Makes a ring of empty slots.
+
+        Args:
+            clients: how many may hold a lease at a time.
+            last_seq: number of the last image of the generation before, for numbers only grow on
+                a connection [IMG-1].
+        """
+        self.slots = clients + 2
+        self.newest: Lease | None = None
+        self._clients = clients
+        self._last_seq = last_seq
+        self._writing: int | None = None
+        self._seen: dict[Hashable, int] = {}
+        self._held: dict[Hashable, Lease] = {}
+
+    def begin_write(self) -> int:
+        """The slot to write the next image to, always at once [IMG-4, IMG-9]."""
+        if self._writing is None:
+            taken = {lease.slot for lease in self._held.values()}
+            if self.newest is not None:
+                taken.add(self.newest.slot)
+            self._writing = next(slot for slot in range(self.slots) if slot not in taken)
+        return self._writing
+
+    def publish(self, slot: int) -> int:
+        """Makes the image in the slot the newest, and returns its number.
+
+        Raises:
+            ValueError: the slot is not the one being written.
+        """
+        if slot != self._writing:
+            raise ValueError(f"slot {slot} is not being written, slot {self._writing} is")
+        self._writing = None
+        self._last_seq += 1
+        self.newest = Lease(self._last_seq, slot)
+        return self._last_seq
+
+    def lease(self, client: Hashable) -> Lease | None:
+        """Lends the newest image [IMG-3]; None if the client holds a lease or has had this one.
+
+        A client counts from its first call until it is dropped.
+
+        Raises:
+            ValueError: there are as many other clients as the ring was made for [IMG-18].
+        """
+        if client not in self._seen and len(self._seen) == self._clients:
+            raise ValueError(f"the ring has slots for {self._clients} clients only [IMG-18]")
+        seen = self._seen.setdefault(client, -1)
+        if self.newest is None or client in self._held or seen == self.newest.seq:
+            return None
+        self._seen[client] = self.newest.seq
+        self._held[client] = self.newest
+        return self.newest
+
+    def release(self, client: Hashable, seq: int) -> None:
+        """Ends the client's lease of that image.
+
+        Raises:
+            ValueError: the client does not hold it; nothing has changed [IMG-16].
+        """
+        held = self._held.get(client)
+        if held is None or held.seq != seq:
+            holds = "no image" if held is None else f"image {held.seq}"
+            raise ValueError(f"image {seq} is not held: the client holds {holds} [IMG-16]")
+        del self._held[client]
+
+    def drop(self, client: Hashable) -> None:
+        """Forgets a client and its lease, if it had any [IMG-17]."""
+        self._held.pop(client, None)
+        self._seen.pop(client, None)
