@@ -1,9 +1,7 @@
 """Payloads into messages: strict about what is known, blind to what is not [JSN-7, JSN-8]."""
 
-import json
-import math
 import re
-from typing import Any, Literal
+from typing import Literal
 
 from splatbus_schemas import LIMITS
 
@@ -32,12 +30,11 @@ from splatbus_wire.message_types import (
     ViewportSize,
     Welcome,
 )
+from splatbus_wire.plain_poses import plain_pose
 from splatbus_wire.poses import Pose
-from splatbus_wire.rotations import NORM_TOLERANCE
 
 Channel = Literal["ipc", "message"]
 
-_MAX_POSITION: float = LIMITS["max_position"]
 _MAX_IMAGE_SIZE: int = LIMITS["max_image_size"]
 _MAX_NAME_CHARS: int = LIMITS["max_name_chars"]
 _VERSION = re.compile(r"[0-9]+\.[0-9]+")
@@ -57,7 +54,7 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
             `invalid_message`, and `unknown_type` for a message that is to be ignored [REQ-8,
             NEG-9].
     """
-    if channel == "message" and (pose := _plain_pose(payload)) is not None:
+    if channel == "message" and (pose := plain_pose(payload)) is not None:
         return pose
     message = Field(parse_object(payload), "", "")
     match channel, message.value.get("type"):
@@ -143,49 +140,6 @@ def decode_from_server_message(
     if kind in (None, "viewport_size", "camera"):
         raise message.under("CHN-11").refused("answers no request", "unknown_type")
     raise _unknown_type(message, "NEG-9")
-
-
-_TOLERANT_PARSER = json.JSONDecoder(parse_int=float)
-_PLAIN_POSES: dict[Any, type[CameraPose] | type[PointCloudPose]] = {
-    "camera_pose": CameraPose,
-    "point_cloud_pose": PointCloudPose,
-}
-
-
-def _plain_pose(payload: bytes) -> CameraPose | PointCloudPose | None:
-    """The pose in a payload that is plainly valid, or None for the careful way to judge.
-
-    Poses are most of what arrives, and the careful way takes several times as long. The parser here
-    is lenient, so everything that it lets through is excluded otherwise: each number by its own
-    check, deep nesting by counting brackets first, and repeated or unknown names by counting
-    colons. A payload with as many colons as names that were found has no other names.
-    """
-    if payload.count(b"{") != 3 or b"[" in payload:
-        return None
-    try:
-        text = payload.decode()
-        message, end = _TOLERANT_PARSER.raw_decode(text)
-        position, rotation = message["position"], message["rotation"]
-        x, y, z = position["x"], position["y"], position["z"]
-        i, j, k, w = rotation["x"], rotation["y"], rotation["z"], rotation["w"]
-        make = _PLAIN_POSES[message["type"]]
-    except (ValueError, LookupError, TypeError):
-        return None
-    timestamp = message.get("timestamp")
-    names = 10 if timestamp is None else 11
-    if (
-        end == len(text)
-        and payload.count(b":") == names
-        and (type(x) is type(y) is type(z) is float)
-        and (type(i) is type(j) is type(k) is type(w) is float)
-        and (timestamp is None or (type(timestamp) is float and -math.inf < timestamp < math.inf))
-        and (-_MAX_POSITION <= x <= _MAX_POSITION)
-        and (-_MAX_POSITION <= y <= _MAX_POSITION)
-        and (-_MAX_POSITION <= z <= _MAX_POSITION)
-        and abs(math.hypot(i, j, k, w) - 1.0) <= NORM_TOLERANCE
-    ):
-        return make(Pose((x, y, z), (i, j, k, w)), timestamp)
-    return None
 
 
 def _pose_and_timestamp(message: Field, *, or_strings: bool) -> tuple[Pose, float | None]:

@@ -46,25 +46,31 @@ class PacketDecoder:
         """Take bytes as they came from the connection; after a bad header, drop them."""
         if self._error is not None:
             return
-        buffer = self._unfinished
-        buffer += data
-        available = len(buffer)
+        unfinished = self._unfinished
+        if unfinished:
+            unfinished += data
+        # Where nothing is unfinished, packets are cut straight out of what came.
+        stream = unfinished or data
+        available = len(stream)
         start = 0
         while available - start >= _HEADER_BYTES:
             body = start + _HEADER_BYTES
-            length = int.from_bytes(buffer[start:body], _BYTE_ORDER)
+            length = int.from_bytes(stream[start:body], _BYTE_ORDER)
             if not _MIN_PAYLOAD_BYTES <= length <= _MAX_PAYLOAD_BYTES:
                 self._error = _bad_header(length, self._offset + start)
-                buffer.clear()
+                unfinished.clear()
                 return
             end = body + length
             if end > available:
                 break
-            self._payloads.append(bytes(buffer[body:end]))
+            self._payloads.append(bytes(stream[body:end]))
             start = end
-        # What is moved to the front arrived with `data`, so this too is linear.
-        del buffer[:start]
         self._offset += start
+        # What is moved or kept here arrived with `data`, so this too is linear.
+        if unfinished:
+            del unfinished[:start]
+        else:
+            unfinished += stream[start:]
 
     def next_packet(self) -> bytes | None:
         """Return the payload of the next packet, or None if it is not complete yet.

@@ -190,7 +190,7 @@ def check_fits(packet: InitPacket, actual_bytes: int) -> None:
 
 
 def init_packet_object(packet: InitPacket) -> dict[str, Any]:
-    """The init packet as the object that is sent; offsets and device only where they say more."""
+    """The init packet as the object that is sent [INI-1, MEM-1, MEM-2, MEM-3, MEM-8, MEM-12]."""
     meta: dict[str, Any] = {
         "w": packet.width,
         "h": packet.height,
