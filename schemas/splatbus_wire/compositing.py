@@ -1,7 +1,7 @@
 """A rendered image over a client's own geometry [ACC-10, BUF-8, BUF-9].
 
-Blending is done in double precision and rounded once: in single precision its three roundings
-come to 3 ULP.
+Single precision is enough: of the four roundings of a·C + (1 − a)·B, with everything in 0…1, the
+sum's costs ½ ULP and the other three together less than 1½.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ def over_straight(
     background: Float32Array,
     background_depth: Float32Array,
 ) -> Float32Array:
-    """Return a·C + (1 − a)·B where the splats are in front, B elsewhere, within 1 ULP.
+    """Return a·C + (1 − a)·B where the splats are in front, B elsewhere, within 2 ULP.
 
     Args:
         splats: (…, 4) float32, red, green, blue not multiplied by alpha [BUF-4], and alpha.
@@ -28,10 +28,10 @@ def over_straight(
     Returns:
         (…, 3) float32 colours.
     """
-    alpha = splats[..., 3:].astype(np.float64)
+    alpha = splats[..., 3:]
     with np.errstate(invalid="ignore"):  # what an empty pixel holds may be infinite
-        colour = alpha * splats[..., :3]
-    return _over(colour, alpha, depth, background, background_depth)
+        premultiplied = alpha * splats[..., :3]
+    return _over(premultiplied, alpha, depth, background, background_depth)
 
 
 def over_premultiplied(
@@ -40,23 +40,21 @@ def over_premultiplied(
     background: Float32Array,
     background_depth: Float32Array,
 ) -> Float32Array:
-    """Return C + (1 − a)·B where the splats are in front, B elsewhere, within 1 ULP.
+    """Return C + (1 − a)·B where the splats are in front, B elsewhere, within 2 ULP.
 
     As `over_straight`, but red, green and blue of `splats` are multiplied by alpha already.
     """
-    colour = splats[..., :3].astype(np.float64)
-    alpha = splats[..., 3:].astype(np.float64)
-    return _over(colour, alpha, depth, background, background_depth)
+    return _over(splats[..., :3], splats[..., 3:], depth, background, background_depth)
 
 
 def _over(
-    premultiplied: NDArray[np.float64],
-    alpha: NDArray[np.float64],
+    premultiplied: Float32Array,
+    alpha: Float32Array,
     depth: Float32Array,
     background: Float32Array,
     background_depth: Float32Array,
 ) -> Float32Array:
     in_front = (depth > 0) & (depth < background_depth) & (alpha[..., 0] > 0)
     with np.errstate(invalid="ignore"):
-        blended = premultiplied + (1.0 - alpha) * background
-    return np.where(in_front[..., np.newaxis], blended, background).astype(np.float32)
+        blended = premultiplied + (np.float32(1) - alpha) * background
+    return np.where(in_front[..., np.newaxis], blended, background)

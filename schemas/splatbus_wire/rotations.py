@@ -102,7 +102,8 @@ def quaternion_from_matrix(R: Matrix3) -> Quaternion:
 
 def _check_rotation(R: Matrix3) -> None:
     matrix = np.array(R).reshape(3, 3)
-    deviation = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.abs(matrix.T @ matrix - np.eye(3)).max()
     if not deviation <= ORTHOGONALITY_TOLERANCE:
         raise ValueError(f"{R!r} is not orthogonal: RᵀR differs from I by {deviation:.3g}")
     if np.linalg.det(matrix) < 0.0:

@@ -1,0 +1,77 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from splatbus_conformance import oracle
+from splatbus_conformance.oracle.rounding import SINGLE
+from splatbus_wire.compositing import over_premultiplied, over_straight
+
+unit = st.floats(0, 1, width=32)
+depths = st.floats(width=32) | st.sampled_from([math.inf, math.nan, 0.0, -1.0, 1.0, 2.0, 100.0])
+pixels = st.tuples(unit, unit, unit, unit, depths, unit, unit, unit, depths)
+
+
+@pytest.mark.parametrize("premultiplied", [False, True])
+@settings(deadline=None, max_examples=150)
+@given(st.lists(pixels, min_size=1, max_size=12))
+@example([(0.0, 0.0, 0.0, 0.9999999403953552, 1.0, 0.7, 0.7, 0.7, 2.0)])
+@example([(*[0.0048380964435637] * 3, 0.49989965558052063, 1.0, *[0.9948040843009949] * 3, 2.0)])
+def test_each_colour_is_within_2_ulp(premultiplied, pixels):
+    image = np.array(pixels, np.float32)
+    splats, depth, under, under_depth = image[:, :4], image[:, 4], image[:, 5:8], image[:, 8]
+    blend = over_premultiplied if premultiplied else over_straight
+    got = blend(splats, depth, under, under_depth)
+    assert got.dtype == np.float32
+    for i in range(len(image)):
+        exact = oracle.composite(
+            splats[i].tolist(),
+            float(depth[i]),
+            under[i].tolist(),
+            float(under_depth[i]),
+            premultiplied=premultiplied,
+        )
+        errors = [oracle.ulps(a, b, SINGLE) for a, b in zip(got[i].tolist(), exact, strict=True)]
+        assert max(errors) <= 2  # ACC-10
+
+
+def over_grey(splat, depth, *, behind=10.0, blend=over_straight):
+    under = np.full((1, 3), 0.25, np.float32)
+    got = blend(
+        np.array([splat], np.float32),
+        np.array([depth], np.float32),
+        under,
+        np.array([behind], np.float32),
+    )
+    return got[0].tolist()
+
+
+def test_straight_colour_is_weighed_by_its_alpha_once():
+    assert over_grey((0.5, 0.5, 0.5, 0.5), 4.0) == [0.375] * 3
+
+
+def test_premultiplied_colour_is_not_weighed_again():
+    assert over_grey((0.25, 0.25, 0.25, 0.5), 4.0, blend=over_premultiplied) == [0.375] * 3
+
+
+@pytest.mark.parametrize("blend", [over_straight, over_premultiplied])
+@pytest.mark.parametrize("depth", [10.0, 11.0, math.inf, math.nan, 0.0, -1.0])
+def test_what_is_not_in_front_leaves_the_background_alone(depth, blend):
+    assert over_grey((1, 1, 1, 1), depth, blend=blend) == [0.25] * 3
+
+
+@pytest.mark.parametrize("blend", [over_straight, over_premultiplied])
+@pytest.mark.parametrize("depth", [4.0, 100.0, math.inf])
+@pytest.mark.parametrize("left_over", [1.0, math.inf, math.nan])
+def test_an_empty_pixel_leaves_the_background_alone_whatever_it_holds(depth, left_over, blend):
+    splat = (left_over, left_over, left_over, 0)
+    assert over_grey(splat, depth, behind=math.inf, blend=blend) == [0.25] * 3
+
+
+def test_images_keep_their_shape():
+    splats = np.ones((3, 5, 4), np.float32)
+    near, far = np.ones((3, 5), np.float32), np.full((3, 5), math.inf, np.float32)
+    composite = over_straight(splats, near, np.zeros((3, 5, 3), np.float32), far)
+    assert composite.shape == (3, 5, 3)
+    assert (composite == 1).all()
