@@ -83,10 +83,14 @@ class Trial:
     # Meeting the testee
 
     def connection(self, channel: Channel, seconds: float | None = None) -> Connection:
-        """The next connection that the testee makes on this channel, or the one it has just made.
+        """A connection of the testee on this channel that this trial has not used yet.
 
-        Skips the check if none comes within the run's patience.
+        Closes those that it has used, so that the testee makes a new one. Skips the check if none
+        comes within the run's patience.
         """
+        for used in self._used:
+            if used.channel == channel:
+                used.close()
         self.testee.ensure_running()
         found = self.peer.until(
             lambda: next(
@@ -118,6 +122,34 @@ class Trial:
         """Wait until the condition holds or the testee's process has ended; whether it holds."""
         self.peer.until(lambda: condition() or self.testee.ended(), seconds)
         return bool(condition())
+
+    def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
+        """Whether the testee ends this connection in time."""
+        return self.wait(lambda: connection.ended, seconds)
+
+    def opens(self, connection: Connection) -> bool:
+        """Whether the testee opens the memory that was offered last on this connection."""
+        dealings = self.role.with_(connection)
+        return self.wait(lambda: dealings.generation in dealings.opened or connection.ended) and (
+            dealings.generation in dealings.opened
+        )
+
+    def releases(self, connection: Connection, seq: int) -> bool:
+        """Whether the testee releases this frame."""
+        dealings = self.role.with_(connection)
+        return self.wait(lambda: seq in dealings.released or connection.ended) and (
+            seq in dealings.released
+        )
+
+    def says_hello(self, connection: Connection) -> bool:
+        """Whether the testee says `hello` on this connection."""
+        return self.wait(lambda: self.role.with_(connection).hello)
+
+    def arrives(self, channel: Channel, seconds: float, after: int = 0) -> bool:
+        """Whether there are more than `after` connections on this channel in time."""
+        return self.wait(
+            lambda: sum(c.channel == channel for c in self.peer.connections) > after, seconds
+        )
 
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""

@@ -62,5 +62,41 @@ def check_any_segmentation(trial: Trial) -> None:
             connection.send(data[begin:end])
             trial.rest(0.0 if len(cuts) > 6 else 0.0005)
         opened = trial.wait(lambda: dealings.generation in dealings.opened)  # noqa: B023
-        trial.expect(opened, f"an init packet of {len(data)} bytes cut at {cuts[:6]} was not opened")
+        trial.expect(
+            opened, f"an init packet of {len(data)} bytes cut at {cuts[:6]} was not opened"
+        )
         trial.delivered += 1
+
+
+@check(
+    "FRM-5",
+    observable="the testee closes a connection on which a packet stays incomplete",
+    needs=("ipc", "returns:ipc"),
+    profile="full",
+)
+def check_incomplete_packet_is_given_up(trial: Trial) -> None:
+    """A header and half a payload, then silence for longer than the limit."""
+    trial.role.offers_memory = False
+    connection = trial.connection("ipc")
+    connection.send(packet(encode(trial.role.legacy_init_packet()))[:100])
+    limit = LIMITS["packet_completion_seconds"]
+    closed = trial.ends(connection, limit + LIMITS["close_seconds"])
+    outcome = "closes" if closed else trial.fate() or "waits"
+    trial.judge(outcome, f"a packet that stays incomplete for more than {limit} s")
+
+
+@check(
+    "FRM-6",
+    observable="after half an init packet and a new connection, the testee opens a whole one",
+    needs=("hello:ipc", "returns:ipc"),
+    may_crash=True,
+)
+def check_half_packet_is_discarded(trial: Trial) -> None:
+    """The connection ends inside an init packet, at the first byte, in the header and later."""
+    trial.role.offers_memory = False
+    for kept in (1, 3, 4, 5, 200):
+        connection = trial.greeted("ipc")
+        connection.send(packet(encode(trial.role.init_packet(connection)))[:kept])
+        connection.close()
+        outcome = "reconnects" if trial.comes_back("ipc") else trial.fate() or "hangs"
+        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet")

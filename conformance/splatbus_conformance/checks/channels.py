@@ -1,0 +1,237 @@
+"""Checks on the life of the two channels (spec 1.0 chapter 3)."""
+
+import itertools
+
+from splatbus_schemas import FRAMING, LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.messages import ring_bytes
+from splatbus_conformance.peer import CHANNELS
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.trial import Trial
+
+BOTH_RETURN = ("returns:ipc", "returns:msg")
+JITTER_SECONDS = 0.03
+"""How much closer two attempts may look than they were, since the harness sees them late."""
+
+
+@check("CHN-2", observable="the testee connects to ports that it cannot have guessed")
+def check_host_and_ports_can_be_set(trial: Trial) -> None:
+    """The harness listens on ports other than the usual ones, and names them to the testee."""
+    usual = {channel["defaultPort"] for channel in FRAMING["channels"].values()}
+    if usual & set(trial.peer.ports.values()):
+        trial.not_observable("the harness listens on the usual ports")
+    for channel in trial.facts.connects:
+        trial.connection(channel)
+        trial.delivered += 1
+
+
+@check(
+    "CHN-3",
+    observable="the testee connects to the second channel once that accepts",
+    needs=BOTH_RETURN,
+)
+def check_either_channel_first(trial: Trial) -> None:
+    """One channel refuses until the other has been accepted, each way round."""
+    orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
+    for first, second in orders:
+        trial.peer.clear()
+        trial.peer.refuse(second)
+        trial.connection(first)
+        trial.rest(0.2)
+        trial.peer.listen(second)
+        came = trial.arrives(second, LIMITS["reconnect_max_seconds"] + 1.0)
+        outcome = "reconnects" if came else trial.fate() or "hangs"
+        trial.judge(outcome, f"{first} accepted its connection before {second} did")
+        trial.delivered += 1
+
+
+@check(
+    "CHN-9",
+    observable="the IPC connection stays open while no init packet comes",
+    needs=("ipc",),
+)
+def check_waits_for_the_init_packet(trial: Trial) -> None:
+    """No init packet for two seconds (twelve in the full profile)."""
+    trial.role.offers_memory = False
+    connection = trial.connection("ipc")
+    seconds = 12.0 if trial.profile == "full" else 2.0
+    closed = trial.ends(connection, seconds)
+    outcome = "closes" if closed else trial.fate() or "waits"
+    trial.judge(outcome, f"{seconds:g} s without an init packet")
+    trial.delivered += 1
+
+
+@check(
+    "CHN-10",
+    observable="the IPC connection stays open after the testee opened the memory",
+    needs=("hello:ipc",),
+)
+def check_keeps_the_ipc_connection(trial: Trial) -> None:
+    """The testee has opened the memory and reads; its connection is watched for half a second."""
+    connection = trial.greeted("ipc")
+    if not trial.opens(connection):
+        trial.not_observable("the testee did not open the memory")
+    trial.expect(
+        not trial.ends(connection, 0.5), "it closed the IPC connection while it used the buffers"
+    )
+    trial.delivered += 1
+
+
+@check(
+    "CHN-15",
+    observable="the testee closes the message connection when no reply comes",
+    needs=("asks",),
+    profile="full",
+)
+def check_gives_up_a_reply(trial: Trial) -> None:
+    """The first request is never answered."""
+    trial.role.replies = False
+    connection = trial.connection("msg")
+    limit = LIMITS["reply_seconds"]
+    closed = trial.ends(connection, limit + LIMITS["close_seconds"])
+    outcome = "closes" if closed else trial.fate() or "waits"
+    trial.judge(outcome, f"no reply within {limit} s")
+    trial.delivered += 1
+
+
+@check("CHN-17", observable="the testee ends its stream after the harness ended the other")
+def check_closes_after_end_of_stream(trial: Trial) -> None:
+    """The harness ends its stream and keeps the connection, on each channel."""
+    for channel in sorted(trial.facts.connects):
+        connection = trial.connection(channel)
+        trial.rest(0.02)
+        connection.end_stream()
+        outcome = "closes" if trial.ends(connection) else "hangs"
+        trial.judge(outcome, f"the server ended the stream of the {channel} channel")
+        trial.delivered += 1
+
+
+@check(
+    "CHN-19",
+    observable="the process is alive and connects again, waits, or ended by its own decision",
+    may_crash=True,
+)
+def check_survives_losing_its_server(trial: Trial) -> None:
+    """Both connections are reset, further ones refused for a while, then accepted and reset."""
+    for channel in sorted(trial.facts.connects):
+        trial.connection(channel).reset()
+        trial.peer.refuse(channel)
+    trial.rest(0.6)
+    for channel in sorted(trial.facts.connects):
+        trial.peer.listen(channel)
+    for channel in sorted(trial.facts.returns):
+        trial.connection(channel).reset()
+    outcome = trial.fate() or "waits"
+    if outcome == "waits" and trial.facts.returns:
+        came = all(trial.comes_back(channel) for channel in sorted(trial.facts.returns))
+        outcome = "reconnects" if came else trial.fate() or "hangs"
+    elif outcome == "waits" and not trial.testee.expendable:
+        trial.not_observable("the testee does not return, and its process is not the harness's")
+    trial.judge(outcome, "connections that are reset and refused")
+
+
+@check("CHN-20", observable="the testee makes a new connection")
+def check_connects_again(trial: Trial) -> None:
+    """Each channel is closed, then reset; the testee is given 6 seconds to come back."""
+    for channel in sorted(trial.facts.connects):
+        for end in ("close", "reset"):
+            if channel in trial.facts.returns:
+                getattr(trial.connection(channel), end)()
+            before = sum(c.channel == channel for c in trial.peer.connections)
+            came = trial.arrives(channel, LIMITS["reconnect_max_seconds"] + 1.0, before)
+            outcome = "reconnects" if came else trial.fate() or "waits"
+            trial.judge(outcome, f"a {channel} connection that was {end.replace('se', 'sed')}")
+            trial.delivered += 1
+
+
+@check(
+    "CHN-21",
+    observable="the time between the connections that the testee makes",
+    needs=("returns:ipc", "returns:msg"),
+)
+def check_paces_its_attempts(trial: Trial) -> None:
+    """Six connections of each channel in a row are accepted and closed at once."""
+    least = LIMITS["reconnect_min_seconds"]
+    trial.role.offers_memory = trial.role.welcomes = False
+    for channel in CHANNELS:
+        begun = []
+        for _ in range(6):
+            connection = trial.connection(channel)
+            begun.append(connection.opened)
+            connection.close()
+        for before, after in itertools.pairwise(begun):
+            trial.expect(
+                after - before >= least - JITTER_SECONDS,
+                f"two attempts on the {channel} channel began {1000 * (after - before):.0f} ms "
+                f"apart; {1000 * least:.0f} are asked for",
+            )
+            trial.delivered += 1
+
+
+@check(
+    "CHN-22",
+    observable="how long after the harness listens again the testee connects",
+    needs=BOTH_RETURN,
+)
+def check_comes_back_soon(trial: Trial) -> None:
+    """Connections are refused for 1.5 seconds (8 in the full profile), then accepted."""
+    most = LIMITS["reconnect_max_seconds"]
+    for channel in CHANNELS:
+        trial.peer.refuse(channel)
+    trial.peer.clear()
+    trial.rest(8.0 if trial.profile == "full" else 1.5)
+    for channel in CHANNELS:
+        trial.peer.listen(channel)
+    for channel in CHANNELS:
+        came = trial.arrives(channel, most + 10 * JITTER_SECONDS)
+        trial.expect(came, f"no attempt on the {channel} channel within {most} s")
+        trial.delivered += 1
+
+
+@check(
+    "CHN-23",
+    observable="the other channel's connection stays open",
+    needs=BOTH_RETURN,
+)
+def check_keeps_the_other_channel(trial: Trial) -> None:
+    """One channel is closed and comes back while the other is watched, each way round."""
+    pairs: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
+    for lost, other in pairs:
+        kept = trial.connection(other)
+        trial.connection(lost).close()
+        trial.connection(lost)
+        trial.rest(0.05)
+        trial.expect(not kept.ended, f"it closed the {other} channel when {lost} was lost")
+        trial.delivered += 1
+
+
+@check(
+    "CHN-24",
+    observable="the testee opens the memory of the new init packet",
+    needs=("hello:ipc", "returns:ipc"),
+)
+def check_uses_the_new_memory(trial: Trial) -> None:
+    """The server comes back with other memory of another size, and the old is gone."""
+    connection = trial.greeted("ipc")
+    if not trial.opens(connection):
+        trial.not_observable("the testee did not open the memory")
+    width, height = trial.role.width // 2 or 1, trial.role.height // 2 or 1
+    other = HostMemory(ring_bytes(width, height, trial.role.slots))
+    try:
+        trial.role.memory, trial.role.width, trial.role.height = other, width, height
+        connection.close()
+        again = trial.greeted("ipc")
+        dealings = trial.role.with_(again)
+        trial.expect(
+            trial.opens(again), f"memory of {width}x{height} after a reconnect was not opened"
+        )
+        released = trial.wait(lambda: dealings.released or not dealings.frames)
+        trial.expect(released, "no frame of the new memory was released")
+        trial.delivered += 1
+    finally:
+        again_open = [c for c in trial.peer.connections if c.channel == "ipc"]
+        for each in again_open:
+            each.close()
+        other.close()

@@ -1,0 +1,63 @@
+"""Checks on `frame` and `release` (spec 1.1 chapter 5)."""
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.trial import Trial
+
+
+def reading(trial: Trial) -> Connection:
+    """An IPC connection on which the testee has opened the memory and reads frames."""
+    trial.role.lends_frames = False
+    connection = trial.greeted("ipc")
+    if not trial.opens(connection):
+        trial.not_observable("the testee did not open the memory")
+    return connection
+
+
+@check(
+    "IMG-12",
+    observable="one release for each frame, with its generation and number",
+    needs=("capability:frames",),
+)
+def check_releases_each_frame_once(trial: Trial) -> None:
+    """Frames are lent one after the other, in every slot; each must be released once."""
+    connection = reading(trial)
+    dealings = trial.role.with_(connection)
+    for _ in range(1000 if trial.profile == "full" else 60):
+        seq = trial.role.lend(connection)
+        trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
+        trial.delivered += 1
+    trial.rest(0.1)
+    twice = {seq for seq in dealings.released if dealings.released.count(seq) > 1}
+    trial.expect(not twice, f"frame {min(twice, default=0)} was released more than once")
+    unknown = set(dealings.released) - set(range(1, dealings.frames + 1))
+    trial.expect(not unknown, f"it released {unknown}, which were never lent")
+
+
+@check(
+    "IMG-15",
+    observable="no release for a frame of memory that is not there; the next good one is released",
+    needs=("capability:frames", "returns:ipc"),
+    may_crash=True,
+)
+def check_ignores_frames_of_unknown_memory(trial: Trial) -> None:
+    """Frames of generations that were never announced, and of slots beyond the ring."""
+    wrong = ({"generation": 77}, {"slot": trial.role.slots}, {"slot": 2**40}, {"slot": -1})
+    connection = reading(trial)
+    for changes in wrong:
+        if connection.ended:
+            connection = reading(trial)
+        dealings = trial.role.with_(connection)
+        bad = trial.role.lend(connection, **changes)
+        good = trial.role.lend(connection)
+        trial.releases(connection, good)
+        if bad in dealings.released:
+            outcome = "accepts"
+        elif good in dealings.released:
+            outcome = "ignores"
+        elif connection.ended and not trial.fate():
+            outcome = "closes" if trial.comes_back("ipc") else "hangs"
+        else:
+            outcome = trial.fate() or "hangs"
+        trial.judge(outcome, f"a frame with {changes}")
+        trial.delivered += 1

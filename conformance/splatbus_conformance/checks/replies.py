@@ -1,0 +1,81 @@
+"""Checks on what a client does with replies (spec 1.0 section 6.2)."""
+
+import json
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.messages import encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.trial import Trial
+
+JITTER_SECONDS = 0.03
+
+BAD_REPLIES: tuple[Any, ...] = (
+    {},
+    {"viewport_size": None},
+    {"viewport_size": [64]},
+    {"viewport_size": [64, 48, 1]},
+    {"viewport_size": [-64, 48]},
+    {"viewport_size": [64.5, 48]},
+    {"viewport_size": [1e300, 1e300]},
+    {"viewport_size": ["64", "48"]},
+    {"viewport_size": "64x48"},
+    {"viewport_size": {"w": 64, "h": 48}},
+    {"viewport_size": [2**63, 2**64]},
+    {"position": [0, 0, 0]},
+    {"rotation": [0, 0, 0, 1]},
+    {"position": [0, 0], "rotation": [0, 0, 0, 1]},
+    {"position": {"x": 0, "y": 0, "z": 0}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}},
+    {"position": [0, 0, None], "rotation": [0, 0, 0, 1]},
+    {"position": ["0", "0", "0"], "rotation": ["0", "0", "0", "1"]},
+    {"position": [0, 0, 1e39], "rotation": [0, 0, 0, 1]},
+    {"position": [0, 0, 0], "rotation": [0, 0, 0, 0]},
+    {"position": [0, 0, 0], "rotation": [0.5, 0.5, 0, 0]},
+    {"position": [0, 0, 0], "rotation": [0, 0, 0, 1, 0]},
+)
+
+
+@check(
+    "REQ-12",
+    observable="when the testee asks for the size again after it was told [0,0]",
+    needs=("asks",),
+)
+def check_asks_again_after_a_while(trial: Trial) -> None:
+    """The size is [0,0] at first; the request that follows is timed."""
+    if "get_viewport_size" not in trial.facts.asks:
+        trial.not_observable("the testee does not ask for the size when it connects")
+    real = trial.role.width, trial.role.height
+    trial.role.width = trial.role.height = 0
+    connection = trial.connection("msg")
+    dealings = trial.role.with_(connection)
+    trial.wait(lambda: dealings.count("get_viewport_size"))
+    trial.role.width, trial.role.height = real
+    told = connection.packets[-1].ended
+    if not trial.wait(lambda: dealings.count("get_viewport_size") > 1):
+        trial.not_observable("the testee does not ask again: it may not need the size")
+    asked = next(
+        p.ended
+        for p, m in zip(reversed(connection.packets), reversed(dealings.heard), strict=True)
+        if m.get("type") == "get_viewport_size"
+    )
+    least = LIMITS["ask_again_min_seconds"]
+    trial.expect(
+        asked - told >= least - JITTER_SECONDS,
+        f"it asked again {1000 * (asked - told):.0f} ms later; {1000 * least:.0f} are asked for",
+    )
+    trial.delivered += 1
+
+
+@check(
+    "REQ-13",
+    observable="the process lives, and the testee goes on or connects again",
+    needs=("asks", "returns:msg"),
+    may_crash=True,
+)
+def check_survives_bad_replies(trial: Trial) -> None:
+    """The first request is answered with a reply that breaks its form, one way after another."""
+    for bad in BAD_REPLIES if trial.profile == "full" else BAD_REPLIES[::3]:
+        outcome = trial.outcome_of_reply(packet(encode(bad)))
+        trial.judge(outcome, f"the reply {json.dumps(bad)}")
