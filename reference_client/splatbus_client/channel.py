@@ -1,0 +1,245 @@
+"""One channel's socket and its life: connect, lose, wait, connect again [1.0 chapter 3].
+
+No method blocks. Whoever owns a channel calls `ready` when its socket is, `advance` when its
+deadline has passed, and `flush` after giving its machine something to send.
+"""
+
+import contextlib
+import logging
+import os
+import selectors
+import socket
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+from splatbus_schemas import LIMITS
+from splatbus_wire.messages import Program
+
+from splatbus_client.backoff import LONGEST, delays
+from splatbus_client.events import Event, Ignored, MustClose, Negotiated, ServerError
+
+log = logging.getLogger("splatbus_client")
+
+_CONNECT_SECONDS: float = LIMITS["reconnect_max_seconds"]
+_RECEIVE_BYTES = 65536
+
+
+class Machine(Protocol):
+    """What the protocol machines of both channels have in common; each lives for a connection."""
+
+    def receive(self, data: bytes, now: float) -> Sequence[Event]: ...  # noqa: D102
+    def expire(self, now: float) -> Sequence[Event]: ...  # noqa: D102
+    def deadline(self) -> float | None: ...  # noqa: D102
+    def data_to_send(self, now: float) -> bytes: ...  # noqa: D102
+
+
+class Owner(Protocol):
+    """Whoever follows the connections of a channel."""
+
+    def begin(self) -> Machine: ...  # noqa: D102
+    def handle(self, event: Any) -> None: ...  # noqa: D102
+    def end(self) -> None: ...  # noqa: D102
+
+
+class ChannelStatus(NamedTuple):
+    """How a channel fares.
+
+    Attributes:
+        connected: whether a connection is open now.
+        connections: how many there have been.
+        version: what the server speaks on it, once that is known.
+        server: what the server calls itself, if it does.
+        problem: why there is no connection, or what the server last complained of.
+    """
+
+    connected: bool = False
+    connections: int = 0
+    version: str | None = None
+    server: Program | None = None
+    problem: str | None = None
+
+
+class Channel:
+    """Keeps one connection to a server, as far as the server lets it.
+
+    Args:
+        name: for people.
+        host: name or address of the server.
+        port: of the channel.
+        owner: makes the machine of each new connection, handles what is announced, lent or
+            answered on it, and is told of its end.
+
+    Raises:
+        OSError: the host's name cannot be resolved.
+    """
+
+    def __init__(self, name: str, host: str, port: int, owner: Owner) -> None:
+        self.socket: socket.socket | None = None
+        self.status = ChannelStatus()
+        self._name, self._where = name, f"{host}:{port}"
+        self._owner = owner
+        self._addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        self._machine: Machine | None = None
+        self._unsent = memoryview(b"")
+        self._delays = delays()
+        self._due = 0.0  # while there is no connection: when to begin, or to give up, an attempt
+        self._connected_at = 0.0
+
+    def interest(self) -> int:
+        """Return what to wait for on `socket`: a mask of `selectors`, 0 if there is none."""
+        if self.socket is None:
+            return 0
+        if self._machine is None:
+            return selectors.EVENT_WRITE
+        return selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
+
+    def deadline(self) -> float | None:
+        """Return when `advance` is to be called next; None for never."""
+        return self._due if self._machine is None else self._machine.deadline()
+
+    def advance(self, now: float) -> None:
+        """Do what the time asks for."""
+        if self._machine is not None:
+            self._take(self._machine.expire(now), now)
+            self.flush(now)
+        elif now >= self._due:
+            if self.socket is None:
+                self._connect(now)
+            else:
+                self._lose(f"no answer within {_CONNECT_SECONDS:g} s", now)
+
+    def ready(self, mask: int, now: float) -> None:
+        """Do what the socket is ready for, according to a mask of `selectors`."""
+        if self.socket is None:
+            return
+        if self._machine is None:
+            self._finish_connecting(now)
+            return
+        if mask & selectors.EVENT_READ:
+            self._receive(self.socket, self._machine, now)
+        self.flush(now)
+
+    def flush(self, now: float) -> None:
+        """Send what the machine has to send, as far as the socket takes it."""
+        try:
+            while self.socket is not None and self._machine is not None:
+                if not self._unsent:
+                    self._unsent = memoryview(self._machine.data_to_send(now))
+                if not self._unsent:
+                    return
+                self._unsent = self._unsent[self.socket.send(self._unsent) :]
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._lose(_reason(error), now)
+
+    def close(self) -> None:
+        """End the connection, and do not connect again."""
+        if self.socket is not None:
+            self.socket.close()
+            self.socket = None
+        if self._machine is not None:
+            self._machine = None
+            self._owner.end()
+
+    def _connect(self, now: float) -> None:
+        # A name may have several addresses: one attempt each, in turn.
+        self._addresses.append(self._addresses.pop(0))
+        family, kind, protocol, _, address = self._addresses[-1]
+        self._due = now + _CONNECT_SECONDS
+        try:
+            self.socket = socket.socket(family, kind, protocol)
+            self.socket.setblocking(False)
+            self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # [FRM-8]
+            self.socket.connect(address)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._lose(_reason(error), now)
+
+    def _finish_connecting(self, now: float) -> None:
+        assert self.socket is not None
+        error = self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if error:
+            self._lose(os.strerror(error), now)
+            return
+        try:
+            peer = self.socket.getpeername()
+        except OSError:
+            return  # not connected yet
+        if peer == self.socket.getsockname():
+            # TCP lets a socket connect to itself when the system lends it, as its own port, the
+            # very port where no server listens.
+            self._lose("connection refused", now)
+            return
+        self._unsent = memoryview(b"")
+        self._connected_at = now
+        self._machine = self._owner.begin()
+        self.status = ChannelStatus(True, self.status.connections + 1)
+        log.info("%s channel connected to %s", self._name, self._where)
+        self.flush(now)
+
+    def _receive(self, connection: socket.socket, machine: Machine, now: float) -> None:
+        try:
+            data = connection.recv(_RECEIVE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._lose(_reason(error), now)
+            return
+        if data:
+            self._take(machine.receive(data, now), now)
+        else:
+            self._lose("the server ended it", now)  # [CHN-17]
+
+    def _take(self, events: Sequence[Event], now: float) -> None:
+        for event in events:
+            match event:
+                case MustClose(reason):
+                    self._lose(reason, now)
+                    return
+                case Ignored(reason):
+                    log.warning("%s channel: ignored a packet: %s", self._name, reason)
+                    continue
+                case ServerError(error):
+                    problem = f"{error.code}: {error.message}"
+                    self.status = self.status._replace(problem=problem)
+                    log.warning("%s channel: the server says %s", self._name, problem)
+                    continue
+                case Negotiated(version, server, _):
+                    self.status = self.status._replace(version=version, server=server)
+            # It is understood: what went wrong before is over.
+            self._delays = delays()
+            self._owner.handle(event)
+
+    def _lose(self, reason: str, now: float) -> None:
+        connection, self.socket = self.socket, None
+        machine, self._machine = self._machine, None
+        if connection is not None:
+            with contextlib.suppress(OSError):
+                connection.close()
+        if machine is None:
+            self._say_unreachable(reason)
+        else:
+            if now - self._connected_at >= LONGEST:
+                self._delays = delays()
+            reason = self.status.problem or reason
+            log.warning("%s channel: connection lost: %s", self._name, reason)
+            self._owner.end()
+        self._due = now + next(self._delays)
+        self.status = ChannelStatus(False, self.status.connections, problem=reason)
+
+    def _say_unreachable(self, reason: str) -> None:
+        level = logging.DEBUG if self.status.problem == reason else logging.WARNING
+        log.log(
+            level,
+            "%s channel: cannot connect to %s: %s; trying again until a server runs there"
+            " (start one with: splatbus-server)",
+            self._name,
+            self._where,
+            reason,
+        )
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

@@ -1,0 +1,123 @@
+"""`splatbus-client`: what a person types."""
+
+import argparse
+import logging
+import math
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from splatbus_schemas import FRAMING
+
+from splatbus_client.session import Session
+from splatbus_client.settings import read_token, settings
+from splatbus_client.view import view
+
+_CHANNELS = FRAMING["channels"]
+
+_EPILOG = """\
+environment:
+  SPLATBUS_HOST       host of the server (127.0.0.1)
+  SPLATBUS_IPC_PORT   port of its IPC channel (6001)
+  SPLATBUS_MSG_PORT   port of its message channel (6000)
+  SPLATBUS_TOKEN      token, where the server requires one; never an argument, because other
+                      users of the machine can read the arguments of every process
+
+examples:
+  splatbus-server                                   start a server, in another terminal
+  splatbus-client view                              watch it until Ctrl-C
+  splatbus-client view --rate 60 --seconds 10       steer at 60 Hz, for ten seconds
+  splatbus-client snapshot out.png                  one picture of what it shows now
+  splatbus-client snapshot out.png --camera-index 2 the same from the scene's third camera
+  splatbus-client snapshot out.png --look-at "0,-1,-2, 0,0,4"
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    logging.basicConfig(
+        level=logging.INFO if options.verbose else logging.WARNING,
+        format="\r\x1b[K%(message)s" if sys.stderr.isatty() else "%(message)s",
+        stream=sys.stderr,
+    )
+    try:
+        token = read_token(options.token_file) if options.token_file else None
+        where = settings(options.host, options.ipc_port, options.message_port, token)
+        with Session(where) as session:
+            run: int = options.run(session, options)
+            return run
+    except (ValueError, OSError) as error:
+        print(f"splatbus-client: {error}", file=sys.stderr)
+        return 1
+
+
+def _view(session: Session, options: argparse.Namespace) -> int:
+    stopped = threading.Event()
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: stopped.set())
+    view(session, rate=options.rate, seconds=options.seconds, stopped=stopped, out=sys.stdout)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    where = argparse.ArgumentParser(add_help=False)
+    server = where.add_argument_group("server")
+    server.add_argument("--host", metavar="NAME", help="host of the server")
+    server.add_argument("--ipc-port", type=int, metavar="N", help="port of its IPC channel")
+    server.add_argument("--message-port", type=int, metavar="N", help="port of its message channel")
+    server.add_argument(
+        "--token-file",
+        type=Path,
+        metavar="PATH",
+        help="file that holds the token and that only you can read (chmod 600)",
+    )
+    where.add_argument("-v", "--verbose", action="store_true", help="say more on standard error")
+
+    parser = argparse.ArgumentParser(
+        prog="splatbus-client",
+        description="The reference client of the SplatBus protocol: watches a Gaussian-splatting"
+        " renderer, steers its camera, and takes pictures.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    watch = commands.add_parser(
+        "view",
+        parents=[where],
+        help="watch and steer without a window, until interrupted",
+        description="Watches without a window: sends camera poses along a small orbit, reads"
+        " every frame, and prints how many, how fast, and how long after its pose each came."
+        " Connects again whenever the server goes and comes back.",
+    )
+    watch.add_argument(
+        "--rate",
+        type=_positive,
+        default=30.0,
+        metavar="HZ",
+        help="camera poses to send per second (%(default)g)",
+    )
+    watch.add_argument(
+        "--seconds",
+        type=_positive,
+        default=math.inf,
+        metavar="N",
+        help="stop after so long (default: run until SIGINT or SIGTERM)",
+    )
+    watch.set_defaults(run=_view)
+    return parser
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not number > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return number
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""What a connection's protocol machine tells its owner."""
+
+from typing import NamedTuple
+
+from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.messages import CameraReply, ErrorMessage, Frame, Program, ViewportSize
+
+
+class Negotiated(NamedTuple):
+    """It is known what the server speaks.
+
+    Attributes:
+        version: `"1.0"` or `"1.1"`.
+        server: what it calls itself; None where it did not say (1.0).
+        capabilities: of this channel, those that both sides have.
+    """
+
+    version: str
+    server: Program | None
+    capabilities: frozenset[str]
+
+
+class Announced(NamedTuple):
+    """A valid init packet is to be opened, and answered by `opened` or `open_failed` [OPN-1]."""
+
+    packet: InitPacket
+
+
+class Declined(NamedTuple):
+    """An init packet that breaks a rule was answered by `open_failed`; the former one is over."""
+
+    generation: int
+    reason: str
+
+
+class Lent(NamedTuple):
+    """A slot may be read until it is released.
+
+    Attributes:
+        frame: which slot, and what it was rendered with.
+        channels: which of `"color"` and `"depth"` may be read [IMG-22].
+    """
+
+    frame: Frame
+    channels: frozenset[str]
+
+
+class Replied(NamedTuple):
+    """A request was answered; `ticket` is what `ask` returned."""
+
+    ticket: int
+    answer: ViewportSize | CameraReply
+
+
+class Refused(NamedTuple):
+    """A request was answered with an error; `ticket` is what `ask` returned."""
+
+    ticket: int
+    error: ErrorMessage
+
+
+class ServerError(NamedTuple):
+    """The server reports an error that answers no request."""
+
+    error: ErrorMessage
+
+
+class Ignored(NamedTuple):
+    """A packet was ignored; the connection goes on as if it had not come."""
+
+    reason: str
+
+
+class MustClose(NamedTuple):
+    """The connection has to be closed; nothing that follows on it counts."""
+
+    reason: str
+
+
+IpcEvent = Negotiated | Announced | Declined | Lent | ServerError | Ignored | MustClose
+MessageEvent = Negotiated | Replied | Refused | ServerError | Ignored | MustClose
+Event = IpcEvent | MessageEvent

@@ -1,0 +1,241 @@
+"""The IPC channel, sans I/O: bytes in, events out, bytes to send (1.0 chapter 4, 1.1 2 to 5).
+
+It knows what was announced, opened and lent; it never touches memory.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from splatbus_schemas import LIMITS
+from splatbus_wire.errors import FramingError, ProtocolError
+from splatbus_wire.init_packet import InitPacket, readable_generation
+from splatbus_wire.json_text import parse_object
+from splatbus_wire.messages import (
+    Closed,
+    ErrorMessage,
+    Frame,
+    Hello,
+    Opened,
+    OpenFailed,
+    Release,
+    Subscribe,
+    Welcome,
+    decode_from_server_ipc,
+    encode,
+)
+
+from splatbus_client.events import (
+    Announced,
+    Declined,
+    Ignored,
+    IpcEvent,
+    Lent,
+    MustClose,
+    Negotiated,
+    ServerError,
+)
+from splatbus_client.incoming import Incoming
+
+CHANNELS = frozenset({"color", "depth"})
+
+
+class _Broken(NamedTuple):
+    """An init packet that breaks a rule, and of which the generation could be read [OPN-1]."""
+
+    generation: int
+    reason: str
+
+
+class IpcProtocol:
+    """One connection on the IPC channel, from `hello` to its end.
+
+    Args:
+        hello: sent first [NEG-1], with the capabilities that the owner has.
+        channels: which of `"color"` and `"depth"` the owner wants to read.
+    """
+
+    def __init__(self, hello: Hello, channels: frozenset[str] = CHANNELS) -> None:
+        self.version: str | None = None
+        self.capabilities: frozenset[str] = frozenset()
+        self._hello = hello
+        self._incoming = Incoming()
+        self._out = bytearray(encode(hello))
+        self._before_welcome: list[InitPacket | _Broken] = []
+        self._last_generation = 0
+        self._slots: dict[int, int] = {}  # of each generation that is open
+        self._retired: set[int] = set()  # open, but not to be read any more
+        self._leases: set[tuple[int, int]] = set()
+        self._wanted = channels
+        self._written = CHANNELS
+
+    # What the owner does
+
+    def opened(self, packet: InitPacket) -> None:
+        """Tell the server that the memory of an announced packet is mapped and checked [OPN-2].
+
+        What was open before is retired: a `frame` of it that still comes is given back unread.
+        """
+        if packet.generation is None or packet.ring is None:
+            raise ValueError("only memory with a generation and a ring can be opened")
+        self._retire()
+        self._slots[packet.generation] = packet.ring.slots
+        self._send(Opened(packet.generation))
+        self._written = self._wanted_and_written()
+
+    def open_failed(self, packet: InitPacket, reason: str) -> None:
+        """Tell the server, where it speaks 1.1, that an announced packet cannot be opened."""
+        self._retire()
+        if self.version == "1.1" and packet.generation is not None:
+            self._send(OpenFailed(packet.generation, reason[: LIMITS["max_reason_chars"]]))
+
+    def closed(self, generation: int) -> None:
+        """Tell the server that the memory of a retired generation is unmapped [OPN-5]."""
+        if generation in self._retired:
+            self._retired.remove(generation)
+            del self._slots[generation]
+            self._send(Closed(generation))
+
+    def release(self, frame: Frame) -> None:
+        """Give a slot back, once; reads of it have to have finished [IMG-12, IMG-13]."""
+        lease = (frame.generation, frame.seq)
+        if lease in self._leases:
+            self._leases.remove(lease)
+            self._send(Release(*lease))
+            self._written = self._wanted_and_written()
+
+    def subscribe(self, channels: frozenset[str]) -> None:
+        """Want these of `"color"` and `"depth"` from now on."""
+        self._wanted = channels
+        if "subscribe" in self.capabilities:
+            self._send(Subscribe(channels))
+            # A frame that is under way may be older than this message; one that follows a
+            # `release` or an `opened` cannot be.
+            self._written &= channels
+
+    # What the connection does
+
+    def data_to_send(self, now: float) -> bytes:
+        """Return what is to be sent next; call it again when that has been sent whole."""
+        data = bytes(self._out)
+        self._out.clear()
+        return data
+
+    def deadline(self) -> float | None:
+        """Return when `expire` is to be called, if nothing comes before."""
+        return self._incoming.deadline
+
+    def expire(self, now: float) -> list[IpcEvent]:
+        """Return what follows from the time alone [FRM-5]; an init packet has no limit [CHN-9]."""
+        if self._incoming.deadline is not None and now >= self._incoming.deadline:
+            return [MustClose("a packet was begun and not completed in time [FRM-5]")]
+        return []
+
+    def receive(self, data: bytes, now: float) -> list[IpcEvent]:
+        """Return what the bytes mean; `MustClose`, if any, is the last."""
+        events: list[IpcEvent] = []
+        try:
+            for payload in self._incoming.receive(data, now):
+                events += self._on_payload(payload)
+                if events and isinstance(events[-1], MustClose):
+                    break
+        except FramingError as error:
+            events.append(MustClose(str(error)))
+        return events
+
+    def _on_payload(self, payload: bytes) -> Iterator[IpcEvent]:
+        try:
+            message = decode_from_server_ipc(payload)
+        except ProtocolError as problem:
+            generation = _refused_generation(payload)
+            if generation is None:
+                yield Ignored(str(problem))
+            else:
+                yield from self._on_init_packet(_Broken(generation, str(problem)))
+            return
+        match message:
+            case Welcome():
+                yield from self._on_welcome(message)
+            case InitPacket(version=None):
+                yield from self._on_init_packet_of_1_0(message)
+            case InitPacket():
+                yield from self._on_init_packet(message)
+            case Frame():
+                yield from self._on_frame(message)
+            case ErrorMessage():
+                yield ServerError(message)
+
+    def _on_welcome(self, welcome: Welcome) -> Iterator[IpcEvent]:
+        if welcome.version not in self._hello.versions:
+            yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
+        elif self.version is not None:
+            yield Ignored("welcome came when the version was settled [NEG-14]")
+        else:
+            self.version = welcome.version
+            self.capabilities = frozenset(welcome.capabilities) & set(self._hello.capabilities)
+            yield Negotiated(welcome.version, welcome.server, self.capabilities)
+            if "subscribe" in self.capabilities and self._wanted != CHANNELS:
+                self.subscribe(self._wanted)
+            for packet in self._before_welcome:
+                yield from self._on_init_packet(packet)
+            self._before_welcome.clear()
+
+    def _on_init_packet_of_1_0(self, packet: InitPacket) -> Iterator[IpcEvent]:
+        if self.version == "1.1":
+            yield Ignored("an init packet without version came after welcome [MEM-1]")
+            return
+        if self.version is None:
+            self.version = "1.0"
+            yield Negotiated("1.0", None, frozenset())
+        yield Announced(packet)
+
+    def _on_init_packet(self, packet: InitPacket | _Broken) -> Iterator[IpcEvent]:
+        generation = packet.generation or 0
+        if self.version is None:
+            # It says 1.1, so a welcome follows, before which nothing may be answered [NEG-5].
+            self._before_welcome.append(packet)
+        elif self.version == "1.0":
+            yield Ignored("an init packet with version came on a connection that speaks 1.0")
+        elif generation <= self._last_generation:
+            yield Ignored(f"generation {generation} follows {self._last_generation} [MEM-1]")
+        elif self._last_generation and "reinit" not in self.capabilities:
+            yield Ignored("a further init packet came, and reinit was not agreed [OPN-6]")
+        else:
+            self._last_generation = generation
+            if isinstance(packet, InitPacket):
+                yield Announced(packet)
+            else:
+                self._retire()
+                self._send(OpenFailed(generation, packet.reason[: LIMITS["max_reason_chars"]]))
+                yield Declined(generation, packet.reason)
+
+    def _on_frame(self, frame: Frame) -> Iterator[IpcEvent]:
+        slots = self._slots.get(frame.generation, 0)
+        if "frames" not in self.capabilities or not 0 <= frame.slot < slots:
+            yield Ignored(
+                f"a frame came of generation {frame.generation}, slot {frame.slot},"
+                " which is not open [IMG-15]"
+            )
+            return
+        self._leases.add((frame.generation, frame.seq))
+        if frame.generation in self._retired:
+            self.release(frame)
+        else:
+            yield Lent(frame, self._written)
+
+    def _retire(self) -> None:
+        self._retired.update(self._slots)
+
+    def _wanted_and_written(self) -> frozenset[str]:
+        return self._wanted if "subscribe" in self.capabilities else CHANNELS
+
+    def _send(self, message: Opened | OpenFailed | Closed | Release | Subscribe) -> None:
+        self._out += encode(message)
+
+
+def _refused_generation(payload: bytes) -> int | None:
+    """Return the generation of what was meant to be an init packet, if it can be read [OPN-1]."""
+    try:
+        message = parse_object(payload)
+    except ProtocolError:
+        return None
+    return readable_generation(payload) if "meta" in message else None

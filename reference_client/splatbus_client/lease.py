@@ -1,0 +1,96 @@
+"""A frame in the hands of its reader: the right to read one slot, until it is given back."""
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from splatbus_wire.init_packet import Semantics
+from splatbus_wire.messages import Frame, FrameCamera
+
+Image = NDArray[np.float32]
+
+
+class FrameLease:
+    """One whole image: colour and depth of one moment, and the camera that it was rendered with.
+
+    Its arrays are views of memory that the server lends and will write again: copy what is to
+    outlive the `with` block. Nothing may still be reading them when it ends [IMG-13].
+
+    Attributes:
+        camera: what it was rendered with.
+        semantics: how the numbers are meant (alpha, colour space, kind of depth).
+        seq: number of the image.
+        time: time in the scene, seconds.
+        rendered_at: seconds on the server's monotonic clock.
+    """
+
+    def __init__(
+        self,
+        frame: Frame,
+        semantics: Semantics,
+        color: Image | None,
+        depth: Image | None,
+        give_back: Callable[[], None],
+        lasts: Callable[[], bool],
+    ) -> None:
+        self.camera: FrameCamera = frame.camera
+        self.semantics = semantics
+        self.seq = frame.seq
+        self.time = frame.time
+        self.rendered_at = frame.rendered_at
+        self._color, self._depth = color, depth
+        self._give_back, self._lasts = give_back, lasts
+        self._released = False
+
+    @property
+    def color(self) -> Image:
+        """(H, W, 4) float32 RGBA in [0, 1], rows top-down, read-only, without a copy.
+
+        Raises:
+            RuntimeError: the frame was released, or colour was not subscribed to [IMG-14, IMG-22].
+        """
+        return self._readable(self._color, "color")
+
+    @property
+    def depth(self) -> Image:
+        """(H, W) float32 depth in scene units, rows top-down, read-only, without a copy.
+
+        Raises:
+            RuntimeError: the frame was released, or depth was not subscribed to [IMG-14, IMG-22].
+        """
+        return self._readable(self._depth, "depth")
+
+    @property
+    def intact(self) -> bool:
+        """Whether the server still lends it: asked after a copy, whether the copy is whole.
+
+        False once it was released, or the connection ended and the server may write again [CHN-18].
+        """
+        return not self._released and self._lasts()
+
+    def release(self) -> None:
+        """Give the slot back; the end of a `with` block does so. Further calls do nothing."""
+        if not self._released:
+            self._released = True
+            self._color = self._depth = None
+            self._give_back()
+
+    def _readable(self, image: Image | None, name: str) -> Image:
+        if self._released:
+            raise RuntimeError("the frame was released; copy what is to outlive it [IMG-14]")
+        if image is None:
+            raise RuntimeError(f"{name} was not subscribed to [IMG-22]")
+        return image
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.release()

@@ -1,0 +1,152 @@
+"""The images of a server: what is mapped, what is lent, and when it is given back.
+
+Nothing here waits or locks; the session does.
+"""
+
+import logging
+from typing import NamedTuple
+
+from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.messages import Frame, Hello
+
+from splatbus_client.events import Announced, Declined, IpcEvent, Lent
+from splatbus_client.host_memory import CannotOpenError, HostImages
+from splatbus_client.ipc_protocol import IpcProtocol
+
+log = logging.getLogger("splatbus_client")
+
+CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
+
+
+class Mapped(NamedTuple):
+    """Memory, and the connection that it was announced on."""
+
+    images: HostImages
+    machine: IpcProtocol
+
+
+class Loan(NamedTuple):
+    """A frame that the server lends, and which of `"color"` and `"depth"` may be read of it."""
+
+    frame: Frame
+    channels: frozenset[str]
+    mapped: Mapped
+
+
+class Reading:
+    """Follows the connections of the IPC channel, one after the other.
+
+    Args:
+        hello: sent on each connection.
+        channels: which of `"color"` and `"depth"` are read.
+    """
+
+    def __init__(self, hello: Hello, channels: frozenset[str]) -> None:
+        self.lent: Loan | None = None
+        """The frame that waits to be read."""
+        self.held: Loan | None = None
+        """The frame that is being read."""
+        self.problem: str | None = None
+        """Why there are no images, where the server has announced some."""
+        self._hello, self._channels = hello, channels
+        self._machine: IpcProtocol | None = None
+        self._mapped: Mapped | None = None
+        self._retired: list[Mapped] = []
+        self._said: str | None = None
+
+    def begin(self) -> IpcProtocol:
+        """Return the machine of a new connection."""
+        self._machine = IpcProtocol(self._hello, self._channels)
+        return self._machine
+
+    def handle(self, event: IpcEvent) -> None:
+        """Do what an event of the connection asks for."""
+        match event:
+            case Announced(packet):
+                self._open(packet)
+            case Declined(_, reason):
+                self._go_without(reason)
+            case Lent(frame, channels):
+                self._lend(frame, channels)
+
+    def end(self) -> None:
+        """Regard the buffers as gone, because the connection has ended [CHN-18]."""
+        self._machine = None
+        self.problem = None
+        self._retire()
+
+    def hold(self) -> Loan:
+        """Hand out the frame that is lent; there is one, and none is held."""
+        assert self.lent is not None
+        self.held, self.lent = self.lent, None
+        return self.held
+
+    def give_back(self, loan: Loan) -> None:
+        """Release the frame that was handed out; reads of it have finished [IMG-13]."""
+        self.held = None
+        loan.mapped.machine.release(loan.frame)
+        self.sweep()
+
+    def lasts(self, loan: Loan) -> bool:
+        """Whether the connection that the frame was lent on is still there."""
+        return loan.mapped.machine is self._machine
+
+    def subscribe(self, channels: frozenset[str]) -> None:
+        """Read only these channels, on this connection and those to come."""
+        self._channels = channels
+        if self._machine is not None:
+            self._machine.subscribe(channels)
+
+    def sweep(self) -> None:
+        """Unmap retired memory that nobody reads any more, and tell the server so [OPN-5]."""
+        self._retired = [mapped for mapped in self._retired if not self._unmap(mapped)]
+
+    @property
+    def open(self) -> bool:
+        """Whether there is memory to read from."""
+        return self._mapped is not None
+
+    @property
+    def to_sweep(self) -> bool:
+        """Whether retired memory is still being read."""
+        return bool(self._retired)
+
+    def _open(self, packet: InitPacket) -> None:
+        assert self._machine is not None
+        try:
+            images = HostImages(packet)
+        except CannotOpenError as problem:
+            self._machine.open_failed(packet, str(problem))
+            self._go_without(str(problem))
+        else:
+            self._machine.opened(packet)
+            self._retire()
+            self._mapped, self.problem = Mapped(images, self._machine), None
+
+    def _go_without(self, reason: str) -> None:
+        if reason != self._said:
+            log.warning("cannot open the server's images, going on without: %s", reason)
+        self.problem = self._said = reason
+        self._retire()
+
+    def _lend(self, frame: Frame, channels: frozenset[str]) -> None:
+        assert self._mapped is not None
+        if self.lent is not None:  # two at a time, against IMG-2: the newer one is worth more
+            self.lent.mapped.machine.release(self.lent.frame)
+        self.lent = Loan(frame, channels, self._mapped)
+
+    def _retire(self) -> None:
+        if self.lent is not None:
+            self.lent.mapped.machine.release(self.lent.frame)
+            self.lent = None
+        if self._mapped is not None:
+            self._retired.append(self._mapped)
+            self._mapped = None
+        self.sweep()
+
+    def _unmap(self, mapped: Mapped) -> bool:
+        read = self.held is not None and self.held.mapped == mapped
+        if read or not mapped.images.close():
+            return False
+        mapped.machine.closed(mapped.images.generation)
+        return True

@@ -1,0 +1,198 @@
+"""A viewer without a window: steers along an orbit, reads every frame, says how it goes."""
+
+import math
+import statistics
+import threading
+import time
+from collections import OrderedDict, deque
+from concurrent.futures import Future
+from typing import Any, TextIO
+
+import numpy as np
+from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.rotations import rotation_matrix
+
+from splatbus_client.channel import ChannelStatus
+from splatbus_client.lease import FrameLease
+from splatbus_client.session import Session, Status
+from splatbus_client.steering import ServerRefusedError
+
+ORBIT_SECONDS = 8.0
+ORBIT_RADIUS = 0.25
+OBJECT_SECONDS = 2.0
+TERMINAL_SECONDS = 0.5
+LINE_SECONDS = 5.0
+_LONGEST_WAIT = 0.25
+
+
+def view(
+    session: Session, *, rate: float, seconds: float, stopped: threading.Event, out: TextIO
+) -> None:
+    """Watch until `stopped` is set or `seconds` have passed.
+
+    Args:
+        session: with any server, or none yet.
+        rate: camera poses to send, per second.
+        seconds: how long to run; may be infinite.
+        stopped: set by somebody else to end it.
+        out: where the status goes: one line that is rewritten if a terminal, else plain lines.
+    """
+    questions, frames, report = _Questions(session), _Frames(), _Report(out)
+    start = next_pose = next_object = time.monotonic()
+    while not stopped.is_set() and (now := time.monotonic()) < start + seconds:
+        if now >= next_object:
+            session.send_object(IDENTITY)
+            next_object = now + OBJECT_SECONDS
+        if now >= next_pose:
+            pose = orbit(questions.camera, now - start)
+            frames.asked_for(pose, now)
+            session.send_camera(pose)
+            next_pose = max(next_pose + 1 / rate, now)
+        _read_one(session, frames, until=min(next_pose, start + seconds, now + _LONGEST_WAIT))
+        questions.follow()
+        report.update(session.status, frames, questions.size)
+    report.end(session.status, frames, questions.size)
+
+
+def orbit(center: Pose, seconds: float) -> Pose:
+    """Return `center` moved along a small circle in its image plane, which begins at `center`."""
+    angle = 2 * math.pi * seconds / ORBIT_SECONDS
+    right, down = ORBIT_RADIUS * math.sin(angle), ORBIT_RADIUS * (1 - math.cos(angle))
+    r = rotation_matrix(center.rotation)
+    x, y, z = center.position
+    return center._replace(
+        position=(
+            x + right * r[0] + down * r[1],
+            y + right * r[3] + down * r[4],
+            z + right * r[6] + down * r[7],
+        )
+    )
+
+
+def _read_one(session: Session, frames: "_Frames", until: float) -> None:
+    """Read a frame if one comes in time, and otherwise wait as long."""
+    try:
+        frame = session.next_frame(max(0.0, until - time.monotonic()))
+    except TimeoutError:
+        return
+    with frame:
+        frames.read(frame, time.monotonic())
+
+
+class _Questions:
+    """Asks, on each new connection, where the first camera is and how large the images are."""
+
+    def __init__(self, session: Session) -> None:
+        self.camera = IDENTITY
+        self.size = (0, 0)
+        self._session = session
+        self._connections = 0
+        self._camera: Future[Pose] = Future()
+        self._size: Future[tuple[int, int]] = Future()
+
+    def follow(self) -> None:
+        """Take answers that have come, and ask again where that is due."""
+        connections = self._session.status.message.connections
+        if connections > self._connections:
+            self._connections = connections
+            self._camera = self._session.ask_camera_pose(0)
+            self._size = self._session.ask_viewport_size()
+        self.camera = _answer(self._camera) or self.camera
+        self.size = size = _answer(self._size) or self.size
+        if self._size.done() and not all(size):
+            self._size = self._session.ask_viewport_size()  # the session keeps REQ-12's distance
+
+
+def _answer(future: "Future[Any]") -> Any:
+    """Return what was answered, or None if nothing was yet, or an error."""
+    try:
+        return future.result(0)
+    except (TimeoutError, ServerRefusedError):
+        return None
+
+
+class _Frames:
+    """What was read: how much, and how long after it was asked for."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.times: deque[float] = deque(maxlen=120)
+        self.latencies: deque[float] = deque(maxlen=120)
+        self._asked: OrderedDict[Pose, float] = OrderedDict()
+        self._color = np.empty((0, 0, 4), np.float32)
+        self._depth = np.empty((0, 0), np.float32)
+
+    def asked_for(self, pose: Pose, now: float) -> None:
+        """Remember when a view was first asked for."""
+        self._asked.setdefault(pose, now)
+        if len(self._asked) > 256:
+            self._asked.popitem(last=False)
+
+    def read(self, frame: FrameLease, now: float) -> None:
+        """Copy the frame out, as a viewer does that uploads it to a texture."""
+        if frame.depth.shape != self._depth.shape:
+            self._color, self._depth = np.empty_like(frame.color), np.empty_like(frame.depth)
+        np.copyto(self._color, frame.color)
+        np.copyto(self._depth, frame.depth)
+        self.count += 1
+        self.times.append(now)
+        asked = self._asked.pop(frame.camera.pose, None)
+        if asked is not None:
+            self.latencies.append(now - asked)
+
+    def rate(self, now: float) -> float:
+        """Return frames per second, over the last second."""
+        return float(sum(time > now - 1.0 for time in self.times))
+
+    def latency(self) -> float | None:
+        """Return the median seconds from a pose to its frame; None before the first."""
+        return statistics.median(self.latencies) if self.latencies else None
+
+
+class _Report:
+    """Writes how it goes: seldom enough not to be in the way, and at once when it changes."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._terminal = out.isatty()
+        self._due = 0.0
+        self._shown: tuple[Any, ...] = ()
+
+    def update(self, status: Status, frames: _Frames, size: tuple[int, int]) -> None:
+        """Write a line if one is due."""
+        now = time.monotonic()
+        state = (status, size)
+        if now < self._due and (self._terminal or state == self._shown):
+            return
+        self._shown = state
+        self._due = now + (TERMINAL_SECONDS if self._terminal else LINE_SECONDS)
+        self._write(_line(status, frames, size, now))
+
+    def end(self, status: Status, frames: _Frames, size: tuple[int, int]) -> None:
+        """Write the last line."""
+        self._write(_line(status, frames, size, time.monotonic()))
+        if self._terminal:
+            self._out.write("\n")
+
+    def _write(self, line: str) -> None:
+        self._out.write(f"\r\x1b[K{line}" if self._terminal else f"{line}\n")
+        self._out.flush()
+
+
+def _line(status: Status, frames: _Frames, size: tuple[int, int], now: float) -> str:
+    latency = frames.latency()
+    parts = [
+        f"{frames.count} frames",
+        f"{frames.rate(now):.0f}/s",
+        "latency -" if latency is None else f"latency {1e3 * latency:.1f} ms",
+        f"viewport {size[0]}x{size[1]}" if all(size) else "viewport unknown",
+        f"IPC {_state(status.ipc)}",
+        f"message {_state(status.message)}",
+    ]
+    return ", ".join(parts) + (f"; no images: {status.no_images}" if status.no_images else "")
+
+
+def _state(channel: ChannelStatus) -> str:
+    if not channel.connected:
+        return f"not connected ({channel.problem or 'connecting'})"
+    return channel.version or "connected"

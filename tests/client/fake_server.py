@@ -1,0 +1,224 @@
+"""Both channels of a server, driven line by line from a test: raw sockets and plain JSON."""
+
+import json
+import os
+import secrets
+import socket
+import struct
+from pathlib import Path
+
+import numpy as np
+
+SECONDS = 10.0
+WIDTH, HEIGHT, SLOTS = 6, 4, 3
+SIZE = SLOTS * WIDTH * HEIGHT * 20
+CAMERA = {
+    "position": [0.0, 0.0, -4.0],
+    "rotation": [0.0, 0.0, 0.0, 1.0],
+    "fx": 300.0,
+    "fy": 300.0,
+    "cx": WIDTH / 2,
+    "cy": HEIGHT / 2,
+    "width": WIDTH,
+    "height": HEIGHT,
+    "near": 0.01,
+    "far": 100.0,
+}
+SEMANTICS = {
+    "rows": "bottom_up",
+    "alpha": "straight",
+    "colorSpace": "srgb",
+    "depth": {"kind": "planar_z", "estimator": "expected", "empty": "inf"},
+    "unitMetres": None,
+    "origin": [0.0, 0.0, 0.0],
+}
+META = {
+    "w": WIDTH,
+    "h": HEIGHT,
+    "fmtColor": "RGBA32F",
+    "pitchColor": 16 * WIDTH,
+    "fmtDepth": "R32F",
+    "pitchDepth": 4 * WIDTH,
+}
+IPC_CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
+HANDLE = "A" * 86 + "=="
+
+
+def packet(message):
+    payload = message if isinstance(message, bytes) else json.dumps(message).encode()
+    return struct.pack("<I", len(payload)) + payload
+
+
+def packets(data):
+    """The messages in whole packets."""
+    messages = []
+    while data:
+        (length,) = struct.unpack("<I", data[:4])
+        messages.append(json.loads(data[4 : 4 + length]))
+        data = data[4 + length :]
+    return messages
+
+
+def welcome(*capabilities, version="1.1"):
+    return {
+        "type": "welcome",
+        "version": version,
+        "server": {"name": "fake", "version": "0"},
+        "capabilities": list(capabilities),
+    }
+
+
+def init_packet(name="splatbus-none", generation=1, size=SIZE, **members):
+    pixels = WIDTH * HEIGHT
+    return {
+        "version": "1.1",
+        "generation": generation,
+        "meta": META,
+        "memory": {"kind": "host_shm", "name": name, "bytes": size},
+        "ring": {
+            "slots": SLOTS,
+            "colorOffset": 0,
+            "colorStride": 16 * pixels,
+            "depthOffset": SLOTS * 16 * pixels,
+            "depthStride": 4 * pixels,
+        },
+        "semantics": SEMANTICS,
+    } | members
+
+
+def cuda_init_packet(**members):
+    return {
+        "meta": META,
+        "mem_color": HANDLE,
+        "mem_depth": HANDLE,
+        "evt_done": HANDLE,
+    } | members
+
+
+def frame(seq, slot=0, generation=1, **members):
+    return {
+        "type": "frame",
+        "generation": generation,
+        "seq": seq,
+        "slot": slot,
+        "camera": CAMERA,
+        "time": 0.0,
+        "renderedAt": 1.0,
+    } | members
+
+
+class Memory:
+    """Shared memory as a server makes it, with recognisable images in its slots."""
+
+    def __init__(self, size=SIZE):
+        self.name = f"splatbus-t-{secrets.token_hex(4)}"
+        self.path = Path("/dev/shm") / self.name
+        with os.fdopen(os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600), "wb") as file:
+            file.truncate(size)
+
+    def write(self, slot, color, depth):
+        """Store an image given top-down: (HEIGHT, WIDTH, 4) and (HEIGHT, WIDTH) float32."""
+        pixels = WIDTH * HEIGHT
+        with self.path.open("r+b") as file:
+            file.seek(slot * 16 * pixels)
+            file.write(np.ascontiguousarray(color[::-1], "<f4").tobytes())
+            file.seek(SLOTS * 16 * pixels + slot * 4 * pixels)
+            file.write(np.ascontiguousarray(depth[::-1], "<f4").tobytes())
+
+    def remove(self):
+        self.path.unlink(missing_ok=True)
+
+
+class Peer:
+    """The server's end of one connection."""
+
+    def __init__(self, connection):
+        self.socket = connection
+        self.socket.settimeout(SECONDS)
+        self._data = b""
+
+    def send(self, *messages):
+        self.socket.sendall(b"".join(map(packet, messages)))
+
+    def receive(self):
+        """The next message; EOFError if the client ended the connection."""
+        while len(self._data) < 4 or len(self._data) < 4 + struct.unpack("<I", self._data[:4])[0]:
+            data = self.socket.recv(65536)
+            if not data:
+                raise EOFError
+            self._data += data
+        (length,) = struct.unpack("<I", self._data[:4])
+        message, self._data = self._data[4 : 4 + length], self._data[4 + length :]
+        return json.loads(message)
+
+    def receive_type(self, kind):
+        """The next message of a type; others are skipped."""
+        while (message := self.receive()).get("type") != kind:
+            pass
+        return message
+
+    def ended(self):
+        """Whether the client ends the connection, after whatever it still sends."""
+        try:
+            while self.socket.recv(65536):
+                pass
+        except ConnectionResetError:
+            pass
+        except TimeoutError:
+            return False
+        return True
+
+    def reset(self):
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.socket.close()
+
+    def close(self):
+        self.socket.close()
+
+
+class FakeServer:
+    """Listens on two ports of its own; `stop` and `start` keep them."""
+
+    def __init__(self):
+        self.ipc_port = self.message_port = 0
+        self._peers = []
+        self.start()
+
+    def start(self):
+        self._ipc = socket.create_server(("127.0.0.1", self.ipc_port))
+        self._message = socket.create_server(("127.0.0.1", self.message_port))
+        self.ipc_port = self._ipc.getsockname()[1]
+        self.message_port = self._message.getsockname()[1]
+        for listener in (self._ipc, self._message):
+            listener.settimeout(SECONDS)
+
+    def stop(self):
+        for thing in (self._ipc, self._message, *self._peers):
+            thing.close()
+
+    def ipc(self):
+        return self._accept(self._ipc)
+
+    def message(self):
+        return self._accept(self._message)
+
+    def ipc_1_1(self, *capabilities):
+        """An IPC connection that has negotiated."""
+        peer = self.ipc()
+        peer.hello = peer.receive()
+        peer.send(welcome(*(capabilities or IPC_CAPABILITIES)))
+        return peer
+
+    def message_1_1(self, size=(WIDTH, HEIGHT)):
+        """A message connection that has negotiated, and been told the viewport's size."""
+        peer = self.message()
+        peer.hello = peer.receive()
+        peer.send(welcome())
+        assert peer.receive() == {"type": "get_viewport_size"}
+        peer.send({"type": "viewport_size", "viewport_size": list(size)})
+        return peer
+
+    def _accept(self, listener):
+        peer = Peer(listener.accept()[0])
+        self._peers.append(peer)
+        return peer
