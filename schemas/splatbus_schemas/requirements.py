@@ -31,6 +31,8 @@ def requirements(version: str) -> Mapping[str, Requirement]:
 
     Those of 1.1 include all of 1.0. ValueError for a version that is not in `VERSIONS`.
     """
+    if version not in VERSIONS:
+        raise ValueError(f"there is no version {version!r}; there are {', '.join(VERSIONS)}")
     applicable = VERSIONS[: VERSIONS.index(version) + 1]
     return MappingProxyType(
         {
