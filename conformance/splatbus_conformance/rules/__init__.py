@@ -6,7 +6,7 @@ session of the harness is a recording too.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, cast
 
 from splatbus_conformance.conversation import Conversation, Message, conversations
 from splatbus_conformance.recording import Entry
@@ -28,7 +28,24 @@ class Sighting(NamedTuple):
     message: Message | None = None
 
 
-Rule = Callable[[Conversation], Iterable[Sighting]]
+class Rule(Protocol):
+    """A function from a conversation to sightings of the requirements that it judges."""
+
+    __name__: str
+    judges: tuple[str, ...]
+
+    def __call__(self, conversation: Conversation) -> Iterable[Sighting]:
+        """Judge."""
+
+
+def rule(*judges: str) -> Callable[[Callable[[Conversation], Iterable[Sighting]]], Rule]:
+    """Declare a function to be the rule for these requirements."""
+
+    def declare(function: Callable[[Conversation], Iterable[Sighting]]) -> Rule:
+        function.judges = judges  # type: ignore[attr-defined]
+        return cast(Rule, function)
+
+    return declare
 
 
 def about(

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 
 from splatbus_conformance.conversation import SENDER, Conversation
-from splatbus_conformance.rules import Rule, Sighting, about
+from splatbus_conformance.rules import Rule, Sighting, about, rule
 
 
+@rule("FRM-2")
 def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
     """FRM-2: every header announces a payload within the limits."""
     for message in conversation.messages:
@@ -23,6 +24,7 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
             )
 
 
+@rule("FRM-1")
 def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
     """FRM-1: a stream that its sender ended holds whole packets."""
     for direction, stream in conversation.streams.items():
@@ -38,6 +40,7 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
             )
 
 
+@rule("FRM-7")
 def header_with_payload(conversation: Conversation) -> Iterator[Sighting]:
     """FRM-7: header and payload arrive together.
 

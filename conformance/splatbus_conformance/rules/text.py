@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 
 from splatbus_conformance.conversation import Conversation
-from splatbus_conformance.rules import Rule, Sighting, about
+from splatbus_conformance.rules import Rule, Sighting, about, rule
 
 TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5")
 
 
+@rule(*TEXT)
 def one_strict_object(conversation: Conversation) -> Iterator[Sighting]:
     """JSN-1 to JSN-5: each payload is one JSON object, as strict as the text asks."""
     for message in conversation.messages:

@@ -1,0 +1,91 @@
+"""Which requirement is judged by what, and which is not and why: no third state.
+
+Checks and rules declare what they judge; `exclusions.json` gives the reason for the rest.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+from splatbus_schemas.requirements import Requirement, requirements
+
+import splatbus_conformance.checks
+from splatbus_conformance.checks import Check
+from splatbus_conformance.data import read_json
+from splatbus_conformance.rules import all_rules
+
+
+class Judge(NamedTuple):
+    """A check or a rule."""
+
+    name: str
+    level: str
+    what: str
+    """What it does, in a sentence or two."""
+    observable: str
+    """What of the requirement it sees."""
+
+
+class Exclusion(NamedTuple):
+    """Why a requirement is not judged."""
+
+    visible_at: str
+    """The assurance level at which it could be seen; `none` if at no level."""
+    reason: str
+
+
+@cache
+def check_functions() -> tuple[Any, ...]:
+    """Every check, module by module."""
+    package = splatbus_conformance.checks
+    modules = [
+        importlib.import_module(f"{package.__name__}.{module.name}")
+        for module in pkgutil.iter_modules(package.__path__)
+    ]
+    return tuple(
+        function
+        for module in modules
+        for name, function in vars(module).items()
+        if name.startswith("check_")
+    )
+
+
+@cache
+def judges(peer: str) -> Mapping[str, list[Judge]]:
+    """For each requirement, the checks and rules that judge this peer by it."""
+    found: dict[str, list[Judge]] = {}
+    known = requirements("1.1")
+    for rule in all_rules():
+        for name in rule.judges:
+            if peer in known[name].binds:
+                what = paragraph(rule.__doc__)
+                found.setdefault(name, []).append(Judge(rule.__name__, "L0", what, "bytes"))
+    if peer == "client":
+        for function in check_functions():
+            check: Check = function.check
+            found.setdefault(check.requirement, []).append(
+                Judge(function.__name__, "L1", paragraph(function.__doc__), check.observable)
+            )
+    return found
+
+
+@cache
+def exclusions(peer: str) -> Mapping[str, Exclusion]:
+    """For each requirement that is not judged on this peer, why."""
+    return {
+        name: Exclusion(group["visibleAt"], group["reason"])
+        for group in read_json("exclusions.json")[peer]
+        for name in group["ids"]
+    }
+
+
+def bound(peer: str) -> Mapping[str, Requirement]:
+    """The requirements that bind this peer."""
+    return {name: r for name, r in requirements("1.1").items() if peer in r.binds}
+
+
+def paragraph(docstring: str | None) -> str:
+    """A docstring on one line."""
+    return " ".join((docstring or "").split())
