@@ -10,6 +10,7 @@ from rich.console import Console
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import recording
+from splatbus_conformance.browse import PEERS, print_explanation, print_list
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.introduction import NothingConnects, introduce
 from splatbus_conformance.messages import ring_bytes
@@ -22,6 +23,7 @@ from splatbus_conformance.running import Interrupted, run_checks
 from splatbus_conformance.terminal import Live, print_failures, summary
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.verdicts import (
+    EXIT_CONFORMING,
     EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     EXIT_USAGE,
@@ -138,12 +140,14 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
 
 def list_(arguments: argparse.Namespace, out: Console) -> int:
     """List requirements."""
-    raise NotImplementedError
+    print_list(out, (arguments.peer,) if arguments.peer else PEERS)
+    return EXIT_CONFORMING
 
 
 def explain(arguments: argparse.Namespace, out: Console) -> int:
     """Explain requirements."""
-    raise NotImplementedError
+    found = [print_explanation(out, name) for name in arguments.ids]
+    return EXIT_CONFORMING if all(found) else EXIT_USAGE
 
 
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
