@@ -1,0 +1,45 @@
+"""Run all that must pass: linters, types, import rules, the specification, the tests, the selftest.
+
+`python -m tests` runs every step, `python -m tests lint types` those that are named.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = ("schemas", "reference_server", "reference_client", "conformance", "tests", "benchmarks")
+PACKAGES = (
+    "schemas/splatbus_schemas",
+    "schemas/splatbus_wire",
+    "reference_server/splatbus_server",
+    "reference_client/splatbus_client",
+    "conformance/splatbus_conformance",
+)
+PYTHON = (sys.executable, "-m")
+STEPS = {
+    "lint": (*PYTHON, "ruff", "check", *SOURCES),
+    "format": (*PYTHON, "ruff", "format", "--check", *SOURCES),
+    "types": (*PYTHON, "mypy", *PACKAGES),
+    "imports": (str(Path(sys.executable).with_name("lint-imports")),),
+    "prose": (*PYTHON, "splatbus_schemas.prose"),
+    "tests": (*PYTHON, "pytest"),
+    "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
+}
+
+
+def main(wanted: list[str]) -> int:
+    """Run the steps named, or all, and stop at the first that fails."""
+    if unknown := set(wanted) - set(STEPS):
+        print(f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(STEPS)}")
+        return 2
+    for name in wanted or STEPS:
+        print(f"== {name}", flush=True)
+        if status := subprocess.run(STEPS[name], cwd=ROOT).returncode:
+            print(f"== {name} failed", flush=True)
+            return status
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
