@@ -1,0 +1,258 @@
+"""The server as the author of a renderer sees it: which view to render, and where to put it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from contextlib import ExitStack
+from copy import deepcopy
+from importlib.metadata import version
+from types import TracebackType
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from splatbus_wire.init_packet import Semantics
+from splatbus_wire.messages import Program
+from splatbus_wire.poses import IDENTITY, Pose
+
+from splatbus_server.connection import Terms
+from splatbus_server.control import Poses
+from splatbus_server.exchange import Exchange
+from splatbus_server.memory import Memory, Pixels
+from splatbus_server.service import Service
+from splatbus_server.session import CAPABILITIES, Session
+from splatbus_server.settings import listen, settings
+from splatbus_server.shared_memory import sweep_stale
+from splatbus_server.statistics import Statistics
+from splatbus_server.view import Intrinsics, View, field_of_view
+
+Layout = Literal["HWC", "CHW"]
+
+READERS = 4
+STRAIGHT_SRGB = Semantics()
+STOP_SECONDS = 5.0
+
+
+class Address(NamedTuple):
+    """Where a server listens."""
+
+    host: str
+    ipc_port: int
+    message_port: int
+
+
+def serve(
+    width: int,
+    height: int,
+    *,
+    intrinsics: Intrinsics | None = None,
+    cameras: Sequence[Pose] = (),
+    semantics: Semantics = STRAIGHT_SRGB,
+    readers: int = READERS,
+    host: str | None = None,
+    ipc_port: int | None = None,
+    message_port: int | None = None,
+    token: str | None = None,
+) -> Bus:
+    """Starts to serve both channels, beside the caller's render loop.
+
+    Removes what a server that was killed has left in shared memory [OPN-9].
+
+    Args:
+        width: of the images, pixels.
+        height: of the images, pixels.
+        intrinsics: in pixels; a vertical field of view of 60 degrees if not given.
+        cameras: that the scene comes with, camera-to-world; the first is where a view begins.
+        semantics: what the numbers in the images mean.
+        readers: how many clients may read images at a time. There are two more slots than that,
+            and each takes 20 bytes a pixel.
+        host: to listen on; SPLATBUS_HOST or 127.0.0.1 if not given.
+        ipc_port: SPLATBUS_IPC_PORT or 6001 if not given; 0 lets the system choose.
+        message_port: SPLATBUS_MSG_PORT or 6000 if not given; 0 lets the system choose.
+        token: what clients have to say; SPLATBUS_TOKEN or none if not given.
+
+    Raises:
+        ValueError: a setting is out of its range, or an address that other machines can reach
+            lacks a token [NEG-17].
+        OSError: an address is taken, or shared memory is full.
+    """
+    where = settings(host, ipc_port, message_port, token)
+    sweep_stale()
+    with ExitStack() as undo:
+        ipc = undo.enter_context(listen(where.host, where.ipc_port))
+        message = undo.enter_context(listen(where.host, where.message_port))
+        memory = Memory(width, height, readers, semantics)
+        undo.callback(memory.close)
+        statistics = Statistics()
+        poses = Poses(cameras[0] if cameras else IDENTITY)
+        exchange = Exchange(memory, intrinsics or field_of_view(width, height), poses, statistics)
+        program = Program("splatbus-server", version("splatbus-protocol"))
+        terms = Terms(program, {"ipc": CAPABILITIES, "message": ()}, where.token)
+        session = Session(exchange, cameras, readers, statistics)
+        service = Service({"ipc": ipc, "message": message}, session, terms, statistics)
+        address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
+        bus = Bus(address, exchange, service, statistics)
+        undo.pop_all()
+        return bus
+
+
+class Bus:
+    """A running server; close it, or use it in a ``with`` statement.
+
+    All calls are for one thread, that of the render loop.
+
+    Attributes:
+        address: host and ports.
+    """
+
+    def __init__(
+        self, address: Address, exchange: Exchange, service: Service, statistics: Statistics
+    ) -> None:
+        self.address = address
+        self._exchange = exchange
+        self._service = service
+        self._statistics = statistics
+        self._thread = threading.Thread(target=self._serve, name="splatbus", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def statistics(self) -> Statistics:
+        """A copy of the counts so far."""
+        return deepcopy(self._statistics)
+
+    def next_view(self, timeout: float = 0.1, *, contents_changed: bool = False) -> View | None:
+        """The view to render next, or None if for `timeout` seconds there is nothing to do.
+
+        There is nothing to do while no client reads images, and while camera, object pose and what
+        clients want are as in the image published last [IMG-10, IMG-21].
+
+        Args:
+            timeout: seconds to wait; 0 returns at once.
+            contents_changed: the scene itself is not as it was in the image published last.
+
+        Raises:
+            RuntimeError: the thread that serves the clients has died of a defect.
+        """
+        return self._exchange.next_view(timeout, contents_changed)
+
+    def publish(
+        self,
+        view: View,
+        color: ArrayLike,
+        depth: ArrayLike | None = None,
+        *,
+        alpha: ArrayLike | None = None,
+        depth_kind: Literal["linear", "inverse"] = "linear",
+        time: float = 0.0,
+    ) -> None:
+        """Makes an image the newest; clients that wait for one are told. Never waits for any.
+
+        Nothing is written that no client wants, and nothing at all if `resize` came after the view.
+
+        Args:
+            view: that was rendered.
+            color: straight RGB or RGBA, top row first, (height, width, 3 or 4) or
+                (3 or 4, height, width); converted to float32, clamped to [0, 1] [BUF-3].
+            depth: planar, top row first, (height, width) or with one axis of length 1 more; needed
+                if `view.wants_depth`.
+            alpha: accumulated, of the shape of depth; that of the colour, if it has one, if not
+                given. Pixels where it is less than 1/255 are empty [ACC-9].
+            depth_kind: `linear`: z in scene units [BUF-6]. `inverse`: Σ(1/zᵢ)αᵢTᵢ, as 3DGS
+                rasterisers accumulate it; stored as alpha / depth [ACC-8].
+            time: in the scene, seconds.
+
+        Raises:
+            ValueError: an array has another shape, or depth is wanted and not given.
+        """
+        memory = self._exchange.memory
+        if view.generation != memory.generation:
+            return
+        pixels, layout = _color(color, memory)
+        depths = _plane("depth", depth, memory)
+        alphas = _plane("alpha", alpha, memory)
+        if view.wants_depth and depths is None:
+            raise ValueError(
+                "a client wants depth (view.wants_depth), but none is given; "
+                "a renderer without depth can give np.full((height, width), np.inf)"
+            )
+        if alphas is None and pixels.shape[layout.index("C")] == 4:
+            alphas = pixels[..., 3] if layout == "HWC" else pixels[3]
+
+        def write(slot: int) -> None:
+            if "color" in view.wants:
+                memory.publisher.color(pixels, memory.color(slot), layout)
+                self._statistics.colors_converted += 1
+            if depths is not None and view.wants_depth:
+                convert = memory.publisher.depth
+                if depth_kind == "inverse":
+                    convert = memory.publisher.inverse_depth
+                convert(depths, memory.depth(slot), alphas)
+                self._statistics.depths_converted += 1
+
+        self._exchange.publish(view, time, write)
+        self._service.ring()
+
+    def resize(self, width: int, height: int, intrinsics: Intrinsics | None = None) -> None:
+        """Serves images of another size from now on.
+
+        Clients that can take it are told of new memory; others are disconnected, and get it when
+        they connect again. Old memory is kept until they let go of it; those that have not done so
+        when the size changes once more are disconnected.
+
+        Raises:
+            ValueError: a size is out of its range.
+            OSError: shared memory is full; the former size stays.
+        """
+        new = self._exchange.memory.successor(width, height)
+        self._exchange.replace(new, intrinsics or field_of_view(width, height))
+        self._service.ring()
+
+    def close(self) -> None:
+        """Ends all connections, and removes the shared memory from the system [OPN-9]."""
+        self._service.stop()
+        self._thread.join(STOP_SECONDS)
+        for memory in (*self._exchange.replaced, self._exchange.memory):
+            memory.close()
+
+    def _serve(self) -> None:
+        try:
+            self._service.run()
+        except BaseException as error:
+            self._exchange.fail(error)
+            raise
+
+
+def _color(color: ArrayLike, memory: Memory) -> tuple[Pixels, Layout]:
+    """The pixels, and in which order the axes are."""
+    pixels = np.asarray(color, np.float32)
+    size = (memory.height, memory.width)
+    if pixels.ndim == 3 and pixels.shape[:2] == size and pixels.shape[2] in (3, 4):
+        return pixels, "HWC"
+    if pixels.ndim == 3 and pixels.shape[1:] == size and pixels.shape[0] in (3, 4):
+        return pixels, "CHW"
+    raise ValueError(
+        f"colour of shape {pixels.shape} is neither ({size[0]}, {size[1]}, 3 or 4)"
+        f" nor (3 or 4, {size[0]}, {size[1]})"
+    )
+
+
+def _plane(what: str, plane: ArrayLike | None, memory: Memory) -> Pixels | None:
+    if plane is None:
+        return None
+    values = np.asarray(plane, np.float32)
+    size = (memory.height, memory.width)
+    if values.shape not in (size, (*size, 1), (1, *size)):
+        raise ValueError(f"{what} of shape {values.shape} is not {size}")
+    return values.reshape(size)

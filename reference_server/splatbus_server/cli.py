@@ -1,0 +1,116 @@
+"""The command ``splatbus-server``: a scene to look at, served over both channels."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import re
+import signal
+import sys
+import threading
+from pathlib import Path
+
+from splatbus_server.api import serve
+from splatbus_server.demo import render_until
+from splatbus_server.settings import read_token
+
+EPILOG = """\
+examples:
+  splatbus-server                             serve on 127.0.0.1, ports 6001 and 6000
+  splatbus-server --ipc-port 0 --msg-port 0   let the system choose; the ready line says which
+  splatbus-server --size 1920x1080 --turntable 20
+  splatbus-server --host 0.0.0.0 --token-file ~/.splatbus-token
+
+environment (an option wins over it):
+  SPLATBUS_HOST, SPLATBUS_IPC_PORT, SPLATBUS_MSG_PORT   where to listen
+  SPLATBUS_TOKEN                                        what clients have to say in their hello
+
+what next:
+  Wait for the line that begins with "splatbus-server ready", then look, in another terminal:
+      splatbus-client --help
+  Stop with Ctrl-C. To serve your own renderer, see reference_server/README.md.
+
+exit codes: 0 stopped by SIGINT or SIGTERM, 1 an address is taken or memory is full, 2 wrong usage
+"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Serves until SIGINT or SIGTERM; returns the exit code."""
+    options = _parser().parse_args(argv)
+    logging.basicConfig(
+        format="%(asctime)s %(levelname)-7s %(message)s",
+        level=logging.WARNING if options.quiet else logging.INFO,
+    )
+    # A renderer in plain Python holds the interpreter's lock for 5 ms at a time, and a reply waits
+    # for it. This is for the program to decide, never for a library.
+    sys.setswitchinterval(0.0005)
+    stop = threading.Event()
+    for name in ("SIGINT", "SIGTERM"):
+        signal.signal(getattr(signal, name), lambda *_: stop.set())
+    try:
+        token = None if options.token_file is None else read_token(options.token_file)
+        bus = serve(
+            *options.size,
+            host=options.host,
+            ipc_port=options.ipc_port,
+            message_port=options.msg_port,
+            token=token,
+        )
+    except ValueError as error:
+        print(f"splatbus-server: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"splatbus-server: {error.strerror or error}", file=sys.stderr)
+        return 1
+    with bus:
+        address, (width, height) = bus.address, options.size
+        print(
+            f"splatbus-server ready on {address.host}: IPC port {address.ipc_port},"
+            f" message port {address.message_port}, {width}x{height}",
+            flush=True,
+        )
+        render_until(stop, bus, options.fps, options.turntable)
+    logging.getLogger("splatbus_server").info("stopped: %s", bus.statistics)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="splatbus-server",
+        description="Serve a small scene over SplatBus 1.0 and 1.1, to try viewers with.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--size", type=_size, default=(320, 240), metavar="WxH", help="of the image"
+    )
+    parser.add_argument("--fps", type=_rate, default=60.0, help="most images a second (60)")
+    parser.add_argument(
+        "--turntable", type=float, default=0.0, metavar="DEGREES", help="turn by as much a second"
+    )
+    parser.add_argument("--host", help="to listen on (127.0.0.1); another one needs a token")
+    parser.add_argument("--ipc-port", type=int, metavar="PORT", help="6001; 0: any that is free")
+    parser.add_argument("--msg-port", type=int, metavar="PORT", help="6000; 0: any that is free")
+    parser.add_argument(
+        "--token-file", type=Path, metavar="FILE", help="holds the token; only you can read it"
+    )
+    parser.add_argument("--quiet", action="store_true", help="log refusals and errors only")
+    return parser
+
+
+def _size(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d+)[x×](\d+)", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 320x240")
+    return int(match[1]), int(match[2])
+
+
+def _rate(text: str) -> float:
+    rate = float(text)
+    if not 0.0 < rate < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
+    return rate
+
+
+if __name__ == "__main__":
+    sys.exit(main())

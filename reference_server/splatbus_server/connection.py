@@ -1,0 +1,229 @@
+"""One connection without its socket: bytes and moments in, events and bytes out.
+
+Here stands what holds for every connection whatever its messages mean: framing, negotiation, what
+is ignored and what is answered with an error, how much may wait unsent, and every deadline. No
+clock and no socket: a moment is a number of seconds that the caller reads off a monotonic clock.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from splatbus_schemas import LIMITS, VERSIONS
+from splatbus_wire.errors import FramingError, ProtocolError
+from splatbus_wire.framing import PacketDecoder
+from splatbus_wire.json_text import parse_object
+from splatbus_wire.messages import (
+    Channel,
+    ClientMessage,
+    ErrorMessage,
+    Hello,
+    Program,
+    ServerMessage,
+    Welcome,
+    decode_from_client,
+    encode,
+)
+from splatbus_wire.negotiation import answer_hello
+
+REQUESTS = ("get_viewport_size", "get_camera_pose")
+LINGER_SECONDS = 1.0
+"""How long a connection that the server ends is still read from, so that the last packet arrives:
+closing a socket with unread input resets it, and a reset discards what the peer has not read."""
+
+
+class Terms(NamedTuple):
+    """What a server negotiates with: its name, what it can do on each channel, its token."""
+
+    server: Program
+    capabilities: Mapping[Channel, tuple[str, ...]]
+    token: str | None = None
+
+
+class Refusal(NamedTuple):
+    """A packet that is not acted upon: the error's code on the wire, and the reason for people."""
+
+    code: str
+    reason: str
+
+
+Event = ClientMessage | Refusal
+
+
+class Connection:
+    """The state of one connection: feed it with `receive`, then take events until there are none.
+
+    Attributes:
+        unsent: bytes to hand to TCP next; tell `sent` how many it took.
+        welcome: what was negotiated; None while the connection speaks 1.0.
+        input_ended: the client has ended its stream.
+        ending: why no more is read from this connection; None while it is served.
+    """
+
+    def __init__(self, channel: Channel, terms: Terms, now: float) -> None:
+        self.channel = channel
+        self.unsent = bytearray()
+        self.welcome: Welcome | None = None
+        self.ending: str | None = None
+        self._terms = terms
+        self._decoder = PacketDecoder()
+        self.input_ended = False
+        self._aborted = False
+        self._hello_by = math.inf if terms.token is None else now + LIMITS["hello_seconds"]
+        self._packet_by = math.inf
+        self._send_by = math.inf
+        self._linger_until = math.inf
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing is left to send or to wait for: the socket can be closed."""
+        return self._aborted or (self.ending is not None and not self.unsent and self.input_ended)
+
+    @property
+    def deadline(self) -> float:
+        """The moment at which to call `expire`; infinity if there is none."""
+        return min(self._hello_by, self._packet_by, self._send_by, self._linger_until)
+
+    def has(self, capability: str) -> bool:
+        """Whether both sides declared the capability on this connection [NEG-7]."""
+        return self.welcome is not None and capability in self.welcome.capabilities
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Takes what a read returned, nothing meaning the end of the stream [CHN-16]."""
+        if not data:
+            self.input_ended = True
+        elif self.ending is None:
+            starts_afresh = not self._decoder.incomplete
+            self._decoder.receive(data)
+            if starts_afresh:
+                self._packet_by = now + LIMITS["packet_completion_seconds"]
+
+    def next_event(self, now: float) -> Event | None:
+        """The next message or refusal in what was received; None when more is needed.
+
+        A `hello` has been answered when it is returned.
+        """
+        if self.ending is not None:
+            return None
+        try:
+            payload = self._decoder.next_packet()
+        except FramingError as error:
+            refusal = self.complain(Refusal(error.code, str(error)))
+            self.end(str(error), now)
+            return refusal
+        if payload is not None:
+            self._packet_by = now + LIMITS["packet_completion_seconds"]
+            return self._understand(payload, now)
+        if not self._decoder.incomplete:
+            self._packet_by = math.inf
+        if self.input_ended:
+            where = ", in the middle of a packet [FRM-6]" if self._decoder.incomplete else ""
+            self.end(f"the client closed it{where}", now)
+        return None
+
+    def send(self, message: ServerMessage) -> None:
+        """Queues a message."""
+        self.unsent += encode(message, typed_replies=self.welcome is not None)
+
+    def sent(self, count: int, now: float) -> None:
+        """Notes that TCP took `count` bytes of `unsent` and would have to wait for the rest."""
+        del self.unsent[:count]
+        if not self.unsent:
+            self._send_by = math.inf
+            if self.ending is not None:
+                self._linger_until = min(self._linger_until, now + LINGER_SECONDS)
+        elif len(self.unsent) > LIMITS["max_unsent_bytes"]:
+            self._abort(f"it left {len(self.unsent)} bytes unread [LIM-2]")
+        elif count or self._send_by == math.inf:
+            self._send_by = now + LIMITS["stalled_reader_seconds"]
+
+    def end(self, reason: str, now: float) -> None:
+        """Takes no more events; what is unsent still goes out."""
+        if self.ending is None:
+            self.ending = reason
+            self._hello_by = self._packet_by = math.inf
+            if not self.unsent:
+                self._linger_until = now + LINGER_SECONDS
+
+    def complain(self, refusal: Refusal) -> Refusal:
+        """Sends it as an `error`, where the client has said hello [NEG-22]; returns it."""
+        self._send_error(refusal.code, refusal.reason)
+        return refusal
+
+    def expire(self, now: float) -> None:
+        """Does what is due once `deadline` has passed."""
+        if now >= self._linger_until:
+            self._aborted = True
+        elif now >= self._send_by:
+            self._abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
+        elif now >= self._packet_by:
+            seconds = LIMITS["packet_completion_seconds"]
+            self.end(f"a packet was not complete after {seconds} s [FRM-5]", now)
+        elif now >= self._hello_by:
+            self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)
+
+    def _abort(self, reason: str) -> None:
+        self.ending = self.ending or reason
+        self._aborted = True
+
+    @property
+    def _is_heard(self) -> bool:
+        """Whether anything but `hello` counts: without one, on the message channel, to all."""
+        return self.welcome is not None or (self.channel == "message" and self._terms.token is None)
+
+    def _understand(self, payload: bytes, now: float) -> Event:
+        try:
+            message = decode_from_client(payload, self.channel, said_hello=self.welcome is not None)
+            if isinstance(message, Hello):
+                return self._greet(message, now)
+        except ProtocolError as error:
+            return self._refuse_packet(error, payload, now)
+        if self._is_heard:
+            return message
+        return Refusal("unauthorized", "no hello came before it [CHN-7, NEG-19]")
+
+    def _greet(self, hello: Hello, now: float) -> Event:
+        if self.welcome is not None:
+            raise ProtocolError("invalid_message", "hello was said before", requirement="NEG-3")
+        answer = answer_hello(
+            hello,
+            versions=VERSIONS,
+            capabilities=self._terms.capabilities[self.channel],
+            server=self._terms.server,
+            token=self._terms.token,
+        )
+        self.send(answer)
+        if isinstance(answer, ErrorMessage):
+            self.end(f"{answer.code}: {answer.message}", now)
+            return Refusal(answer.code, answer.message)
+        self.welcome = answer
+        self._hello_by = math.inf
+        return hello
+
+    def _refuse_packet(self, error: ProtocolError, payload: bytes, now: float) -> Refusal:
+        """An `error` after hello [NEG-29]; before, silence, or an end for who awaits a reply."""
+        kind, request = _type_and_id(payload)
+        if self.welcome is None and self._is_heard and kind in REQUESTS:
+            self.end(f"{error}, and the client awaits a reply [REQ-9]", now)
+        self._send_error(error.code, str(error), error.pointer, request)
+        return Refusal(error.code, str(error))
+
+    def _send_error(
+        self, code: str, text: str, pointer: str | None = None, request: int | None = None
+    ) -> None:
+        if self.welcome is not None:
+            text = text[: LIMITS["max_message_chars"]]
+            self.send(ErrorMessage(code, text, id=request, pointer=pointer))
+
+
+def _type_and_id(payload: bytes) -> tuple[object, int | None]:
+    """What can be said of a packet that is refused: its type, and its `id` if that is one."""
+    try:
+        message = parse_object(payload)
+    except ProtocolError:
+        return None, None
+    request = message.get("id")
+    is_id = type(request) is int and 0 <= request <= LIMITS["max_safe_integer"]
+    return message.get("type"), request if is_id else None

@@ -1,0 +1,233 @@
+"""The sockets of both channels, on one thread: bytes to connections, messages to the session.
+
+No connection can hold up another or the renderer: every socket is non-blocking, what a client does
+not read waits within limits, and whatever goes wrong with one connection ends that one only.
+"""
+
+from __future__ import annotations
+
+import logging
+import selectors
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from splatbus_wire.messages import Channel, Hello
+
+from splatbus_server.connection import Connection, Refusal, Terms
+from splatbus_server.session import Session
+from splatbus_server.statistics import Statistics
+
+MOST_CONNECTIONS = 8
+"""On each channel [LIM-1]."""
+READ_BYTES = 16384
+"""Taken from one connection before the others have their turn."""
+PAUSE_SECONDS = 1.0
+"""After a connection that the system would not accept, before the next is tried."""
+
+log = logging.getLogger("splatbus_server")
+
+
+@dataclass(eq=False)
+class Peer:
+    """A connection and its socket; `noted` counts what was refused, by reason."""
+
+    name: str
+    socket: socket.socket
+    connection: Connection
+    noted: Counter[str] = field(default_factory=Counter)
+    shut: bool = False
+
+
+class Service:
+    """Serves both channels until it is told to stop."""
+
+    def __init__(
+        self,
+        listeners: Mapping[Channel, socket.socket],
+        session: Session,
+        terms: Terms,
+        statistics: Statistics,
+    ) -> None:
+        self._listeners = listeners
+        self._session = session
+        self._terms = terms
+        self._statistics = statistics
+        self._peers: list[Peer] = []
+        self._selector = selectors.DefaultSelector()
+        self._bell, self._ringer = socket.socketpair()
+        self._bell.setblocking(False)
+        self._ringer.setblocking(False)
+        self._rung = False
+        self._stopping = False
+        self._accept_from = 0.0
+        self._selector.register(self._bell, selectors.EVENT_READ, self._on_bell)
+        self._accept_again()
+
+    def ring(self) -> None:
+        """From another thread: there is news to pass on to clients."""
+        if not self._rung:
+            self._rung = True
+            with suppress(OSError):  # closed meanwhile, or enough rings are on their way
+                self._ringer.send(b"!")
+
+    def stop(self) -> None:
+        """From another thread: makes `run` return."""
+        self._stopping = True
+        self._rung = False
+        self.ring()
+
+    def run(self) -> None:
+        """Serves; closes every socket at the end."""
+        try:
+            while not self._stopping:
+                self._turn()
+        finally:
+            for peer in self._peers:
+                peer.socket.close()
+            for listener in self._listeners.values():
+                listener.close()
+            self._selector.close()
+            self._bell.close()
+            self._ringer.close()
+
+    def _turn(self) -> None:
+        deadline = min((p.connection.deadline for p in self._peers), default=float("inf"))
+        if self._accept_from:
+            deadline = min(deadline, self._accept_from)
+        wait = max(0.0, deadline - time.monotonic())
+        for key, _ in self._selector.select(None if wait == float("inf") else wait):
+            key.data()
+        now = time.monotonic()
+        if self._accept_from and now >= self._accept_from:
+            self._accept_again()
+        for peer in self._peers:
+            if now >= peer.connection.deadline:
+                peer.connection.expire(now)
+        self._session.catch_up(now)
+        for peer in self._peers[:]:
+            self._flush(peer, now)
+
+    def _on_bell(self) -> None:
+        self._rung = False
+        with suppress(BlockingIOError):
+            self._bell.recv(64)
+
+    def _accept_again(self) -> None:
+        self._accept_from = 0.0
+        for channel, listener in self._listeners.items():
+            accept = self._accepting(channel, listener)
+            self._selector.register(listener, selectors.EVENT_READ, accept)
+
+    def _accepting(self, channel: Channel, listener: socket.socket) -> Callable[[], None]:
+        return lambda: self._accept(channel, listener)
+
+    def _accept(self, channel: Channel, listener: socket.socket) -> None:
+        now = time.monotonic()
+        try:
+            accepted, address = listener.accept()
+        except (BlockingIOError, InterruptedError, ConnectionError):
+            return
+        except OSError as error:  # no more files, no more memory
+            log.error("%s: cannot accept a connection: %s", channel, error)
+            self._accept_from = now + PAUSE_SECONDS
+            for paused in self._listeners.values():
+                self._selector.unregister(paused)
+            return
+        name = f"{channel} {address[0]}:{address[1]}"
+        if sum(p.connection.channel == channel for p in self._peers) >= MOST_CONNECTIONS:
+            log.warning("%s: refused, %d connections are open [LIM-1]", name, MOST_CONNECTIONS)
+            self._statistics.refused["too_many_connections"] += 1
+            accepted.close()
+            return
+        accepted.setblocking(False)
+        with suppress(OSError):  # where the client is gone already
+            accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        peer = Peer(name, accepted, Connection(channel, self._terms, now))
+        self._peers.append(peer)
+        self._statistics.connections += 1
+        self._selector.register(accepted, selectors.EVENT_READ, lambda: self._serve(peer))
+        log.info("%s: connected", name)
+
+    def _serve(self, peer: Peer) -> None:
+        try:
+            self._read(peer)
+        except Exception:
+            log.exception("%s: dropped because of a defect of this server", peer.name)
+            if peer in self._peers:
+                self._drop(peer)
+
+    def _read(self, peer: Peer) -> None:
+        connection = peer.connection
+        if not connection.input_ended:
+            try:
+                data = peer.socket.recv(READ_BYTES)
+            except (BlockingIOError, InterruptedError):
+                data = None
+            except OSError as error:
+                log.info("%s: lost: %s", peer.name, error.strerror)
+                self._drop(peer)
+                return
+            if data is not None:
+                self._take(peer, data)
+        self._flush(peer, time.monotonic())
+
+    def _take(self, peer: Peer, data: bytes) -> None:
+        connection, now = peer.connection, time.monotonic()
+        connection.receive(data, now)
+        while (event := connection.next_event(now)) is not None:
+            if isinstance(event, Hello):
+                log.info("%s: %s, %s", peer.name, event.client, connection.welcome)
+            if not isinstance(event, Refusal):
+                event = self._session.handle(connection, event, now)
+            if event is not None:
+                self._note(peer, event)
+
+    def _note(self, peer: Peer, refusal: Refusal) -> None:
+        """Counts a refusal; logs the first of its kind, for a client may repeat it forever."""
+        self._statistics.refused[refusal.code] += 1
+        peer.noted[refusal.code] += 1
+        if peer.noted[refusal.code] == 1:
+            log.warning("%s: refused: %s: %s", peer.name, refusal.code, refusal.reason)
+
+    def _flush(self, peer: Peer, now: float) -> None:
+        """Sends what can be sent, ends what is to be ended, waits for what must be waited for."""
+        connection = peer.connection
+        if connection.unsent:
+            try:
+                count = peer.socket.send(connection.unsent)
+            except (BlockingIOError, InterruptedError):
+                count = 0
+            except OSError as error:
+                log.info("%s: lost: %s", peer.name, error.strerror)
+                self._drop(peer)
+                return
+            connection.sent(count, now)
+        if connection.over:
+            self._drop(peer)
+            return
+        if connection.ending is not None and not connection.unsent and not peer.shut:
+            peer.shut = True
+            with suppress(OSError):
+                peer.socket.shutdown(socket.SHUT_WR)
+        events = 0 if connection.input_ended else selectors.EVENT_READ
+        events |= selectors.EVENT_WRITE if connection.unsent else 0
+        key = self._selector.get_key(peer.socket)
+        if events and key.events != events:
+            self._selector.modify(peer.socket, events, key.data)
+
+    def _drop(self, peer: Peer) -> None:
+        self._peers.remove(peer)
+        self._selector.unregister(peer.socket)
+        peer.socket.close()
+        self._session.leave(peer.connection)
+        ignored = sum(peer.noted.values())
+        log.info(
+            "%s: closed%s%s",
+            peer.name,
+            f": {peer.connection.ending}" if peer.connection.ending else "",
+            f"; {ignored} packets refused: {dict(peer.noted)}" if ignored else "",
+        )
