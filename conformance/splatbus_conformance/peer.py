@@ -18,6 +18,8 @@ from splatbus_conformance.recording import Channel, Direction, Entry, Event
 T = TypeVar("T")
 CHANNELS: tuple[Channel, Channel] = ("ipc", "msg")
 SEND_SECONDS = 5.0
+TICK_SECONDS = 0.02
+"""How often a condition is looked at while nothing happens on the wire."""
 RESET_ON_CLOSE = (
     struct.pack("ii", 1, 0) if hasattr(socket, "SO_REUSEPORT") else struct.pack("hh", 1, 0)
 )
@@ -130,11 +132,7 @@ class Peer:
         """Handle what happens within `seconds`; at least what has happened already."""
         deadline = time.monotonic() + seconds
         while True:
-            for key, _ in self._selector.select(max(0.0, deadline - time.monotonic())):
-                if isinstance(key.data, Connection):
-                    self._handle(key.data)
-                else:
-                    self._accept(key.data)
+            self._step(max(0.0, deadline - time.monotonic()))
             if time.monotonic() >= deadline:
                 return
 
@@ -142,7 +140,7 @@ class Peer:
         """Pump until `condition` gives something true, or `seconds` pass; what it gave last."""
         deadline = time.monotonic() + seconds
         while not (given := condition()) and (left := deadline - time.monotonic()) > 0:
-            self.pump(min(left, 0.02))
+            self._step(min(left, TICK_SECONDS))
         return given
 
     def clear(self) -> None:
@@ -175,6 +173,13 @@ class Peer:
         """Stop watching a socket."""
         with contextlib.suppress(KeyError, ValueError):
             self._selector.unregister(sock)
+
+    def _step(self, seconds: float) -> None:
+        for key, _ in self._selector.select(seconds):
+            if isinstance(key.data, Connection):
+                self._handle(key.data)
+            else:
+                self._accept(key.data)
 
     def _now(self) -> float:
         return time.monotonic() - self._start
