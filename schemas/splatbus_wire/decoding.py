@@ -37,6 +37,7 @@ Channel = Literal["ipc", "message"]
 
 _MAX_IMAGE_SIZE: int = LIMITS["max_image_size"]
 _MAX_NAME_CHARS: int = LIMITS["max_name_chars"]
+_CHANNELS = ("color", "depth")
 _VERSION = re.compile(r"[0-9]+\.[0-9]+")
 
 
@@ -122,24 +123,28 @@ def decode_from_server_message(
         ProtocolError: as `decode_from_client`, with `unknown_type` also for a reply that nobody
             waits for [CHN-11], and `invalid_message` for one to another request [REQ-7, NEG-28].
     """
-    message = Field(parse_object(payload), "", "")
-    expected = _reply_type(request)
-    kind = message.value.get("type", expected)
+    message = Field(parse_object(payload), "", "CHN-11")
+    typed = "type" in message.value
+    kind = message.value["type"] if typed else _reply_type(request)
+    reply: ViewportSize | CameraReply
     match kind:
         case "welcome":
             return _welcome(message)
         case "error":
             return _error(message.under("NEG-23"))
-        case "viewport_size" | "camera" if request is not None:
-            reply = _viewport_size(message) if kind == "viewport_size" else _camera(message)
-            if kind != expected:
-                raise message.under("REQ-7").refused(f"is a {kind}, but a {expected} comes next")
-            if "type" in message.value and reply.id != request.id:
-                raise message.under("NEG-28").refused(f"has the id {reply.id}, not {request.id}")
-            return reply
-    if kind in (None, "viewport_size", "camera"):
-        raise message.under("CHN-11").refused("answers no request", "unknown_type")
-    raise _unknown_type(message, "NEG-9")
+        case "viewport_size":
+            reply = _viewport_size(message)
+        case "camera":
+            reply = _camera(message)
+        case _ if typed:
+            raise _unknown_type(message, "NEG-9")
+    if request is None:
+        raise message.refused("answers no request", "unknown_type")
+    if kind != _reply_type(request):
+        raise message.under("REQ-7").refused(f"is a {kind}, which the oldest request is not for")
+    if typed and reply.id != request.id:
+        raise Field(reply.id, "/id", "NEG-28").refused(f"is {reply.id}, not {request.id}")
+    return reply
 
 
 def _pose_and_timestamp(message: Field, *, or_strings: bool) -> tuple[Pose, float | None]:
@@ -152,17 +157,17 @@ def _timestamp(message: Field, *, or_string: bool = False) -> float | None:
     return None if timestamp is None else timestamp.number(or_string=or_string)
 
 
-def _id(message: Field, requirement: str = "NEG-27") -> int | None:
-    identifier = message.under(requirement).optional("id")
+def _id(message: Field) -> int | None:
+    identifier = message.under("NEG-27").optional("id")
     return None if identifier is None else identifier.integer(0, MAX_SAFE_INTEGER)
 
 
 def _generation(message: Field) -> int:
-    return message.member("generation").integer(1, MAX_SAFE_INTEGER)
+    return message.member("generation").under("MEM-1").integer(1, MAX_SAFE_INTEGER)
 
 
 def _seq(message: Field) -> int:
-    return message.member("seq").integer(0, MAX_SAFE_INTEGER)
+    return message.member("seq").under("IMG-1").integer(0, MAX_SAFE_INTEGER)
 
 
 def _hello(hello: Field) -> Hello:
@@ -195,24 +200,23 @@ def _program(program: Field) -> Program:
 
 def _capabilities(capabilities: Field) -> tuple[str, ...]:
     items = capabilities.items(0, LIMITS["max_capabilities"])
-    return _different(items, [item.string(0, _MAX_NAME_CHARS) for item in items])
+    return _different(capabilities, [item.string(0, _MAX_NAME_CHARS) for item in items])
 
 
-def _different(items: list[Field], values: list[str]) -> tuple[str, ...]:
-    for index, value in enumerate(values):
-        if value in values[:index]:
-            raise items[index].refused(f"is {brief(value)} again")
+def _different(array: Field, values: list[str]) -> tuple[str, ...]:
+    if len(set(values)) != len(values):
+        raise array.refused("names one of its items twice")
     return tuple(values)
 
 
 def _error(error: Field) -> ErrorMessage:
-    # Any code is taken, and what is not known changes nothing for the client [NEG-24].
+    # Any code and any pointer is taken: an error that breaks a rule still says something [NEG-24].
     pointer = error.optional("pointer")
     supported = error.under("NEG-10").optional("supported")
     return ErrorMessage(
         error.member("code").string(1, LIMITS["max_message_chars"]),
         error.member("message").string(0, LIMITS["max_message_chars"]),
-        _id(error, "NEG-28"),
+        _id(error),
         None if pointer is None else pointer.string(0, MAX_SAFE_INTEGER),
         None
         if supported is None
@@ -221,9 +225,9 @@ def _error(error: Field) -> ErrorMessage:
 
 
 def _subscribe(subscribe: Field) -> Subscribe:
-    channels = subscribe.member("channels").items(1, 2)
+    channels = subscribe.member("channels")
     return Subscribe(
-        frozenset(_different(channels, [item.one_of(("color", "depth")) for item in channels]))
+        frozenset(_different(channels, [item.one_of(_CHANNELS) for item in channels.items(1, 2)]))
     )
 
 
@@ -267,11 +271,11 @@ def _camera(message: Field) -> CameraReply:
 
 def _reply_id(message: Field) -> int | None:
     # Without `type` it is a reply of 1.0, which knows no `id` [JSN-7].
-    return _id(message, "NEG-28") if "type" in message.value else None
+    return _id(message) if "type" in message.value else None
 
 
 def _unknown_type(message: Field, requirement: str) -> ProtocolError:
+    kind = Field(message.value.get("type"), "/type", requirement)
     if "type" not in message.value:
-        return message.under(requirement).refused("has no type that is known", "unknown_type")
-    kind = Field(message.value["type"], "/type", requirement)
+        return kind.refused("is missing", "unknown_type")
     return kind.refused(f"is {brief(kind.value)}, which is not known here", "unknown_type")

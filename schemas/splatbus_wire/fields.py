@@ -1,5 +1,6 @@
 """Take typed values out of parsed JSON; an error says what is wrong, where and by which rule."""
 
+import math
 import re
 from collections.abc import Collection
 from typing import Any, NamedTuple
@@ -101,19 +102,17 @@ class Field(NamedTuple):
     def number(self, *, or_string: bool = False) -> float:
         """This number; `or_string` also takes a string that spells one [JSN-11].
 
-        Raises `invalid_number` [JSN-4] for a string that spells a number and is not to be taken, or
-        whose number is not finite.
+        Raises `invalid_number` for one that is not finite in double precision.
         """
-        if isinstance(self.value, str) and _NUMBER.fullmatch(self.value):
-            number = float(self.value)
-            if or_string and abs(number) < float("inf"):
-                return number
-            raise self.under("JSN-4").refused(
-                f"is the string {brief(self.value)}, not a finite number", "invalid_number"
-            )
-        if isinstance(self.value, bool) or not isinstance(self.value, (int, float)):
-            raise self.refused(f"is {kind_of(self.value)}, not a number")
-        return float(self.value)
+        value = self.value
+        if or_string and isinstance(value, str) and _NUMBER.fullmatch(value):
+            value = float(value)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise self.refused(f"is {kind_of(value)}, not a number")
+        number = float(value)
+        if not math.isfinite(number):
+            raise self.refused(f"is {brief(self.value)}, not a finite number", "invalid_number")
+        return number
 
     def coordinate(self, *, or_string: bool = False) -> float:
         """This number of a position; `invalid_number` if it is too large [POS-2]."""
@@ -137,7 +136,9 @@ def object_pose(message: Field, *, or_strings: bool = False) -> Pose:
     [POS-3].
     """
     position, rotation = message.member("position"), message.member("rotation")
-    x, y, z = (position.member(axis).coordinate(or_string=or_strings) for axis in "xyz")
+    x, y, z = (
+        position.member(axis).under("POS-2").coordinate(or_string=or_strings) for axis in "xyz"
+    )
     q = tuple(rotation.member(axis).number(or_string=or_strings) for axis in "xyzw")
     return _pose((x, y, z), q, rotation)
 

@@ -240,7 +240,7 @@ def _parse_offsets(meta: Field) -> tuple[int, int, int | None]:
 
 def _parse_legacy(root: Field) -> LegacyBuffers:
     offset_color, offset_depth, device = _parse_offsets(root.member("meta"))
-    color, depth, event = (_parse_handle(root.member(name).under("INI-7")) for name in _HANDLES)
+    color, depth, event = (_parse_handle(root.member(name)) for name in _HANDLES)
     return LegacyBuffers(color, depth, event, offset_color, offset_depth, device)
 
 
@@ -253,7 +253,8 @@ def _parse_multiple(number: Field | None, unit: int, least: int = 0) -> int:
     return value
 
 
-def _parse_handle(handle: Field) -> bytes:
+def _parse_handle(member: Field) -> bytes:
+    handle = member.under("INI-7")
     text = handle.string(0, MAX_SAFE_INTEGER)
     try:
         decoded = b64decode(text, validate=True)

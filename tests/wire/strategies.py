@@ -1,0 +1,177 @@
+"""Every message that the protocol defines, at random and valid."""
+
+import math
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+from splatbus_wire.init_packet import (
+    CudaMemory,
+    HostMemory,
+    InitPacket,
+    LegacyBuffers,
+    Ring,
+    Semantics,
+    host_ring,
+)
+from splatbus_wire.messages import (
+    CameraPose,
+    CameraReply,
+    Closed,
+    ErrorMessage,
+    Frame,
+    FrameCamera,
+    GetCameraPose,
+    GetViewportSize,
+    Hello,
+    Opened,
+    OpenFailed,
+    PointCloudPose,
+    Pose,
+    Program,
+    Release,
+    Subscribe,
+    ViewportSize,
+    Welcome,
+)
+
+from tests.wire.stress import positions, quaternions
+
+MAX_INTEGER = LIMITS["max_safe_integer"]
+FARTHEST = LIMITS["max_position"]
+CODES = (
+    "malformed_packet packet_too_large unsupported_version unauthorized too_many_clients"
+    " malformed_json not_an_object unknown_type invalid_message invalid_rotation invalid_number"
+    " unsupported busy internal"
+).split()
+
+
+def text(least: int, most: int) -> st.SearchStrategy[str]:
+    return st.text(st.characters(exclude_categories=["Cs"]), min_size=least, max_size=most)
+
+
+def sizes(least: int) -> st.SearchStrategy[int]:
+    return st.integers(least, LIMITS["max_image_size"])
+
+
+floats = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(5e-324, 1e300)
+timestamps = st.none() | floats
+ids = st.none() | st.integers(0, MAX_INTEGER)
+generations = st.integers(1, MAX_INTEGER)
+seqs = st.integers(0, MAX_INTEGER)
+versions = st.builds("{}.{}".format, st.integers(0, 99), st.integers(0, 99))
+names = text(0, LIMITS["max_name_chars"])
+name_lists = st.lists(names, unique=True, max_size=LIMITS["max_capabilities"]).map(tuple)
+programs = st.builds(Program, names, names)
+
+poses = st.builds(
+    Pose,
+    positions | st.sampled_from([(FARTHEST, -FARTHEST, 0.0)]),
+    quaternions() | st.sampled_from([(0.0, 0.0, 0.0, 0.9901), (0.0, -1.0099, 0.0, 0.0)]),
+)
+
+pose_messages = st.builds(CameraPose, poses, timestamps) | st.builds(
+    PointCloudPose, poses, timestamps
+)
+requests = st.builds(GetViewportSize, ids, timestamps) | st.builds(
+    GetCameraPose, st.integers(-MAX_INTEGER, MAX_INTEGER), ids, timestamps
+)
+replies = st.builds(ViewportSize, sizes(0), sizes(0), ids) | st.builds(CameraReply, poses, ids)
+hellos = st.builds(
+    Hello,
+    st.lists(versions, min_size=1, max_size=LIMITS["max_versions"]).map(tuple),
+    programs,
+    name_lists,
+    st.none() | text(1, LIMITS["max_token_chars"]),
+)
+welcomes = st.builds(Welcome, versions, programs, name_lists)
+errors = st.builds(
+    ErrorMessage,
+    st.sampled_from([code for code in CODES if code != "unsupported_version"]),
+    text(0, 40),
+    ids,
+    st.none() | st.sampled_from(["", "/position/x", "/a~1b/~0"]),
+    st.none(),
+) | st.builds(
+    ErrorMessage,
+    st.just("unsupported_version"),
+    text(0, 40),
+    st.none(),
+    st.none(),
+    st.just(("1.1", "1.0")),
+)
+ipc_replies = (
+    st.builds(Opened, generations)
+    | st.builds(OpenFailed, generations, text(1, 80))
+    | st.builds(Closed, generations)
+    | st.builds(Release, generations, seqs)
+    | st.builds(Subscribe, st.sampled_from([{"color"}, {"depth"}, {"color", "depth"}]))
+)
+frames = st.builds(
+    Frame,
+    generations,
+    seqs,
+    st.integers(0, LIMITS["max_slots"] - 1),
+    st.builds(
+        FrameCamera, poses, positive, positive, floats, floats,
+        sizes(1), sizes(1), positive, positive,
+    ),
+    floats,
+    floats,
+)  # fmt: skip
+
+handles = st.binary(min_size=LIMITS["handle_bytes"], max_size=LIMITS["handle_bytes"])
+legacy_buffers = st.builds(
+    LegacyBuffers,
+    handles,
+    handles,
+    handles,
+    st.integers(0, MAX_INTEGER // 16).map(lambda n: 16 * n),
+    st.integers(0, MAX_INTEGER // 4).map(lambda n: 4 * n),
+    st.none() | st.integers(0, MAX_INTEGER),
+)
+semantics = st.builds(
+    Semantics,
+    st.sampled_from(["straight", "premultiplied"]),
+    st.sampled_from(["srgb", "linear"]),
+    st.sampled_from(["planar_z", "ray_distance"]),
+    st.sampled_from(["harmonic", "expected", "median"]),
+    st.just(math.inf) | floats,
+    st.none() | positive,
+    st.tuples(floats, floats, floats),
+)
+shm_names = st.from_regex(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}", fullmatch=True)
+uuids = st.uuids().map("GPU-{}".format)
+
+
+@st.composite
+def init_packets(draw: st.DrawFn) -> InitPacket:
+    width, height = draw(sizes(1)), draw(sizes(1))
+    kind = draw(st.sampled_from(["1.0", "host_shm", "cuda_ipc"]))
+    if kind == "1.0":
+        return InitPacket(width, height, draw(legacy_buffers))
+    slots = draw(st.integers(1, 5))
+    ring, size = host_ring(width, height, slots)
+    if kind == "host_shm":
+        memory, legacy = HostMemory(draw(shm_names), size), None
+    else:
+        memory, legacy = CudaMemory(draw(uuids), size), draw(legacy_buffers)
+        ring = draw(st.none() | st.just(ring._replace(events=(draw(handles),) * slots)))
+    return InitPacket(
+        width, height, legacy, "1.1", draw(generations), memory, ring, draw(semantics)
+    )  # fmt: skip
+
+
+def rings(width: int, height: int) -> st.SearchStrategy[Ring]:
+    """Rings whose slots are large enough, wherever they lie."""
+    units = st.integers(0, 40).map(lambda n: 16 * n)
+    color_bytes, depth_bytes = 16 * width * height, -(-4 * width * height // 16) * 16
+    return st.builds(
+        Ring,
+        st.integers(1, 4),
+        units,
+        units.map(lambda gap: color_bytes + gap),
+        units,
+        units.map(lambda gap: depth_bytes + gap),
+        st.just(()),
+    )

@@ -1,0 +1,432 @@
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from splatbus_schemas import VERSIONS, InvalidExample, ValidExample, examples, names
+from splatbus_schemas.validation import violations
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.framing import PacketDecoder
+from splatbus_wire.messages import (
+    CameraPose,
+    CameraReply,
+    Channel,
+    ErrorMessage,
+    Frame,
+    GetCameraPose,
+    GetViewportSize,
+    Hello,
+    InitPacket,
+    Message,
+    PointCloudPose,
+    Pose,
+    Program,
+    ViewportSize,
+    Welcome,
+    decode_from_client,
+    decode_from_server_ipc,
+    decode_from_server_message,
+    encode,
+    message_object,
+)
+
+from tests.wire import strategies
+
+UP = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+ORIGIN = {"x": 0.0, "y": 0.0, "z": 0.0}
+POSE = {"type": "camera_pose", "position": ORIGIN, "rotation": UP}
+IPC_MESSAGES = {"hello", "opened", "open_failed", "closed", "release", "subscribe"}
+FROM_SERVER_IPC = {"init_packet", "welcome", "error", "frame"}
+REPLIES = {
+    "viewport_size": GetViewportSize,
+    "viewport_size_reply": GetViewportSize,
+    "camera": lambda identifier: GetCameraPose(0, identifier),
+    "camera_pose_reply": lambda identifier: GetCameraPose(0, identifier),
+}
+SCHEMAS = {
+    CameraPose: "camera_pose",
+    PointCloudPose: "point_cloud_pose",
+    GetViewportSize: "get_viewport_size",
+    GetCameraPose: "get_camera_pose",
+    ViewportSize: "viewport_size",
+    CameraReply: "camera",
+    ErrorMessage: "error",
+    InitPacket: "init_packet",
+}
+MESSAGES = [(name, version) for version in VERSIONS for name in names(version)]
+VALID = [(*message, example) for message in MESSAGES for example in examples(*message)[0]]
+INVALID = [(*message, example) for message in MESSAGES for example in examples(*message)[1]]
+
+
+def payload(message: object) -> bytes:
+    return json.dumps(message, ensure_ascii=False).encode()
+
+
+def payload_of(packet: bytes) -> bytes:
+    decoder = PacketDecoder()
+    decoder.receive(packet)
+    found = decoder.next_packet()
+    assert found is not None
+    assert decoder.next_packet() is None
+    return found
+
+
+def from_client(
+    message: object, channel: Channel = "message", *, said_hello: bool = True
+) -> Message:
+    return decode_from_client(payload(message), channel, said_hello=said_hello)
+
+
+def refusal(decode, *arguments, **keywords) -> ProtocolError:
+    with pytest.raises(ProtocolError) as caught:
+        decode(*arguments, **keywords)
+    return caught.value
+
+
+def schema_name(message: Message) -> str:
+    kind = type(message)
+    return SCHEMAS.get(
+        kind, {"OpenFailed": "open_failed"}.get(kind.__name__, kind.__name__.lower())
+    )
+
+
+def assert_valid(message: Message, version: str = "1.1") -> None:
+    sent = json.loads(payload_of(encode(message, typed_replies=True)))
+    assert violations(sent, schema_name(message), version) == []
+
+
+# Round trips, each also judged by the schemas
+
+
+@given(strategies.pose_messages)
+def test_poses_survive_the_wire(message):
+    for said_hello in (False, True):
+        sent = payload_of(encode(message))
+        assert decode_from_client(sent, "message", said_hello=said_hello) == message
+    assert_valid(message, "1.0")
+
+
+@given(strategies.requests)
+def test_requests_survive_the_wire(message):
+    sent = payload_of(encode(message))
+    assert decode_from_client(sent, "message", said_hello=True) == message
+    without_id = message._replace(id=None)
+    assert decode_from_client(sent, "message", said_hello=False) == without_id
+    assert_valid(message)
+
+
+@given(strategies.replies)
+def test_replies_survive_the_wire(message):
+    request = REPLIES[schema_name(message)](message.id)
+    typed = payload_of(encode(message, typed_replies=True))
+    assert decode_from_server_message(typed, request) == message
+    plain = payload_of(encode(message))
+    assert "type" not in json.loads(plain)
+    assert decode_from_server_message(plain, request) == message._replace(id=None)
+    assert_valid(message)
+
+
+@given(strategies.hellos, st.sampled_from(["ipc", "message"]), st.booleans())
+def test_hello_survives_the_wire(message, channel, said_hello):
+    sent = payload_of(encode(message))
+    assert decode_from_client(sent, channel, said_hello=said_hello) == message
+    assert_valid(message)
+
+
+@given(strategies.ipc_replies)
+def test_what_a_client_says_of_memory_survives_the_wire(message):
+    sent = payload_of(encode(message))
+    assert decode_from_client(sent, "ipc", said_hello=True) == message
+    assert_valid(message)
+
+
+@given(strategies.welcomes | strategies.errors)
+def test_welcome_and_error_survive_the_wire_on_both_channels(message):
+    sent = payload_of(encode(message))
+    assert decode_from_server_ipc(sent) == message
+    assert decode_from_server_message(sent, None) == message
+    assert decode_from_server_message(sent, GetViewportSize(4)) == message
+    assert_valid(message)
+
+
+@given(strategies.frames)
+def test_frames_survive_the_wire(message):
+    assert decode_from_server_ipc(payload_of(encode(message))) == message
+    assert_valid(message)
+
+
+def test_members_stand_in_the_order_of_the_specification():
+    pose = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
+    assert payload_of(encode(CameraPose(pose, 12.5))) == (
+        b'{"type":"camera_pose","timestamp":12.5,"position":{"x":1.0,"y":-2.0,"z":5.0},'
+        b'"rotation":{"x":-0.1,"y":0.2,"z":-0.3,"w":0.9273618495495703}}'
+    )
+    assert payload_of(encode(ViewportSize(1920, 1080, 3))) == b'{"viewport_size":[1920,1080]}'
+    assert payload_of(encode(ViewportSize(320, 240, 3), typed_replies=True)) == (
+        b'{"type":"viewport_size","id":3,"viewport_size":[320,240]}'
+    )
+
+
+# The hand-written examples
+
+
+def decode_example(name: str, message: object, *, said_hello: bool) -> Message:
+    if name in FROM_SERVER_IPC:
+        return decode_from_server_ipc(payload(message))
+    if name in REPLIES:
+        identifier = message.get("id") if isinstance(message, dict) else None
+        return decode_from_server_message(payload(message), REPLIES[name](identifier))
+    channel: Channel = "ipc" if name in IPC_MESSAGES else "message"
+    return from_client(message, channel, said_hello=said_hello)
+
+
+def label(value: object) -> str | None:
+    return value.why if isinstance(value, ValidExample | InvalidExample) else None
+
+
+@pytest.mark.parametrize(("name", "version", "example"), VALID, ids=label)
+def test_valid_examples_are_taken(name, version, example):
+    if name == "init_packet" and version == "1.0" and "version" in example.message:
+        pytest.skip("to a receiver of 1.1 `version` is no unknown member")
+    decode_example(name, example.message, said_hello=version == "1.1")
+
+
+def wanted_refusal(name: str, example: InvalidExample) -> tuple[str, str]:
+    """What the wire says of an invalid example, which it meets without knowing what it is."""
+    message = example.message
+    if not isinstance(message, dict):
+        return "JSN-1", ""
+    if example.pointer == "/type" or (name == "init_packet" and "meta" not in message):
+        server = "INI-11" if name in FROM_SERVER_IPC else "NEG-9"
+        return server, "/type"
+    if name == "init_packet" and example.pointer == "/version" and "version" not in message:
+        return "INI-1", "/mem_color"  # it is an init packet of 1.0, which has handles
+    return example.requirement, example.pointer
+
+
+def is_borne(name: str, example: InvalidExample) -> bool:
+    """Whether a client takes it although no server may send it."""
+    if not isinstance(example.message, dict):
+        return False
+    found = example.message.get(example.pointer[1:])
+    if name == "error":  # NEG-24: whatever its code
+        return (example.pointer in ("/code", "/pointer") and isinstance(found, str)) or (
+            example.pointer == "/supported" and found is None
+        )
+    return name in REPLIES and example.pointer == "/type" and found is None
+
+
+@pytest.mark.parametrize(("name", "version", "example"), INVALID, ids=label)
+def test_invalid_examples_are_refused_where_and_why_the_example_says(name, version, example):
+    if is_borne(name, example):
+        decode_example(name, example.message, said_hello=True)
+        return
+    error = refusal(decode_example, name, example.message, said_hello=True)
+    assert (error.requirement, error.pointer) == wanted_refusal(name, example)
+
+
+# What a client sends
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "requirement", "pointer"),
+    [
+        ({"position": None}, "invalid_message", "POS-1", "/position"),
+        ({"position": ORIGIN | {"y": True}}, "invalid_message", "POS-2", "/position/y"),
+        ({"position": ORIGIN | {"y": 1e39}}, "invalid_number", "POS-2", "/position/y"),
+        ({"rotation": UP | {"w": False}}, "invalid_message", "POS-1", "/rotation/w"),
+        ({"rotation": UP | {"w": 1.011}}, "invalid_rotation", "POS-3", "/rotation"),
+        ({"rotation": UP | {"w": 0}}, "invalid_rotation", "POS-3", "/rotation"),
+        ({"rotation": UP | {"w": 1e308, "x": 1e308}}, "invalid_rotation", "POS-3", "/rotation"),
+        ({"timestamp": None}, "invalid_message", "POS-8", "/timestamp"),
+    ],
+)
+def test_a_broken_pose_is_refused_with_code_requirement_and_pointer(
+    change, code, requirement, pointer
+):
+    error = refusal(from_client, POSE | change)
+    assert (error.code, error.requirement, error.pointer) == (code, requirement, pointer)
+
+
+def test_an_error_says_what_is_wrong():
+    rotation = {name: UP[name] for name in "xyz"}
+    error = refusal(from_client, POSE | {"rotation": rotation})
+    assert str(error) == "rotation.w is missing at /rotation/w [POS-1]"
+    error = refusal(from_client, POSE | {"position": {"x": "1", "y": 0, "z": 0}})
+    assert str(error) == "position.x is a string, not a number at /position/x [POS-2]"
+
+
+@pytest.mark.parametrize("spelling", ["1", "-0.5", "1.0e-3", "12E+1", "0"])
+def test_before_hello_a_pose_may_spell_numbers_as_strings(spelling):
+    message = POSE | {"position": ORIGIN | {"x": spelling}, "rotation": UP | {"w": "1.0"}}
+    decoded = from_client(message, said_hello=False)
+    assert decoded == CameraPose(Pose((float(spelling), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+    assert refusal(from_client, message, said_hello=True).requirement == "POS-2"
+
+
+@pytest.mark.parametrize(
+    "spelling",
+    ["", " 1", "1 ", "1_0", "nan", "Infinity", "0x1", "+1", ".5", "1.", "01", "١", "1e400", "1e39"],
+)
+def test_a_string_that_is_no_number_in_json_is_refused(spelling):
+    message = POSE | {"position": ORIGIN | {"x": spelling}}
+    assert refusal(from_client, message, said_hello=False).pointer == "/position/x"
+
+
+def test_only_poses_may_spell_numbers_as_strings():
+    request = {"type": "get_camera_pose", "cam_idx": "0"}
+    assert refusal(from_client, request, said_hello=False).pointer == "/cam_idx"
+
+
+@pytest.mark.parametrize("identifier", [-1, 1.5, 2**53, "3", None, True])
+def test_an_id_counts_only_after_hello(identifier):
+    request = {"type": "get_viewport_size", "id": identifier}
+    assert from_client(request, said_hello=False) == GetViewportSize()
+    error = refusal(from_client, request, said_hello=True)
+    assert (error.requirement, error.pointer) == ("NEG-27", "/id")
+
+
+def test_integers_may_have_a_fraction_of_zero():
+    request = {"type": "get_camera_pose", "cam_idx": -64.0, "id": 3e0}
+    decoded = from_client(request)
+    assert decoded == GetCameraPose(-64, 3)
+    assert type(decoded.cam_idx) is type(decoded.id) is int
+
+
+@pytest.mark.parametrize(
+    ("channel", "kind", "said_hello", "requirement"),
+    [
+        ("message", "opened", True, "NEG-9"),
+        ("message", "wave", False, "REQ-8"),
+        ("message", "wave", True, "NEG-9"),
+        ("message", 1, False, "REQ-8"),
+        ("message", None, False, "REQ-8"),
+        ("message", ["hello"], False, "REQ-8"),
+        ("message", "x" * 100_000, False, "REQ-8"),
+        ("ipc", "camera_pose", True, "NEG-9"),
+        ("ipc", "get_viewport_size", False, "NEG-9"),
+    ],
+)
+def test_a_type_that_the_channel_does_not_know_is_unknown(channel, kind, said_hello, requirement):
+    error = refusal(from_client, POSE | {"type": kind}, channel, said_hello=said_hello)
+    assert (error.code, error.requirement) == ("unknown_type", requirement)
+    assert error.pointer == "/type"
+    assert len(str(error)) < 200
+
+
+@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("said_hello", [False, True])
+def test_a_message_without_type_is_unknown(channel, said_hello):
+    assert refusal(from_client, {}, channel, said_hello=said_hello).code == "unknown_type"
+
+
+def test_a_token_is_not_logged():
+    hello = Hello(("1.1",), Program("a", "1"), (), "secret")
+    assert "secret" not in repr(hello)
+    assert "token=None" in repr(hello._replace(token=None))
+
+
+# What a server sends
+
+
+def test_a_reply_without_type_is_what_was_asked_for():
+    size, pose = {"viewport_size": [64, 48]}, {"position": [0, 0, 0], "rotation": [0, 0, 0, 1]}
+    both = payload(size | pose | {"id": "not known in 1.0"})
+    assert decode_from_server_message(both, GetViewportSize(3)) == ViewportSize(64, 48)
+    assert isinstance(decode_from_server_message(both, GetCameraPose(0, 3)), CameraReply)
+
+
+def test_a_reply_to_no_request_is_unknown():
+    for reply in ({"viewport_size": [64, 48]}, {"type": "viewport_size", "viewport_size": [1, 1]}):
+        error = refusal(decode_from_server_message, payload(reply), None)
+        assert (error.code, error.requirement) == ("unknown_type", "CHN-11")
+
+
+def test_a_reply_to_another_request_is_refused():
+    reply = payload_of(encode(ViewportSize(64, 48, 3), typed_replies=True))
+    error = refusal(decode_from_server_message, reply, GetCameraPose(0, 3))
+    assert (error.code, error.requirement) == ("invalid_message", "REQ-7")
+    for identifier in (None, 4):
+        error = refusal(decode_from_server_message, reply, GetViewportSize(identifier))
+        assert (error.requirement, error.pointer) == ("NEG-28", "/id")
+
+
+@pytest.mark.parametrize("kind", ["scene", 1, None, []])
+def test_an_unknown_type_from_a_server_is_unknown(kind):
+    reply = payload({"type": kind, "viewport_size": [64, 48]})
+    error = refusal(decode_from_server_message, reply, GetViewportSize())
+    assert (error.code, error.requirement) == ("unknown_type", "NEG-9")
+    error = refusal(decode_from_server_ipc, reply)
+    assert (error.code, error.requirement) == ("unknown_type", "INI-11")
+
+
+@pytest.mark.parametrize("code", ["teapot", "busy"])
+def test_an_error_is_taken_whatever_its_code(code):
+    message = payload({"type": "error", "code": code, "message": "no", "supported": ["2.0"]})
+    assert decode_from_server_ipc(message) == ErrorMessage(code, "no", supported=("2.0",))
+
+
+# Hostile input
+
+
+bits = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=5,
+)
+templates = st.sampled_from([e.message for _, _, e in VALID if isinstance(e.message, dict)])
+
+
+@st.composite
+def damaged(draw: st.DrawFn) -> bytes:
+    """A valid message, one value of which at any depth is another or is not there."""
+    message = json.loads(json.dumps(draw(templates)))
+    place = message
+    while True:
+        name = draw(
+            st.sampled_from(sorted(place) if isinstance(place, dict) else range(len(place)))
+        )
+        inner = place[name]
+        if not isinstance(inner, dict | list) or not inner or draw(st.booleans()):
+            break
+        place = inner
+    if draw(st.booleans()) and isinstance(place, dict):
+        del place[name]
+    else:
+        place[name] = draw(bits)
+    return payload(message)
+
+
+@given(damaged() | st.binary(max_size=60), st.booleans())
+@settings(max_examples=300)
+def test_whatever_comes_is_a_message_or_a_refusal(sent, said_hello):
+    decoders = [
+        lambda: decode_from_client(sent, "ipc", said_hello=said_hello),
+        lambda: decode_from_client(sent, "message", said_hello=said_hello),
+        lambda: decode_from_server_ipc(sent),
+        lambda: decode_from_server_message(sent, None),
+        lambda: decode_from_server_message(sent, GetViewportSize(3)),
+        lambda: decode_from_server_message(sent, GetCameraPose(0)),
+    ]
+    for decode in decoders:
+        try:
+            message = decode()
+        except ProtocolError as error:
+            assert len(str(error)) < 1024  # noqa: PT017
+        else:
+            assert isinstance(message_object(message), dict)
+
+
+@given(strategies.frames)
+def test_a_number_that_is_not_finite_is_never_encoded(frame: Frame):
+    error = refusal(encode, frame._replace(time=float("nan")))
+    assert (error.requirement, error.pointer) == ("JSN-4", "/time")
+
+
+def test_what_does_not_fit_a_packet_is_never_encoded():
+    error = refusal(encode, Welcome("1.1", Program("x" * 2**20, ""), ()))
+    assert error.requirement == "FRM-2"
