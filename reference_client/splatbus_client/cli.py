@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     try:
         token = read_token(options.token_file) if options.token_file else None
-        where = settings(options.host, options.ipc_port, options.message_port, token)
+        where = settings(options.host, options.ipc_port, options.msg_port, token)
         with Session(where) as session:
             run: int = options.run(session, options)
             return run
@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     server = where.add_argument_group("server")
     server.add_argument("--host", metavar="NAME", help="host of the server")
     server.add_argument("--ipc-port", type=int, metavar="N", help="port of its IPC channel")
-    server.add_argument("--message-port", type=int, metavar="N", help="port of its message channel")
+    server.add_argument("--msg-port", type=int, metavar="N", help="port of its message channel")
     server.add_argument(
         "--token-file",
         type=Path,

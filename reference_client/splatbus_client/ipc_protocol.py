@@ -71,20 +71,15 @@ class IpcProtocol:
     # What the owner does
 
     def opened(self, packet: InitPacket) -> None:
-        """Tell the server that the memory of an announced packet is mapped and checked [OPN-2].
-
-        What was open before is retired: a `frame` of it that still comes is given back unread.
-        """
+        """Tell the server that the memory of an announced packet is mapped and checked [OPN-2]."""
         if packet.generation is None or packet.ring is None:
             raise ValueError("only memory with a generation and a ring can be opened")
-        self._retire()
         self._slots[packet.generation] = packet.ring.slots
         self._send(Opened(packet.generation))
         self._written = self._wanted_and_written()
 
     def open_failed(self, packet: InitPacket, reason: str) -> None:
         """Tell the server, where it speaks 1.1, that an announced packet cannot be opened."""
-        self._retire()
         if self.version == "1.1" and packet.generation is not None:
             self._send(OpenFailed(packet.generation, reason[: LIMITS["max_reason_chars"]]))
 
@@ -201,10 +196,11 @@ class IpcProtocol:
             yield Ignored("a further init packet came, and reinit was not agreed [OPN-6]")
         else:
             self._last_generation = generation
+            # A frame of the former memory that still comes is given back unread.
+            self._retired.update(self._slots)
             if isinstance(packet, InitPacket):
                 yield Announced(packet)
             else:
-                self._retire()
                 self._send(OpenFailed(generation, packet.reason[: LIMITS["max_reason_chars"]]))
                 yield Declined(generation, packet.reason)
 
@@ -221,9 +217,6 @@ class IpcProtocol:
             self.release(frame)
         else:
             yield Lent(frame, self._written)
-
-    def _retire(self) -> None:
-        self._retired.update(self._slots)
 
     def _wanted_and_written(self) -> frozenset[str]:
         return self._wanted if "subscribe" in self.capabilities else CHANNELS

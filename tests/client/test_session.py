@@ -1,26 +1,14 @@
 """A session against a server that the test plays, over real sockets and real shared memory."""
 
-import json
-import threading
-import time
-
 import numpy as np
 import pytest
-from splatbus_client import Pose, ServerRefusedError, connect
-from splatbus_wire.errors import ProtocolError
+from splatbus_client import Pose
 
 from tests.client.fake_server import (
     HEIGHT,
-    IPC_CAPABILITIES,
-    SIZE,
     WIDTH,
-    FakeServer,
-    Memory,
-    cuda_init_packet,
     frame,
     init_packet,
-    packet,
-    welcome,
 )
 
 POSE = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))

@@ -1,0 +1,65 @@
+"""Where the server is: arguments before the environment before the specification."""
+
+import os
+
+import pytest
+from splatbus_client.settings import read_token, settings
+
+ENVIRONMENT = {
+    "SPLATBUS_HOST": "renderer",
+    "SPLATBUS_IPC_PORT": "7001",
+    "SPLATBUS_MSG_PORT": "7000",
+    "SPLATBUS_TOKEN": "from-environment",
+}
+
+
+def test_defaults_are_those_of_the_specification():
+    assert settings(environment={}) == ("127.0.0.1", 6001, 6000, None)
+
+
+def test_the_environment_comes_before_defaults():
+    assert settings(environment=ENVIRONMENT) == ("renderer", 7001, 7000, "from-environment")
+
+
+def test_arguments_come_before_the_environment():
+    given = settings("::1", 1, 2, "given", environment=ENVIRONMENT)
+    assert given == ("::1", 1, 2, "given")
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "-1", "6001.0", "ipc", "٦٠٠١"])
+def test_a_bad_port_is_refused_by_the_name_of_its_variable(port):
+    with pytest.raises(ValueError, match="SPLATBUS_IPC_PORT"):
+        settings(environment={"SPLATBUS_IPC_PORT": port})
+
+
+def test_a_bad_port_that_was_given_is_refused():
+    with pytest.raises(ValueError, match="70000"):
+        settings(ipc_port=70000, environment={})
+
+
+def test_a_token_that_no_hello_can_carry_is_refused():
+    with pytest.raises(ValueError, match="NEG-2"):
+        settings(token="x" * 257, environment={})
+
+
+def test_a_token_is_read_without_the_space_around_it(tmp_path):
+    path = tmp_path / "token"
+    path.touch(0o600)
+    path.write_text(" secret\n")
+    assert read_token(path) == "secret"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+def test_a_token_that_others_can_read_is_refused(tmp_path):
+    path = tmp_path / "token"
+    path.write_text("secret")
+    path.chmod(0o640)
+    with pytest.raises(ValueError, match="chmod 600"):
+        read_token(path)
+
+
+def test_an_empty_token_file_is_refused(tmp_path):
+    path = tmp_path / "token"
+    path.touch(0o600)
+    with pytest.raises(ValueError, match="no token"):
+        read_token(path)
