@@ -112,9 +112,10 @@ class Service:
             self._flush(peer, now)
 
     def _on_bell(self) -> None:
-        self._rung = False
         with suppress(BlockingIOError):
             self._bell.recv(64)
+        # Only now: a ring before this is in what was just read, one after it sends another byte.
+        self._rung = False
 
     def _accept_again(self) -> None:
         self._accept_from = 0.0
