@@ -3,10 +3,11 @@
 import argparse
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 
 from splatbus_conformance import commands
-from splatbus_conformance.verdicts import EXIT_INTERRUPTED
+from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT
 
 EPILOG = """\
 examples:
@@ -123,3 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        print("no verdict: the harness failed; the fault is its own", file=sys.stderr)
+        return EXIT_NO_VERDICT

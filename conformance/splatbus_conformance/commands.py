@@ -11,6 +11,7 @@ from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import recording
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
+from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.introduction import NothingConnects, introduce
 from splatbus_conformance.messages import ring_bytes
@@ -54,6 +55,7 @@ def client(arguments: argparse.Namespace, out: Console) -> int:
     try:
         ports = parse_ports(arguments.ports, launching=bool(arguments.launch))
         width, height = parse_size(arguments.viewport)
+        select = parse_select(arguments.select)
         peer = listening_peer(arguments.host, ports)
     except Usage as error:
         out.print(f"splatbus-conformance: {error}", markup=False)
@@ -79,7 +81,7 @@ def client(arguments: argparse.Namespace, out: Console) -> int:
         run = Run(peer, role, testee, facts, patience, live)
         run.profile, run.seed = arguments.profile, arguments.seed
         run.allow_crash = arguments.allow_crash
-        run.select = tuple(name for name in arguments.select.split(",") if name)
+        run.select = select
         results = run_checks(run)
     except NothingConnects as error:
         out.print(f"no verdict: {error}", markup=False)
@@ -173,6 +175,18 @@ def parse_size(text: str) -> tuple[int, int]:
     except ValueError:
         raise Usage(f"--viewport {text}: width and height are wanted, such as 1920x1080") from None
     return width, height
+
+
+def parse_select(text: str) -> tuple[str, ...]:
+    """`ID,…` as requirements that have a check; Usage for another."""
+    names = tuple(name.strip().upper() for name in text.split(",") if name.strip())
+    known = {function.check.requirement for function in check_functions()}
+    if unknown := [name for name in names if name not in known]:
+        raise Usage(
+            f"--select {','.join(unknown)}: no check judges that; "
+            "`splatbus-conformance list --peer client` shows what is judged"
+        )
+    return names
 
 
 def listening_peer(host: str, ports: dict[Channel, int]) -> Peer:

@@ -1,0 +1,42 @@
+"""No requirement is without a judge or a reason."""
+
+import pytest
+from splatbus_conformance.coverage import bound, check_functions, exclusions, judges
+from splatbus_schemas.requirements import requirements
+
+PEERS = ("client", "server")
+MOST_EXCLUDED = 0.15
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_every_requirement_is_judged_or_excluded(peer: str) -> None:
+    neither = [r for r in bound(peer) if r not in judges(peer) and r not in exclusions(peer)]
+    assert not neither
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_no_requirement_is_judged_and_excluded(peer: str) -> None:
+    assert not set(judges(peer)) & set(exclusions(peer))
+
+
+@pytest.mark.parametrize("peer", PEERS)
+def test_exclusions_name_requirements_of_that_peer_and_give_a_reason(peer: str) -> None:
+    assert set(exclusions(peer)) <= set(bound(peer))
+    for exclusion in exclusions(peer).values():
+        assert exclusion.visible_at in ("L1", "L2", "L3", "none")
+        assert len(exclusion.reason) > 40
+
+
+def test_few_musts_on_clients_are_excluded_that_a_live_peer_could_see() -> None:
+    musts = {r.id for r in bound("client").values() if r.level.startswith("MUST")}
+    deeper = {r for r, why in exclusions("client").items() if why.visible_at in ("L2", "L3")}
+    visible = musts - deeper
+    excluded = visible & set(exclusions("client"))
+    assert len(excluded) <= MOST_EXCLUDED * len(visible), sorted(excluded)
+
+
+def test_every_check_judges_a_requirement_on_clients_and_says_what_it_does() -> None:
+    for function in check_functions():
+        assert "client" in requirements("1.1")[function.check.requirement].binds
+        assert function.__doc__
+        assert function.check.observable
