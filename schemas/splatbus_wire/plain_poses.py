@@ -29,12 +29,13 @@ def _spaced(*tokens: bytes) -> bytes:
     return _WHITE_SPACE.join(tokens)
 
 
-def _member(name: bytes, *value: bytes) -> bytes:
-    return _spaced(b'"' + name + b'"', b":", *value)
+def _member(name: bytes, value: bytes) -> bytes:
+    return _spaced(b'"' + name + b'"', b":", value)
 
 
 def _vector(*axes: bytes) -> bytes:
-    return _spaced(rb"\{", _spaced(b",").join(_member(axis, _NUMBER) for axis in axes), rb"\}")
+    comma = _spaced(b"", b",", b"")
+    return _spaced(rb"\{", comma.join(_member(axis, _NUMBER) for axis in axes), rb"\}")
 
 
 _POSE = re.compile(

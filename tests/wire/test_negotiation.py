@@ -1,0 +1,77 @@
+import hmac
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from splatbus_wire.messages import ErrorMessage, Hello, Program, Welcome
+from splatbus_wire.negotiation import answer_hello
+
+from tests.wire import strategies
+
+SERVER = Program("example", "0.1")
+CAPABILITIES = ("host_shm", "frames", "reinit")
+
+
+def hello(**change) -> Hello:
+    return Hello(("1.1", "1.0"), Program("viewer", "2"), ("host_shm", "frames"))._replace(**change)
+
+
+def answer(
+    message: Hello, *, versions=("1.1", "1.0"), capabilities=CAPABILITIES, token=None
+) -> Welcome | ErrorMessage:
+    return answer_hello(
+        message, versions=versions, capabilities=capabilities, server=SERVER, token=token
+    )
+
+
+@pytest.mark.parametrize(
+    ("wanted", "spoken", "chosen"),
+    [
+        (("1.1", "1.0"), ("1.0", "1.1"), "1.1"),
+        (("1.0", "1.1"), ("1.1", "1.0"), "1.0"),
+        (("1.2", "1.1"), ("1.1",), "1.1"),
+    ],
+)
+def test_the_version_is_the_first_of_the_client_that_the_server_speaks(wanted, spoken, chosen):
+    welcome = answer(hello(versions=wanted), versions=spoken)
+    assert isinstance(welcome, Welcome)
+    assert (welcome.version, welcome.server) == (chosen, SERVER)
+
+
+@given(strategies.name_lists, strategies.name_lists)
+def test_the_capabilities_are_those_that_both_have(asked, offered):
+    welcome = answer(hello(capabilities=asked), capabilities=offered)
+    assert isinstance(welcome, Welcome)
+    assert set(welcome.capabilities) == set(asked) & set(offered)
+    assert len(set(welcome.capabilities)) == len(welcome.capabilities)
+
+
+def test_with_no_common_version_the_server_says_what_it_speaks():
+    error = answer(hello(versions=("2.0",)))
+    assert isinstance(error, ErrorMessage)
+    assert (error.code, error.supported) == ("unsupported_version", ("1.1", "1.0"))
+
+
+@pytest.mark.parametrize("token", [None, "", "secre", "secret!", "Secret", "sécret"])
+def test_a_missing_or_other_token_is_unauthorized_and_learns_nothing(token):
+    for versions in (("1.1",), ("2.0",)):
+        error = answer(hello(token=token, versions=versions), token="secret")
+        assert isinstance(error, ErrorMessage)
+        assert (error.code, error.supported, error.pointer) == ("unauthorized", None, None)
+        assert "secret" not in error.message
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"]), min_size=1))
+def test_the_right_token_is_welcome(token):
+    assert isinstance(answer(hello(token=token), token=token), Welcome)
+
+
+def test_a_token_that_nobody_requires_is_ignored():
+    assert isinstance(answer(hello(token="anything")), Welcome)
+
+
+def test_tokens_are_compared_in_constant_time(monkeypatch):
+    compared = []
+    monkeypatch.setattr(hmac, "compare_digest", lambda a, b: compared.append((a, b)) or a == b)
+    answer(hello(token="other"), token="sécret")
+    assert compared == [(b"other", "sécret".encode())]

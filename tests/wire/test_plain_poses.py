@@ -1,0 +1,131 @@
+import json
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.fields import Field, object_pose
+from splatbus_wire.json_text import parse_object
+from splatbus_wire.messages import CameraPose, PointCloudPose, Pose, message_object
+from splatbus_wire.plain_poses import plain_pose
+
+from tests.wire import strategies
+
+TYPES = {"camera_pose": CameraPose, "point_cloud_pose": PointCloudPose}
+
+
+def careful_pose(payload: bytes) -> CameraPose | PointCloudPose | None:
+    """What the careful way makes of a payload, None if it refuses."""
+    try:
+        message = Field(parse_object(payload), "", "POS-1")
+        pose = object_pose(message)
+        timestamp = message.optional("timestamp")
+        seconds = None if timestamp is None else timestamp.number()
+        return TYPES[message.member("type").one_of(TYPES)](pose, seconds)
+    except ProtocolError:
+        return None
+
+
+@given(strategies.pose_messages, st.sampled_from([(",", ":"), (", ", ": "), ("\n,\t", " :\r\n")]))
+def test_every_spacing_of_a_plain_pose_is_taken(message, separators):
+    payload = json.dumps(message_object(message), separators=separators).encode()
+    assert plain_pose(payload) == message == careful_pose(payload)
+    assert plain_pose(b" \n" + payload + b"\t ") == message
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        # as the Python client and Unity's write them
+        b'{"type": "camera_pose", "position": {"x": 1, "y": -0, "z": 5.5},'
+        b' "rotation": {"x": 0.0, "y": 0, "z": 0, "w": 1}}',
+        b'{"type":"camera_pose","timestamp":0.045418000717113685,"position":{"x":1.0,"y":-0.0,'
+        b'"z":5.5},"rotation":{"x":-0.0,"y":1e-7,"z":0E+0,"w":1.0}}',
+    ],
+)
+def test_what_deployed_clients_send_is_plain(payload):
+    found = plain_pose(payload)
+    assert found == careful_pose(payload)
+    assert found is not None
+    assert found.pose.position == (1.0, 0.0, 5.5)
+    assert {type(number) for vector in found.pose for number in vector} == {float}
+
+
+PLAIN = (
+    b'{"type":"camera_pose","timestamp":1.5,"position":{"x":1.0,"y":-2.0,"z":5.0},'
+    b'"rotation":{"x":0.6,"y":0.0,"z":-0.0,"w":0.8}}'
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"1.5", b"NaN"),
+        (b"1.5", b"1e400"),
+        (b"1.5", b"null"),
+        (b"1.5", b'"1.5"'),
+        (b"-2.0", b"Infinity"),
+        (b"-2.0", b"-02.0"),
+        (b"-2.0", b"+2.0"),
+        (b"-2.0", b"2."),
+        (b"-2.0", b".5"),
+        (b"-2.0", b"- 2"),
+        (b"-2.0", b"2e"),
+        (b"-2.0", b"1_0"),
+        (b"-2.0", "١".encode()),
+        (b"-2.0", b"9" * 400),
+        (b"-2.0", b"3.5e38"),
+        (b"-2.0", b"true"),
+        (b"0.8", b"0.9"),
+        (b'"y":-2.0', b'"x":-2.0'),
+        (b'"y":-2.0', b'"y":-2.0,"y":-2.0'),
+        (b'"w":0.8', b'"w":0.8,"w":0.8'),
+        (b'"timestamp":1.5,', b'"timestamp":1.5,"timestamp":1.5,'),
+        (b'"type"', b'"type":"camera_pose","type"'),
+        (b'{"type"', b'\xef\xbb\xbf{"type"'),
+        (b'{"type"', b'\xa0{"type"'),
+        (b"camera_pose", b"camera_poses"),
+        (b"0.8}}", b"0.8}}\0"),
+        (b"0.8}}", b"0.8}}{}"),
+        (b"0.8}}", b"0.8}"),
+        (b"5.0}", b"5.0,}"),
+    ],
+)
+def test_what_is_wrong_is_not_plain(old, new):
+    assert plain_pose(PLAIN) is not None
+    damaged = PLAIN.replace(old, new, 1)
+    assert damaged != PLAIN
+    assert plain_pose(damaged) is None
+    assert careful_pose(damaged) is None
+
+
+@st.composite
+def edited(draw: st.DrawFn) -> bytes:
+    """A plain pose with a few of its bytes cut, doubled, or replaced."""
+    payload = draw(st.sampled_from([PLAIN, PLAIN.replace(b'"timestamp":1.5,', b"")]))
+    for _ in range(draw(st.integers(1, 3))):
+        start = draw(st.integers(0, len(payload)))
+        end = start + draw(st.integers(0, 12))
+        new = draw(
+            st.just(b"")
+            | st.just(payload[start:end] * 2)
+            | st.text('0123456789eE.+-"{}[]:, \n\\xyzw', max_size=4).map(str.encode)
+        )
+        payload = payload[:start] + new + payload[end:]
+    return payload
+
+
+@given(edited())
+@settings(max_examples=500)
+def test_the_short_way_takes_nothing_that_the_careful_way_refuses(payload):
+    found = plain_pose(payload)
+    assert found is None or found == careful_pose(payload)
+
+
+def test_a_pose_in_another_order_is_left_to_the_careful_way():
+    payload = (
+        b'{"position":{"x":1,"y":2,"z":3},"rotation":{"w":1,"x":0,"y":0,"z":0},'
+        b'"type":"camera_pose"}'
+    )
+    assert plain_pose(payload) is None
+    assert careful_pose(payload) == CameraPose(Pose((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0)))
