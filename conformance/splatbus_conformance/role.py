@@ -1,5 +1,6 @@
 """The part that the harness plays: a well-behaved server, on whatever a check leaves to it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from splatbus_conformance import messages
@@ -48,6 +49,8 @@ class Role:
         self.lends_frames = True
         """Lends one frame of each generation that is opened; a check lends more itself."""
         self.replies = True
+        self.encode: Callable[[Json], bytes] = messages.encode
+        """Writes each payload; a check may spell it otherwise."""
         self.dealings: dict[Connection, Dealings] = {}
 
     def with_(self, connection: Connection) -> Dealings:
@@ -119,7 +122,7 @@ class Role:
 
     def say(self, connection: Connection, message: Json) -> None:
         """Send a message."""
-        connection.send(packet(messages.encode(message)))
+        connection.send(packet(self.encode(message)))
 
     def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
         generation = message.get("generation")

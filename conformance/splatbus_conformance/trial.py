@@ -20,6 +20,8 @@ from splatbus_conformance.testee import Ended, Testee
 T = TypeVar("T")
 EFFECT_SECONDS: float = LIMITS["close_seconds"]
 """How long a check waits for an effect; the time that spec 1.0 section 1.2 gives a close."""
+REACTION_SECONDS = 0.2
+"""How long a check listens for what need not come."""
 
 
 class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
@@ -88,24 +90,13 @@ class Trial:
         Closes those that it has used, so that the testee makes a new one. Skips the check if none
         comes within the run's patience.
         """
-        for used in self._used:
-            if used.channel == channel:
-                used.close()
+        seconds = self.patience if seconds is None else seconds
         self.testee.ensure_running()
-        found = self.peer.until(
-            lambda: next(
-                (
-                    c
-                    for c in self.peer.connections
-                    if c.channel == channel and c not in self._used and c.open and not c.ended
-                ),
-                None,
-            ),
-            self.patience if seconds is None else seconds,
-        )
+        found = self._next_connection(channel, seconds)
+        if found is None and self.testee.ensure_running():
+            found = self._next_connection(channel, seconds)
         if found is None:
             self.not_observable(f"the testee made no connection on the {channel} channel")
-        self._used.add(found)
         return found
 
     def greeted(self, channel: Channel) -> Connection:
@@ -114,6 +105,30 @@ class Trial:
         self.wait(lambda: self.role.with_(connection).welcome)
         if self.role.with_(connection).welcome is None:
             self.not_observable("the testee said no hello on this connection")
+        return connection
+
+    def for_init_packet(self) -> Connection:
+        """A greeted IPC connection that may be sent one more init packet: the last one if it may.
+
+        Only with `role.offers_memory` off, so that the check sends every init packet itself.
+        """
+        for connection in reversed(self.peer.connections):
+            alive = connection in self._used and connection.open and not connection.ended
+            if alive and connection.channel == "ipc" and self._takes_another(connection):
+                return connection
+        return self.greeted("ipc")
+
+    def asking(self) -> Connection:
+        """A new message connection on which the testee has made a request, not answered yet."""
+        self.role.replies = False
+        connection = self.connection("msg")
+        dealings = self.role.with_(connection)
+        asked = self.wait(
+            lambda: dealings.count("get_camera_pose") + dealings.count("get_viewport_size")
+        )
+        self.role.replies = True
+        if not asked:
+            self.not_observable("the testee makes no request when it connects")
         return connection
 
     # Waiting and watching
@@ -168,62 +183,79 @@ class Trial:
 
     # Scripts, and what becomes of them
 
-    def outcome_on_ipc(self, connection: Connection, *scripts: bytes, hostile: int = 0) -> str:
+    def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on a greeted IPC connection, then a good init packet as the control.
 
-        `hostile` is the generation that the scripts announce, if they do. Returns `ignores` (the
-        good packet was opened), `declines` or `accepts` (as to the hostile generation), `closes`
-        (and came back), `exits`, `dies` or `hangs`.
+        Returns `ignores` (the good packet was opened), `declines` or `accepts` (one that the
+        scripts announced), `closes` (and came back), `exits`, `dies` or `hangs`.
         """
         dealings = self.role.with_(connection)
+        heard = len(dealings.heard)
         for script in scripts:
             connection.send(script)
-        good = self.role.init_packet(connection)
+        # A client without reinit may ignore the good packet for a further one (OPN-6).
+        further = self._takes_further(connection)
+        good = packet(encode(self.role.init_packet(connection)))
         generation = dealings.generation
-        connection.send(packet(encode(good)))
-        self.wait(lambda: generation in dealings.opened | dealings.failed or connection.ended)
-        if hostile in dealings.opened:
+        connection.send(good)
+        self.wait(
+            lambda: generation in dealings.opened | dealings.failed or connection.ended,
+            EFFECT_SECONDS if further else REACTION_SECONDS,
+        )
+        answers = {
+            message.get("type")
+            for message in dealings.heard[heard:]
+            if message.get("generation") != generation
+        }
+        if "opened" in answers:
             return "accepts"
+        outcome = "declines" if "open_failed" in answers else "ignores"
         if generation in dealings.opened:
             self.delivered += 1
-            return "declines" if hostile in dealings.failed else "ignores"
-        return self._end_of(connection, "ipc")
+            return outcome
+        if connection.ended or further or self.fate():
+            return self._end_of(connection, "ipc")
+        return outcome if self.comes_back("ipc") else self.fate() or "hangs"
 
     def outcome_of_reply(self, script: bytes) -> str:
         """Answer the testee's first request on a new connection with a script.
 
         Returns `ignores` (it goes on), `closes` (and came back), `exits`, `dies` or `hangs`.
         """
-        self.role.replies = False
-        connection = self.connection("msg")
-        dealings = self.role.with_(connection)
-        asked = self.wait(
-            lambda: dealings.count("get_camera_pose") + dealings.count("get_viewport_size")
-        )
-        if not asked:
-            self.not_observable("the testee makes no request when it connects")
+        connection = self.asking()
         connection.send(script)
-        self.role.replies = True
+        return self.outcome_on_msg(connection)
+
+    def outcome_on_msg(self, connection: Connection) -> str:
+        """What the testee does after what it was sent on the message channel, as above."""
         before = len(connection.packets)
-        self.wait(lambda: len(connection.packets) > before + 1 or connection.ended, 1.0)
+        self.wait(
+            lambda: len(connection.packets) > before + 1 or connection.ended,
+            1.0 if self.facts.poses else REACTION_SECONDS,
+        )
         if not connection.ended and len(connection.packets) > before + 1:
             self.delivered += 1
             return "ignores"
         if not connection.ended and self.fate() is None:
-            connection.close()
-            return "ignores" if self.comes_back("msg") else "hangs"
+            return "ignores" if self.comes_back("msg") else self.fate() or "hangs"
         return self._end_of(connection, "msg")
 
     def comes_back(self, channel: Channel) -> bool:
-        """Whether the testee connects to this channel again and says something that it means."""
-        connection = self.connection(channel)
+        """Whether the testee connects to this channel again and says something that it means.
+
+        A client that speaks 1.0 has nothing to say on the IPC channel.
+        """
+        connection = self._next_connection(channel, self.patience)
+        if connection is None:
+            return False
+        back = True
         if channel == "ipc" and self.facts.speaks_1_1("ipc"):
             dealings = self.role.with_(connection)
             if not self.role.offers_memory:
                 self.wait(lambda: dealings.welcome)
                 self.role.offer(connection, self.role.init_packet(connection))
             back = self.wait(lambda: dealings.generation in dealings.opened)
-        else:
+        elif channel == "msg":
             back = self.wait(lambda: connection.packets)
         self.delivered += back
         return back
@@ -239,7 +271,36 @@ class Trial:
                 "the testee closed the connection and is not known to come back: "
                 "a clean close and a dead listener look alike"
             )
-        return "closes" if self.comes_back(channel) else "hangs"
+        return "closes" if self.comes_back(channel) else self.fate() or "hangs"
+
+    def _next_connection(self, channel: Channel, seconds: float) -> Connection | None:
+        """Close those of this channel that were used; a new one, if it comes in time."""
+        for used in self._used:
+            if used.channel == channel:
+                used.close()
+        self.peer.until(lambda: self._unused(channel) or self.testee.ended(), seconds)
+        found = self._unused(channel)
+        if found is not None:
+            self._used.add(found)
+        return found
+
+    def _unused(self, channel: Channel) -> Connection | None:
+        return next(
+            (
+                c
+                for c in self.peer.connections
+                if c.channel == channel and c not in self._used and c.open and not c.ended
+            ),
+            None,
+        )
+
+    def _takes_further(self, connection: Connection) -> bool:
+        return "reinit" in (self.role.with_(connection).welcome or {}).get("capabilities", [])
+
+    def _takes_another(self, connection: Connection) -> bool:
+        dealings = self.role.with_(connection)
+        first = dealings.welcome is not None and not dealings.generation
+        return first or self._takes_further(connection)
 
     # Judgement
 
