@@ -3,6 +3,7 @@
 import argparse
 import logging
 import math
+import os
 import signal
 import sys
 import threading
@@ -11,8 +12,11 @@ from pathlib import Path
 
 from splatbus_schemas import FRAMING
 
+from splatbus_client.poses import parse_look_at, parse_pose
 from splatbus_client.session import Session
 from splatbus_client.settings import read_token, settings
+from splatbus_client.snapshot import snapshot
+from splatbus_client.steering import ServerRefusedError
 from splatbus_client.view import view
 
 _CHANNELS = FRAMING["channels"]
@@ -37,7 +41,7 @@ examples:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    options = _parser().parse_args(arguments)
+    options = _parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     logging.basicConfig(
         level=logging.INFO if options.verbose else logging.WARNING,
         format="\r\x1b[K%(message)s" if sys.stderr.isatty() else "%(message)s",
@@ -46,12 +50,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         token = read_token(options.token_file) if options.token_file else None
         where = settings(options.host, options.ipc_port, options.msg_port, token)
+    except (ValueError, OSError) as error:
+        print(f"splatbus-client: {error}", file=sys.stderr)
+        return 2
+    try:
         with Session(where) as session:
             run: int = options.run(session, options)
             return run
-    except (ValueError, OSError) as error:
+    except BrokenPipeError:  # whoever read our output has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (ValueError, OSError, ServerRefusedError) as error:
         print(f"splatbus-client: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return 130
 
 
 def _view(session: Session, options: argparse.Namespace) -> int:
@@ -60,6 +73,15 @@ def _view(session: Session, options: argparse.Namespace) -> int:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda *_: stopped.set())
     view(session, rate=options.rate, seconds=options.seconds, stopped=stopped, out=sys.stdout)
+    return 0
+
+
+def _snapshot(session: Session, options: argparse.Namespace) -> int:
+    pose = options.pose
+    if options.camera_index is not None:
+        pose = session.camera_pose(options.camera_index, options.timeout)
+    snapshot(session, options.path, pose, options.timeout)
+    print(options.path)
     return 0
 
 
@@ -109,7 +131,52 @@ def _parser() -> argparse.ArgumentParser:
         help="stop after so long (default: run until SIGINT or SIGTERM)",
     )
     watch.set_defaults(run=_view)
+
+    shoot = commands.add_parser(
+        "snapshot",
+        parents=[where],
+        help="write one picture: colour, depth, and a composite with a mesh",
+        description="Writes one picture with three panels: colour, over squares where nothing is;"
+        " depth in false colour; and the image composed with a ring that is partly before and"
+        " partly behind it. Without a pose, shows what the server shows now.",
+    )
+    shoot.add_argument("path", type=Path, metavar="FILE.png", help="where to write it")
+    pose = shoot.add_mutually_exclusive_group()
+    pose.add_argument(
+        "--pose",
+        type=parse_pose,
+        metavar="X,Y,Z,QX,QY,QZ,QW",
+        help="camera-to-world, x right, y down, z forward, scalar last",
+    )
+    pose.add_argument(
+        "--look-at",
+        type=parse_look_at,
+        dest="pose",
+        metavar="EX,EY,EZ,TX,TY,TZ",
+        help="an upright camera at E that looks at T",
+    )
+    pose.add_argument(
+        "--camera-index", type=int, metavar="N", help="one of the cameras that the scene has"
+    )
+    shoot.add_argument(
+        "--timeout",
+        type=_positive,
+        default=10.0,
+        metavar="SECONDS",
+        help="give up after so long (%(default)g)",
+    )
+    shoot.set_defaults(run=_snapshot)
     return parser
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Join `--pose -1,0,0` to `--pose=-1,0,0`: a value that begins with a minus is no option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] in ("--pose", "--look-at"):
+            argument = f"{joined.pop()}={argument}"
+        joined.append(argument)
+    return joined
 
 
 def _positive(text: str) -> float:

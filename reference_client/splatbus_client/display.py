@@ -1,0 +1,71 @@
+"""A frame as a screen wants it, whatever its semantics [MEM-13]."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from splatbus_wire.init_packet import Semantics
+from splatbus_wire.messages import FrameCamera
+
+Float32Array = NDArray[np.float32]
+
+
+class Shown(NamedTuple):
+    """An image in one convention; rows top-down.
+
+    Attributes:
+        color: (H, W, 4) float32, straight alpha, sRGB-encoded, in [0, 1].
+        depth: (H, W) float32, planar depth in scene units, +∞ where nothing is.
+        camera: what it was rendered with.
+    """
+
+    color: Float32Array
+    depth: Float32Array
+    camera: FrameCamera
+
+
+def shown(
+    color: Float32Array, depth: Float32Array, camera: FrameCamera, semantics: Semantics
+) -> Shown:
+    """Return a copy of a frame with straight alpha, sRGB colour and planar depth.
+
+    Args:
+        color: (H, W, 4) float32 RGBA as `semantics` says.
+        depth: (H, W) float32 as `semantics` says.
+        camera: what they were rendered with.
+        semantics: of the init packet.
+    """
+    rgb, alpha = color[..., :3], color[..., 3:]
+    if semantics.alpha == "premultiplied":
+        rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+    if semantics.color_space == "linear":
+        rgb = srgb(rgb)
+    z = np.where(_surface(depth, alpha[..., 0], semantics), depth, np.float32(np.inf))
+    if semantics.depth_kind == "ray_distance":
+        z = (z / np.linalg.norm(rays(camera), axis=-1)).astype(np.float32)
+    return Shown(np.concatenate([rgb, alpha], axis=-1), z, camera)
+
+
+def rays(camera: FrameCamera) -> NDArray[np.float64]:
+    """Return (H, W, 3) float64: the direction of each pixel's ray in camera axes, z being 1.
+
+    A point of the ray is planar depth times direction; pixel centres are at half-integers.
+    """
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    return np.stack([*np.meshgrid(x, y), np.ones((camera.height, camera.width))], axis=-1)
+
+
+def srgb(linear: Float32Array) -> Float32Array:
+    """Return the sRGB encoding of linear light in [0, 1] (IEC 61966-2-1)."""
+    encoded = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, 1 / 2.4) - 0.055
+    )
+    return encoded.astype(np.float32)
+
+
+def _surface(depth: Float32Array, alpha: Float32Array, semantics: Semantics) -> NDArray[np.bool_]:
+    """Where a surface is [BUF-8, BUF-9]."""
+    known = (depth > 0) & (depth < np.inf) & (depth != semantics.depth_empty)
+    surface: NDArray[np.bool_] = known & (alpha > 0)
+    return surface

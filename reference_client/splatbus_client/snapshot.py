@@ -1,0 +1,47 @@
+"""One picture of what a server shows, from where it is asked for."""
+
+import time
+from pathlib import Path
+
+from splatbus_wire.poses import Pose
+
+from splatbus_client.display import Shown, shown
+from splatbus_client.picture import three_panels
+from splatbus_client.poses import same_view
+from splatbus_client.session import Session
+
+
+def snapshot(session: Session, path: Path, pose: Pose | None, timeout: float) -> None:
+    """Write a picture of the next frame, or of the first one that shows the scene from `pose`.
+
+    Raises:
+        TimeoutError: no such frame came within `timeout` seconds; the message says why.
+        OSError: the file cannot be written.
+        ValueError: the file's name ends in nothing that says its format.
+    """
+    image = _frame_from(session, pose, time.monotonic() + timeout)
+    (x, y, z), (i, j, k, w) = image.camera.pose
+    caption = f"camera at {x:.4g}, {y:.4g}, {z:.4g}; rotation {i:.4g}, {j:.4g}, {k:.4g}, {w:.4g}"
+    three_panels(image, caption).save(path)
+
+
+def _frame_from(session: Session, pose: Pose | None, end: float) -> Shown:
+    if pose is not None:
+        session.send_camera(pose)
+    others = 0
+    while True:
+        try:
+            lease = session.next_frame(max(0.0, end - time.monotonic()))
+        except TimeoutError as error:
+            if others:
+                raise TimeoutError(
+                    f"{others} frames came, but none from that pose: perhaps another client"
+                    " steers the camera, and keeps it until it leaves [POS-11]"
+                ) from None
+            raise error
+        with lease as frame:
+            if pose is None or same_view(frame.camera.pose, pose):
+                image = shown(frame.color, frame.depth, frame.camera, frame.semantics)
+                if frame.intact:
+                    return image
+        others += 1
