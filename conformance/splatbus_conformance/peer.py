@@ -143,10 +143,14 @@ class Peer:
             self._step(min(left, TICK_SECONDS))
         return given
 
-    def clear(self) -> None:
-        """Close every connection and begin a new record."""
+    def close_all(self) -> None:
+        """Close every connection."""
         for connection in self.connections:
             connection.close()
+
+    def clear(self) -> None:
+        """Close every connection and begin a new record."""
+        self.close_all()
         self.connections = []
         self.entries = []
 

@@ -13,7 +13,7 @@ from splatbus_conformance.peer import Peer
 from splatbus_conformance.recording import Entry
 from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Testee
-from splatbus_conformance.trial import Facts, Trial, Violation
+from splatbus_conformance.trial import SETTLE_SECONDS, Facts, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 
 EVIDENCE_LINES = 12
@@ -92,6 +92,7 @@ class CheckPlugin:
         for channel in ("ipc", "msg"):
             run.peer.listen(channel)
         yield trial
+        run.peer.pump(SETTLE_SECONDS)
         run.delivered += trial.delivered
         if run.testee.ended() is not None:
             run.testee.stop()

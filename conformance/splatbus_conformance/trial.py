@@ -18,6 +18,8 @@ from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Ended, Testee
 
 T = TypeVar("T")
+SETTLE_SECONDS = 0.05
+"""Time for what was sent last to be understood; a client that is cut off before that backs off."""
 EFFECT_SECONDS: float = LIMITS["close_seconds"]
 """How long a check waits for an effect; the time that spec 1.0 section 1.2 gives a close."""
 REACTION_SECONDS = 0.2
