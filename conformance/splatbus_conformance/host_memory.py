@@ -8,15 +8,19 @@ import secrets
 import sys
 from multiprocessing import resource_tracker, shared_memory
 from pathlib import Path
+from typing import Self
 
 LINUX_FOLDER = Path("/dev/shm")
 
 
 class HostMemory:
-    """A named piece of shared memory of `size` bytes, filled with zeros; owned by the harness."""
+    """A named piece of shared memory of `size` bytes, filled with zeros; owned by the harness.
 
-    def __init__(self, size: int) -> None:
-        self.name = f"splatbus-check-{secrets.token_hex(6)}"
+    A check that needs an odd name gives one; OSError where the system has no such names.
+    """
+
+    def __init__(self, size: int, name: str | None = None) -> None:
+        self.name = name or f"splatbus-check-{secrets.token_hex(6)}"
         self.size = size
         self._file: int | None = None
         self._shared: shared_memory.SharedMemory | None = None
@@ -24,7 +28,7 @@ class HostMemory:
             flags = os.O_CREAT | os.O_EXCL | os.O_RDWR
             self._file = os.open(LINUX_FOLDER / self.name, flags, 0o600)
             os.ftruncate(self._file, size)
-            self._map: mmap.mmap | None = mmap.mmap(self._file, size)
+            self._map: mmap.mmap | None = mmap.mmap(self._file, size) if size else None
         elif sys.platform == "win32":
             self._map = mmap.mmap(-1, size, tagname=f"Local\\{self.name}")
         else:
@@ -44,6 +48,12 @@ class HostMemory:
     def exists(self) -> bool:
         """The name still leads to memory: nobody removed it (OPN-10)."""
         return (LINUX_FOLDER / self.name).exists() if sys.platform == "linux" else True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Unmap and remove."""

@@ -1,0 +1,109 @@
+"""Spell a JSON value in the ways that RFC 8259 allows, without changing it (JSN-6).
+
+Each choice is taken from a `Random`, of which Hypothesis draws the seed: a text takes hundreds of
+choices, and drawn one by one they would take longer than the testee that reads it.
+"""
+
+import json
+from decimal import Decimal
+from random import Random
+from typing import Any
+
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+
+SHORT_ESCAPES = {
+    '"': '\\"',
+    "\\": "\\\\",
+    "/": "\\/",
+    "\b": "\\b",
+    "\f": "\\f",
+    "\n": "\\n",
+    "\r": "\\r",
+    "\t": "\\t",
+}
+LONGEST_PLAIN = 40
+"""Digits on either side of the point beyond which a number is written with an exponent."""
+
+
+def spelled(value: Any) -> SearchStrategy[str]:
+    """Texts that all mean `value`."""
+    return st.randoms(use_true_random=True).map(lambda random: spell(value, random))
+
+
+def spell(value: Any, random: Random) -> str:
+    """One text that means `value`."""
+    return f"{_gap(random)}{_token(value, random)}{_gap(random)}"
+
+
+def _token(value: Any, random: Random) -> str:
+    if isinstance(value, dict):
+        members = list(value.items())
+        random.shuffle(members)
+        pairs = (
+            f"{_gap(random)}{_string(name, random)}{_gap(random)}:{spell(each, random)}"
+            for name, each in members
+        )
+        return "{" + (",".join(pairs) or _gap(random)) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + (",".join(spell(each, random) for each in value) or _gap(random)) + "]"
+    if isinstance(value, str):
+        return _string(value, random)
+    if isinstance(value, bool) or value is None:
+        return json.dumps(value)
+    return _number(value, random)
+
+
+def _gap(random: Random) -> str:
+    return "".join(random.choice(" \t\n\r") for _ in range(random.choice((0, 0, 0, 1, 3))))
+
+
+def _string(value: str, random: Random) -> str:
+    return '"' + "".join(_character(character, random) for character in value) + '"'
+
+
+def _character(character: str, random: Random) -> str:
+    code = ord(character)
+    bare = code >= 0x20 and character not in '"\\' and not 0xD800 <= code <= 0xDFFF
+    if bare and random.random() < 0.75:
+        return character
+    if character in SHORT_ESCAPES and random.random() < 0.5:
+        return SHORT_ESCAPES[character]
+    units = character.encode("utf-16-be", "surrogatepass")
+    digits = random.choice(("04x", "04X"))
+    pairs = (int.from_bytes(units[i : i + 2]) for i in range(0, len(units), 2))
+    return "".join(f"\\u{unit:{digits}}" for unit in pairs)
+
+
+def _number(value: int | float, random: Random) -> str:
+    sign, figures, power = _decimal(value, random).as_tuple()
+    assert isinstance(power, int)
+    zeros = "0" * random.choice((0, 0, 0, 1, 12))
+    digits, power = "".join(map(str, figures)) + zeros, power - len(zeros)
+    if any(figures):
+        point = len(digits) + power  # where it is without an exponent
+        if abs(point) > LONGEST_PLAIN or random.random() < 0.5:
+            point = random.choice((0, 1, len(digits), len(digits) + 2))
+        exponent = len(digits) + power - point
+    else:
+        digits = "0" + (zeros or "0" * sign)  # some read -0 as an integer, which has no sign
+        point, exponent = 1, random.choice((0, 0, 5, -5))
+    digits = "0" * (1 - point) + digits + "0" * (point - len(digits))
+    whole, fraction = digits[: max(point, 1)], digits[max(point, 1) :]
+    number = "-" * sign + whole + ("." + fraction if fraction else "")
+    return number + _exponent(exponent, random)
+
+
+def _decimal(value: int | float, random: Random) -> Decimal:
+    """A decimal that reads as `value`: the shortest, one of 17 digits, or the exact one."""
+    if isinstance(value, int):
+        return Decimal(value)
+    return random.choice((Decimal(repr(value)), Decimal(f"{value:.17g}"), Decimal(value)))
+
+
+def _exponent(exponent: int, random: Random) -> str:
+    if exponent == 0 and random.random() < 0.7:
+        return ""
+    signs = ("-",) if exponent < 0 else ("", "+", "-") if exponent == 0 else ("", "+")
+    zeros = random.choice(("", "", "00"))
+    return f"{random.choice('eE')}{random.choice(signs)}{zeros}{abs(exponent)}"
