@@ -1,0 +1,98 @@
+"""Add members that no version defines, at every level of a message (JSN-7)."""
+
+from collections.abc import Iterator
+from functools import cache
+from random import Random
+from typing import Any
+
+from splatbus_schemas import LIMITS, VERSIONS, names, schema
+
+ODD_NAMES = (
+    *("", " ", "x-later", "W", "meta ", "__proto__", "constructor", "$ref", "null", "0"),
+    *("é", "🙂", "\u202e", "\x00", '"', "\\", "a/b~c", "n" * 1000),
+)
+ODD_VALUES: tuple[Any, ...] = (
+    *(None, True, False, 0, -1, 2**53 - 1, -0.0, 1e308, 5e-324, "", [], {}, [None, [], {}]),
+    *("\x00", "}", '{"', "NaN", "\\", "🙂" * 300, {"": {"": {}}}),
+)
+
+
+def with_unknown_members(message: dict[str, Any], random: Random) -> dict[str, Any]:
+    """A copy of `message` whose every object has members more, in any order.
+
+    Some have names that the message uses at another level, and one holds a decoy: the message itself
+    with other values.
+    """
+    fuller: dict[str, Any] = _added(
+        message, random, frozenset(_names_in(message)), 1, _decoy(message)
+    )
+    return fuller
+
+
+def nested(depth: int) -> Any:
+    """Arrays and objects in turn, `depth` of them."""
+    value: Any = [] if depth % 2 else {}
+    for level in range(depth - 1, 0, -1):
+        value = [value] if level % 2 else {"x": value}
+    return value
+
+
+@cache
+def known_names() -> frozenset[str]:
+    """Every member name that a schema of any version knows."""
+    return frozenset(
+        name
+        for version in VERSIONS
+        for message in names(version)
+        for name in _properties(schema(message, version))
+    )
+
+
+def _added(
+    value: Any, random: Random, elsewhere: frozenset[str], depth: int, decoy: Any = None
+) -> Any:
+    if isinstance(value, list):
+        return [_added(each, random, elsewhere, depth + 1) for each in value]
+    if not isinstance(value, dict):
+        return value
+    members = [(name, _added(each, random, elsewhere, depth + 1)) for name, each in value.items()]
+    strangers = sorted((set(ODD_NAMES) - known_names()) | (elsewhere - value.keys() - {"type"}))
+    for name in random.sample(strangers, random.choice((1, 2, 3))):
+        deepest = nested(LIMITS["max_json_depth"] - depth)
+        members.append((name, random.choice((*ODD_VALUES, deepest))))
+    if decoy is not None:
+        members.append(("decoy", decoy))
+    random.shuffle(members)
+    return dict(members)
+
+
+def _decoy(value: Any) -> Any:
+    """The same members with values that would be wrong."""
+    if isinstance(value, dict):
+        return {name: _decoy(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_decoy(each) for each in value]
+    if isinstance(value, bool) or value is None:
+        return not value
+    return value + "-decoy" if isinstance(value, str) else -1 - value
+
+
+def _names_in(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        yield from value
+    for each in _inside(value):
+        yield from _names_in(each)
+
+
+def _properties(part: Any) -> Iterator[str]:
+    if isinstance(part, dict):
+        yield from part.get("properties", {})
+    for each in _inside(part):
+        yield from _properties(each)
+
+
+def _inside(value: Any) -> list[Any]:
+    """The members or elements of `value`."""
+    if isinstance(value, dict):
+        return list(value.values())
+    return value if isinstance(value, list) else []

@@ -1,0 +1,55 @@
+"""Messages with members added mean what they meant, and break nothing."""
+
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from splatbus_conformance import messages
+from splatbus_conformance.lenient_json import nesting, read
+from splatbus_conformance.unknown_members import known_names, nested, with_unknown_members
+from splatbus_schemas import LIMITS
+from splatbus_schemas.validation import violations
+
+MESSAGES = {
+    "init_packet": messages.init_packet_1_1("splatbus-1", 7),
+    "welcome": messages.welcome("ipc", ["host_shm", "frames"]),
+    "frame": messages.frame(7, 1, 2),
+}
+
+
+def knows(fuller, message):
+    """`fuller` has all that `message` has, at every level."""
+    if isinstance(message, dict):
+        return all(name in fuller and knows(fuller[name], message[name]) for name in message)
+    return fuller == message
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+@given(seed=st.integers(0, 2**32))
+def test_added_members_change_nothing(name, seed):
+    fuller = with_unknown_members(MESSAGES[name], Random(seed))
+    assert knows(fuller, MESSAGES[name])
+    assert not violations(fuller, name, "1.1")
+    value, faults = read(messages.encode(fuller))
+    assert (value, faults) == (fuller, ())
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_every_object_gains_a_member(name):
+    fuller = with_unknown_members(MESSAGES[name], Random(1))
+    pairs = [(fuller, MESSAGES[name])]
+    while pairs:
+        full, bare = pairs.pop()
+        assert len(full) > len(bare)
+        pairs += [(full[key], bare[key]) for key in bare if isinstance(bare[key], dict)]
+
+
+def test_known_names_are_those_of_the_schemas():
+    assert {"meta", "fmtColor", "viewport_size", "mem_color", "unitMetres"} <= known_names()
+    assert "x-later" not in known_names()
+
+
+@pytest.mark.parametrize("depth", [1, 2, LIMITS["max_json_depth"]])
+def test_nested_is_as_deep_as_asked(depth):
+    assert nesting(messages.encode({"x": nested(depth)}).decode()) == depth + 1
