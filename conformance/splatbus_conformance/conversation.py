@@ -1,10 +1,11 @@
 """Conversations: a recording, put together again by connection and message."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from splatbus_conformance.lenient_json import Fault, read
+from splatbus_conformance.kinds import kind_of, shape_of
+from splatbus_conformance.lenient_json import Fault, read, take_numbers
 from splatbus_conformance.packets import Packet, Splitter
 from splatbus_conformance.recording import Channel, Direction, Entry
 
@@ -17,8 +18,10 @@ class Message(NamedTuple):
     direction: Direction
     packet: Packet
     value: dict[str, Any] | None
-    """The JSON object, or None where the payload is none."""
+    """The JSON object, with numbers for the strings that spell them; None where it is no object."""
     faults: tuple[Fault, ...]
+    kind: str | None = None
+    """What it is meant to be (`kinds.kind_of`), which its `type` may miss."""
 
     @property
     def sender(self) -> str:
@@ -45,6 +48,10 @@ class Conversation:
     )
     ended: dict[Direction, float] = field(default_factory=dict)
     """When each side ended its stream, by end of stream or reset."""
+    resets: set[Direction] = field(default_factory=set)
+    """The sides that ended it by a reset."""
+    beside: list["Conversation"] = field(default_factory=list, repr=False, compare=False)
+    """Every conversation of the recording, this one among them."""
 
     def sent_by(self, peer: str) -> list[Message]:
         """The messages of `client` or `server`."""
@@ -61,18 +68,54 @@ class Conversation:
         return next((m for m in self.sent_by("server") if m.type == "welcome"), None)
 
 
+class Placed(NamedTuple):
+    """A message, and the first `hello` and `welcome` that came before it."""
+
+    message: Message
+    hello: Message | None
+    welcome: Message | None
+
+
+def placed(conversation: Conversation) -> Iterator[Placed]:
+    """The messages of a conversation, each with how far the negotiation had come."""
+    hello = welcome = None
+    for message in conversation.messages:
+        yield Placed(message, hello, welcome)
+        if message.sender == "client" and message.type == "hello":
+            hello = hello or message
+        elif message.sender == "server" and message.type == "welcome":
+            welcome = welcome or message
+
+
 def conversations(entries: Iterable[Entry]) -> list[Conversation]:
     """Put a recording together, connections in the order in which they were opened."""
+    everything: list[Conversation] = []
     found: dict[tuple[str, int], Conversation] = {}
+    welcomed: set[tuple[str, int]] = set()
     for entry in entries:
         key = (entry.channel, entry.conn)
         if key not in found:
-            found[key] = Conversation(entry.channel, entry.conn, entry.t)
+            found[key] = Conversation(entry.channel, entry.conn, entry.t, beside=everything)
+            everything.append(found[key])
         conversation = found[key]
         if entry.data is not None and entry.dir is not None:
             for packet in conversation.streams[entry.dir].feed(entry.data, entry.t):
-                value, faults = read(packet.payload)
-                conversation.messages.append(Message(entry.dir, packet, value, faults))
+                message = _message(entry, packet, negotiated=key in welcomed)
+                conversation.messages.append(message)
+                if message.kind == "welcome":
+                    welcomed.add(key)
         elif entry.event in ("eof", "reset") and entry.dir is not None:
-            conversation.ended[entry.dir] = entry.t
-    return list(found.values())
+            conversation.ended.setdefault(entry.dir, entry.t)
+            if entry.event == "reset":
+                conversation.resets.add(entry.dir)
+    return everything
+
+
+def _message(entry: Entry, packet: Packet, *, negotiated: bool) -> Message:
+    assert entry.dir is not None
+    value, faults = read(packet.payload)
+    if value is None:
+        return Message(entry.dir, packet, None, faults)
+    kind = kind_of(entry.channel, entry.dir, value)
+    value, strings = take_numbers(value, shape_of(kind, negotiated=negotiated))
+    return Message(entry.dir, packet, value, (*faults, *strings), kind)

@@ -5,9 +5,17 @@ A receiver refuses (spec 1.0 section 2.2); a judge wants to say everything that 
 
 import json
 import math
+import re
+from collections import Counter
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
+
+from splatbus_conformance.kinds import NUMBER, Shape
+
+LONG_NUMBER = 300
+"""Digits from which an integer may overflow double precision."""
+_JSON_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 
 
 class Fault(NamedTuple):
@@ -15,6 +23,8 @@ class Fault(NamedTuple):
 
     requirement: str
     text: str
+    pointer: str = ""
+    """JSON Pointer to the fault, where it has a place in the message."""
 
 
 class Reading(NamedTuple):
@@ -40,23 +50,22 @@ def read(payload: bytes) -> Reading:
         return Reading(None, (*faults, Fault("JSN-5", f"nested {depth} deep")))
 
     def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        names = [name for name, _ in pairs]
-        for name in sorted({name for name in names if names.count(name) > 1}):
-            faults.append(Fault("JSN-3", f"the member {name!r} stands more than once"))
+        for name, times in Counter(name for name, _ in pairs).items():
+            if times > 1:
+                faults.append(
+                    Fault("JSN-3", f"the member {shorten(repr(name))} stands {times} times")
+                )
         return dict(pairs)
 
     def constant(spelling: str) -> float:
         faults.append(Fault("JSN-4", f"{spelling} is no JSON number"))
         return math.nan
 
-    def number(spelling: str) -> float:
-        value = float(spelling)
+    def number(spelling: str) -> int | float:
+        value = spelled(spelling)
         if not math.isfinite(value):
             faults.append(Fault("JSN-4", f"{shorten(spelling)} overflows double precision"))
         return value
-
-    def integer(spelling: str) -> int | float:
-        return number(spelling) if len(spelling) > 300 else int(spelling)
 
     try:
         value = json.loads(
@@ -64,7 +73,7 @@ def read(payload: bytes) -> Reading:
             object_pairs_hook=members,
             parse_constant=constant,
             parse_float=number,
-            parse_int=integer,
+            parse_int=number,
         )
     except ValueError as error:
         return Reading(None, (*faults, Fault("JSN-1", f"no JSON: {error}")))
@@ -72,6 +81,42 @@ def read(payload: bytes) -> Reading:
         kind = type(value).__name__
         return Reading(None, (*faults, Fault("JSN-1", f"the payload is a {kind}, no object")))
     return Reading(value, tuple(faults))
+
+
+def take_numbers(value: dict[str, Any], shape: Shape) -> Reading:
+    """The message with numbers for the strings that spell them where `shape` has numbers.
+
+    One fault for all of them (JSN-4), so that other rules can judge the numbers that are meant.
+    """
+    found: list[tuple[str, str]] = []
+
+    def take(part: Any, shape: Shape, pointer: str) -> Any:
+        if shape == NUMBER:
+            if isinstance(part, str) and _JSON_NUMBER.fullmatch(part):
+                found.append((pointer, part))
+                return spelled(part)
+        elif isinstance(shape, dict) and isinstance(part, dict):
+            return {
+                name: take(member, shape[name], f"{pointer}/{name}") if name in shape else member
+                for name, member in part.items()
+            }
+        elif isinstance(shape, list) and isinstance(part, list):
+            return [take(item, shape[0], f"{pointer}/{i}") for i, item in enumerate(part)]
+        return part
+
+    taken = take(value, shape, "")
+    if not found:
+        return Reading(value, ())
+    pointer, spelling = found[0]
+    text = f'numbers written as strings: {len(found)}, the first "{shorten(spelling)}"'
+    return Reading(taken, (Fault("JSN-4", text, pointer),))
+
+
+def spelled(spelling: str) -> int | float:
+    """The value of a JSON number; infinite where it overflows double precision."""
+    if len(spelling) <= LONG_NUMBER and spelling.lstrip("-").isdecimal():
+        return int(spelling)
+    return float(spelling)
 
 
 def nesting(text: str) -> int:

@@ -37,27 +37,34 @@ class Splitter:
         """Bytes of a packet that is not complete."""
         self.refused: int | None = None
         """Offset of a header with a length that FRM-2 forbids; nothing after it can be split."""
-        self._offset = 0
-        self._began = 0.0
+        self.unsplit = 0
+        """Bytes that came after such a header was read; they are counted, not kept."""
+        self.offset = 0
+        """Bytes of whole packets: where `rest` begins in the stream."""
+        self.began = 0.0
+        """When the first byte of `rest` arrived, in seconds."""
         self._header_apart = False
 
     def feed(self, data: bytes, now: float) -> list[Packet]:
         """Take what arrived at once at time `now`, in seconds; return the packets it completes."""
+        if self.refused is not None:
+            self.unsplit += len(data)
+            return []
         done: list[Packet] = []
         if not self.rest:
-            self._began = now
+            self.began = now
         self.rest += data
         while self.refused is None and len(self.rest) >= HEADER:
             length = int.from_bytes(self.rest[:HEADER], "little")
             if not LIMITS["min_payload_bytes"] <= length <= LIMITS["max_payload_bytes"]:
-                self.refused = self._offset
+                self.refused = self.offset
             elif len(self.rest) < HEADER + length:
                 self._header_apart = self._header_apart or len(self.rest) == HEADER
                 break
             else:
                 payload = self.rest[HEADER : HEADER + length]
-                done.append(Packet(payload, self._offset, self._began, now, self._header_apart))
-                self._offset += HEADER + length
+                done.append(Packet(payload, self.offset, self.began, now, self._header_apart))
+                self.offset += HEADER + length
                 self.rest = self.rest[HEADER + length :]
-                self._began, self._header_apart = now, False
+                self.began, self._header_apart = now, False
         return done

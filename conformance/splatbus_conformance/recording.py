@@ -1,13 +1,17 @@
 """Recordings: what crossed the wire, as lines of JSON (format: conformance/RECORDING.md)."""
 
 import json
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeGuard
+
+from splatbus_schemas import LIMITS
 
 Channel = Literal["ipc", "msg"]
 Direction = Literal["c2s", "s2c"]
 Event = Literal["open", "eof", "reset"]
+_HEX = re.compile("([0-9a-fA-F]{2})*")
 
 
 class Entry(NamedTuple):
@@ -39,22 +43,40 @@ def to_line(entry: Entry) -> str:
 
 def from_line(line: str) -> Entry:
     """The entry in one line; ValueError says what is wrong with it."""
-    members = json.loads(line)
+    try:
+        members = json.loads(line)
+    except RecursionError:
+        raise ValueError("the line is nested too deep") from None
     if not isinstance(members, dict):
         raise ValueError("the line is no JSON object")
-    channel, event, direction = members.get("channel"), members.get("event"), members.get("dir")
+    if nulls := [name for name, value in members.items() if value is None]:
+        raise ValueError(f"{nulls[0]} is null")
+    names = ("t", "channel", "conn", "dir", "hex", "event")
+    t, channel, conn, direction, text, event = (members.get(name) for name in names)
+    if not _is_number(t):
+        raise ValueError(f"t is {t!r}, no number")
     if channel not in ("ipc", "msg"):
         raise ValueError(f'channel is {channel!r}, not "ipc" or "msg"')
-    if not isinstance(members.get("conn"), int) or not isinstance(members.get("t"), int | float):
-        raise ValueError("t and conn must be numbers")
+    if not _is_number(conn) or conn != int(conn):
+        raise ValueError(f"conn is {conn!r}, no integer")
     if event not in (None, "open", "eof", "reset"):
         raise ValueError(f'event is {event!r}, not "open", "eof" or "reset"')
-    if direction not in ("c2s", "s2c") and event != "open":
+    if direction not in ("c2s", "s2c") and not (direction is None and event == "open"):
         raise ValueError(f'dir is {direction!r}, not "c2s" or "s2c"')
-    if (event is None) == (members.get("hex") is None):
+    if (event is None) == (text is None):
         raise ValueError("a line has either hex or event")
-    data = bytes.fromhex(members["hex"]) if event is None else None
-    return Entry(float(members["t"]), channel, members["conn"], direction, data, event)
+    if text is not None and not (isinstance(text, str) and _HEX.fullmatch(text)):
+        raise ValueError("hex is no text of two hexadecimal digits a byte")
+    data = None if text is None else bytes.fromhex(text)
+    return Entry(float(t), channel, int(conn), direction, data, event)
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and abs(value) <= LIMITS["max_safe_integer"]
+    )
 
 
 def load(path: Path) -> list[Entry]:

@@ -1,0 +1,79 @@
+"""Questions about JSON values, as the rules ask them.
+
+A number that is not finite passes every question: JSN-4 alone says what is wrong with it.
+"""
+
+import json
+import math
+import re
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.lenient_json import shorten
+
+SAFE: int = LIMITS["max_safe_integer"]
+_VERSION = re.compile(r"[0-9]+\.[0-9]+")
+_HANDLE = re.compile(r"[A-Za-z0-9+/]{86}==")
+
+
+def is_number(value: object) -> bool:
+    """A JSON number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def unspeakable(value: object) -> bool:
+    """A number that is not finite."""
+    return isinstance(value, float) and not math.isfinite(value)
+
+
+def number_in(value: Any, low: float, high: float = math.inf) -> bool:
+    """A number from `low` to `high`, both included."""
+    return is_number(value) and (unspeakable(value) or low <= value <= high)
+
+
+def positive(value: Any) -> bool:
+    """A number greater than 0."""
+    return is_number(value) and (unspeakable(value) or value > 0)
+
+
+def integer_in(value: Any, low: int, high: int = SAFE) -> bool:
+    """An integer from `low` to `high`, with or without a fraction of zero (JSN-6)."""
+    return number_in(value, low, high) and (unspeakable(value) or value == int(value))
+
+
+def whole(value: Any, low: int = -SAFE, high: int = SAFE) -> int | None:
+    """The integer that a value is, for reckoning with; None if it is none within the range."""
+    return int(value) if integer_in(value, low, high) and not unspeakable(value) else None
+
+
+def text_of(value: object, low: int, high: int) -> bool:
+    """A string of `low` to `high` characters."""
+    return isinstance(value, str) and low <= len(value) <= high
+
+
+def is_version(value: object) -> bool:
+    """Two integers joined by a dot."""
+    return isinstance(value, str) and _VERSION.fullmatch(value) is not None
+
+
+def is_handle(value: object) -> bool:
+    """64 bytes in base64 with the standard alphabet and padding (INI-7)."""
+    return isinstance(value, str) and _HANDLE.fullmatch(value) is not None
+
+
+def numbers(value: object, count: int) -> bool:
+    """An array of so many numbers."""
+    return isinstance(value, list) and len(value) == count and all(map(is_number, value))
+
+
+def strings(value: object) -> list[str] | None:
+    """An array of strings, or None."""
+    if isinstance(value, list) and all(isinstance(item, str) for item in value):
+        return value
+    return None
+
+
+def show(value: object) -> str:
+    """A value as JSON, cut when it is long."""
+    return shorten(json.dumps(value))
