@@ -26,6 +26,18 @@ class Sighting(NamedTuple):
     pointer: str = ""
     """JSON Pointer into the message, where the breach has a place there."""
     message: Message | None = None
+    offset: int = 0
+    """Where the bytes that show it begin in their sender's stream, if they are no message."""
+    data: bytes = b""
+    """Those bytes."""
+
+
+class Judgement(NamedTuple):
+    """What one message shows of one requirement."""
+
+    requirement: str
+    breach: str | None = None
+    pointer: str = ""
 
 
 class Rule(Protocol):
@@ -54,11 +66,13 @@ def about(
     requirement: str,
     breach: str | None = None,
     pointer: str = "",
+    *,
+    peer: str | None = None,
 ) -> Sighting:
-    """A sighting of what the sender of `message` did in it."""
+    """A sighting of what `peer` did, the sender of `message` unless it is named."""
     return Sighting(
         requirement,
-        message.sender,
+        peer or message.sender,
         conversation.channel,
         conversation.number,
         message.packet.ended,
@@ -68,25 +82,51 @@ def about(
     )
 
 
+def judged(
+    conversation: Conversation, message: Message, judgements: Iterable[Judgement]
+) -> Iterator[Sighting]:
+    """One sighting for each requirement among the judgements: its first breach, if it has one."""
+    first: dict[str, Judgement] = {}
+    for judgement in judgements:
+        known = first.setdefault(judgement.requirement, judgement)
+        if known.breach is None and judgement.breach is not None:
+            first[judgement.requirement] = judgement
+    for requirement, breach, pointer in first.values():
+        yield about(conversation, message, requirement, breach, pointer)
+
+
 def all_rules() -> tuple[Rule, ...]:
     """Every rule, in the order of the specification's chapters."""
     from splatbus_conformance.rules import (
+        channels,
         frames,
         framing,
         init_packets,
+        memory,
         negotiation,
+        opening,
         poses,
+        replies,
         requests,
         text,
+        welcome,
     )
 
-    modules = (framing, text, init_packets, poses, requests, negotiation, frames)
+    modules = (
+        *(framing, text, channels, init_packets, poses, requests, replies),
+        *(negotiation, welcome, memory, opening, frames),
+    )
     return tuple(rule for module in modules for rule in module.RULES)
 
 
 def sightings(entries: Iterable[Entry]) -> Iterator[Sighting]:
     """Judge a recording by every rule."""
+    return judge(conversations(entries))
+
+
+def judge(found: Iterable[Conversation]) -> Iterator[Sighting]:
+    """Judge the conversations of a recording by every rule."""
     rules = all_rules()
-    for conversation in conversations(entries):
+    for conversation in found:
         for rule in rules:
             yield from rule(conversation)

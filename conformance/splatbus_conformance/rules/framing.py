@@ -1,8 +1,10 @@
 """Rules on packets (spec 1.0 section 2.1)."""
 
+import math
 from collections.abc import Iterator
 
 from splatbus_conformance.conversation import SENDER, Conversation
+from splatbus_conformance.recording import Direction
 from splatbus_conformance.rules import Rule, Sighting, about, rule
 
 
@@ -14,30 +16,47 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
     for direction, stream in conversation.streams.items():
         if stream.refused is not None:
             length = int.from_bytes(stream.rest[:4], "little")
-            yield Sighting(
-                "FRM-2",
-                SENDER[direction],
-                conversation.channel,
-                conversation.number,
-                conversation.ended.get(direction, conversation.opened),
-                f"the header at byte {stream.refused} of the stream announces {length:,} bytes",
-            )
+            text = f"the header at byte {stream.refused} of the stream announces {length:,} bytes"
+            yield _of_stream(conversation, direction, "FRM-2", stream.began, text)
 
 
 @rule("FRM-1")
 def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
-    """FRM-1: a stream that its sender ended holds whole packets."""
+    """FRM-1: a stream that its sender ended holds whole packets.
+
+    A peer whose connection was ended by the other side could not finish its packet.
+    """
+    ended = conversation.ended
     for direction, stream in conversation.streams.items():
-        if stream.refused is None and (stream.rest or conversation.sent_by(SENDER[direction])):
-            cut_short = bool(stream.rest) and direction in conversation.ended
-            yield Sighting(
-                "FRM-1",
-                SENDER[direction],
-                conversation.channel,
-                conversation.number,
-                conversation.ended.get(direction, conversation.opened),
-                f"the stream ends {len(stream.rest)} bytes into a packet" if cut_short else None,
-            )
+        if stream.refused is not None:
+            continue
+        other: Direction = "s2c" if direction == "c2s" else "c2s"
+        by_itself = ended.get(direction, math.inf) < ended.get(other, math.inf)
+        if stream.rest and by_itself:
+            text = f"the stream ends {len(stream.rest)} bytes into a packet"
+            yield _of_stream(conversation, direction, "FRM-1", ended[direction], text)
+        elif stream.offset:
+            yield _of_stream(conversation, direction, "FRM-1", stream.began)
+
+
+def _of_stream(
+    conversation: Conversation,
+    direction: Direction,
+    requirement: str,
+    t: float,
+    breach: str | None = None,
+) -> Sighting:
+    stream = conversation.streams[direction]
+    return Sighting(
+        requirement,
+        SENDER[direction],
+        conversation.channel,
+        conversation.number,
+        t,
+        breach,
+        offset=stream.offset,
+        data=stream.rest,
+    )
 
 
 @rule("FRM-7")

@@ -1,5 +1,183 @@
-"""Rules (to be written)."""
+"""Rules on the client's side of the negotiation (spec 1.1 chapter 2)."""
 
-from splatbus_conformance.rules import Rule
+from collections.abc import Iterator
+from typing import Any
 
-RULES: tuple[Rule, ...] = ()
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.kinds import CLIENT_1_1, REQUESTS
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.answers import exchanges
+from splatbus_conformance.rules.init_packets import layout
+from splatbus_conformance.rules.memory import capabilities
+from splatbus_conformance.rules.replies import viewport_size
+from splatbus_conformance.values import SAFE, integer_in, is_version, show, text_of
+
+Json = dict[str, Any]
+NEEDS = {"closed": "reinit", "release": "frames", "subscribe": "subscribe"}
+MAX_CHARS: int = LIMITS["max_name_chars"]
+
+
+@rule("NEG-1", "NEG-3")
+def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-1, NEG-3: `hello` comes first, and once."""
+    sent = [message for message in conversation.sent_by("client") if message.value is not None]
+    hellos = [message for message in sent if message.type == "hello"]
+    if hellos:
+        text = "this came before hello"
+        yield about(conversation, sent[0], "NEG-1", None if sent[0] is hellos[0] else text)
+        yield about(conversation, hellos[0], "NEG-3")
+        for again in hellos[1:]:
+            yield about(conversation, again, "NEG-3", "a further hello")
+
+
+@rule("NEG-2")
+def well_formed_hello(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-2: the members of `hello`."""
+    if conversation.hello is not None:
+        yield from judged(conversation, conversation.hello, hello(conversation.hello.value or {}))
+
+
+@rule("NEG-5")
+def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-5: messages of 1.1 come after `welcome`, and those of a capability if it lists that.
+
+    On the IPC channel CHN-6 judges a client that never says `hello`; what a client sends although
+    its server has shown to speak 1.0 is judged by NEG-13 and NEG-14.
+    """
+    if _deaf(conversation):
+        return
+    fallback = _fallback(conversation)
+    shown = False
+    silent = conversation.hello is None
+    for message, greeted, welcome in placed(conversation):
+        shown = shown or message is fallback
+        if message.kind not in CLIENT_1_1 or message.kind == "hello":
+            continue
+        if silent and conversation.channel == "ipc":
+            return
+        if welcome is None:
+            if silent or (greeted is not None and not shown):
+                text = f"{message.kind} before welcome"
+                yield about(conversation, message, "NEG-5", text, "/type")
+            continue
+        granted, needed = capabilities(welcome), NEEDS.get(message.kind)
+        refused = granted is not None and needed is not None and needed not in granted
+        text = f"{message.kind} belongs to {needed}, which welcome does not list"
+        yield about(conversation, message, "NEG-5", text if refused else None, "/type")
+
+
+@rule("NEG-13", "NEG-14")
+def falls_back(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-13, NEG-14: a client whose server has shown to speak 1.0 goes on as 1.0 allows.
+
+    A reply to `get_viewport_size` before any `welcome` shows it on the message channel, and there
+    messages of 1.0 may follow; an init packet without `version` on the IPC channel, and nothing
+    may follow.
+    """
+    fallback = _fallback(conversation)
+    if fallback is None or _deaf(conversation):
+        return
+    ipc = conversation.channel == "ipc"
+    requirement = "NEG-14" if ipc else "NEG-13"
+    later = False
+    wrong: list[Message] = []
+    for message in conversation.messages:
+        later = later or message is fallback
+        if later and message.sender == "client" and message.value is not None:
+            of_1_1 = message.kind in CLIENT_1_1 or "id" in message.value
+            if message.kind != "hello" and (ipc or of_1_1):
+                wrong.append(message)
+    for message in wrong:
+        text = f"a message of type {show(message.type)} to a server that speaks 1.0"
+        yield about(conversation, message, requirement, text)
+    if not wrong:
+        yield about(conversation, fallback, requirement, peer="client")
+
+
+@rule("NEG-27")
+def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-27: the `id` of a request after `welcome` is an integer from 0 to 2⁵³−1."""
+    for message, _, welcome in placed(conversation):
+        asked = message.kind in REQUESTS and message.value is not None
+        if asked and welcome is not None and "id" in (message.value or {}):
+            given = (message.value or {})["id"]
+            text = f"id is {show(given)}, no integer from 0 to {SAFE}"
+            fits = integer_in(given, 0)
+            yield about(conversation, message, "NEG-27", None if fits else text, "/id")
+
+
+def hello(value: Json) -> Iterator[Judgement]:
+    """What a `hello` shows of NEG-2."""
+    yield Judgement("NEG-2")
+    versions, client = value.get("versions"), value.get("client")
+    listed, token = value.get("capabilities"), value.get("token", "none")
+    if not (isinstance(versions, list) and 1 <= len(versions) <= LIMITS["max_versions"]):
+        text = f"versions is {show(versions)}, no array of 1 to {LIMITS['max_versions']} strings"
+        yield Judgement("NEG-2", text, "/versions")
+    else:
+        for i, version in enumerate(versions):
+            if not is_version(version):
+                text = f"{show(version)} is no version: two integers joined by a dot"
+                yield Judgement("NEG-2", text, f"/versions/{i}")
+    yield from named(client, "client", "NEG-2")
+    if not (isinstance(listed, list) and len(listed) <= LIMITS["max_capabilities"]):
+        text = f"capabilities is {show(listed)}, no array of up to {LIMITS['max_capabilities']}"
+        yield Judgement("NEG-2", text, "/capabilities")
+    else:
+        for i, capability in enumerate(listed):
+            if not text_of(capability, 0, MAX_CHARS):
+                text = f"{show(capability)} is no string of up to {MAX_CHARS} characters"
+                yield Judgement("NEG-2", text, f"/capabilities/{i}")
+            elif capability in listed[:i]:
+                text = f"{show(capability)} is listed twice"
+                yield Judgement("NEG-2", text, "/capabilities")
+    if not text_of(token, 1, LIMITS["max_token_chars"]):
+        text = f"token is no string of 1 to {LIMITS['max_token_chars']} characters"
+        yield Judgement("NEG-2", text, "/token")
+
+
+def named(program: object, role: str, requirement: str) -> Iterator[Judgement]:
+    """Whether a peer names itself: an object of `name` and `version`, strings."""
+    if not isinstance(program, dict):
+        text = "is missing" if program is None else f"is {show(program)}, no object"
+        yield Judgement(requirement, f"{role} {text}", f"/{role}")
+        return
+    for member in ("name", "version"):
+        if not text_of(program.get(member), 0, MAX_CHARS):
+            has = show(program[member]) if member in program else "missing"
+            text = f"{member} is {has}, no string of up to {MAX_CHARS} characters"
+            yield Judgement(requirement, text, f"/{role}/{member}")
+
+
+def _deaf(conversation: Conversation) -> bool:
+    """What the server sent could not be read to its end, so nobody knows what the client knew."""
+    return conversation.streams["s2c"].refused is not None
+
+
+def _fallback(conversation: Conversation) -> Message | None:
+    """What shows a client that said `hello` that its server speaks 1.0."""
+    if conversation.hello is None or conversation.welcome is not None:
+        return None
+    for message in conversation.sent_by("server"):
+        if message.kind == "init_packet" and not message.faults:
+            value = message.value or {}
+            if "version" not in value and not any(j.breach for j in layout(value)):
+                return message
+    for pair in exchanges(conversation).pairs:
+        if pair.question.kind == "get_viewport_size" and pair.asked_after_hello:
+            told = pair.answer.value
+            sound = told is not None and not any(j.breach for j in viewport_size(told))
+            if sound and not pair.answer.faults:
+                return pair.answer
+    return None
+
+
+RULES: tuple[Rule, ...] = (
+    one_hello_first,
+    well_formed_hello,
+    nothing_before_welcome,
+    falls_back,
+    ids_are_integers,
+)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from splatbus_conformance.conversation import Conversation
-from splatbus_conformance.rules import Rule, Sighting, about, rule
+from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
 
 TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5")
 
@@ -12,10 +12,9 @@ TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5")
 def one_strict_object(conversation: Conversation) -> Iterator[Sighting]:
     """JSN-1 to JSN-5: each payload is one JSON object, as strict as the text asks."""
     for message in conversation.messages:
-        breaches = {fault.requirement: fault.text for fault in message.faults}
-        for requirement in TEXT:
-            if message.value is not None or requirement in breaches:
-                yield about(conversation, message, requirement, breaches.get(requirement))
+        found = [Judgement(name, text, pointer) for name, text, pointer in message.faults]
+        kept = [Judgement(name) for name in TEXT if message.value is not None]
+        yield from judged(conversation, message, [*found, *kept])
 
 
 RULES: tuple[Rule, ...] = (one_strict_object,)

@@ -1,0 +1,291 @@
+"""Rules on what a server answers (spec 1.0 section 6.2, spec 1.1 section 2.6)."""
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.conversation import Conversation, Message
+from splatbus_conformance.kinds import CLIENT_1_0, CLIENT_1_1, CLOSING_ERRORS, POSES, REQUESTS
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.answers import (
+    REPLY_TO,
+    Extra,
+    exchanges,
+    valid_request,
+)
+from splatbus_conformance.rules.init_packets import size
+from splatbus_conformance.rules.poses import pose, unit_norm
+from splatbus_conformance.values import (
+    integer_in,
+    is_number,
+    number_in,
+    numbers,
+    show,
+    unspeakable,
+    whole,
+)
+
+MAX_SIZE: int = LIMITS["max_image_size"]
+
+
+class Size(NamedTuple):
+    """The size of the images, as an init packet announced it."""
+
+    t: float
+    size: tuple[int, int]
+
+
+@rule("REQ-3", "REQ-5")
+def well_formed_reply(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-3, REQ-5: the members of a reply, their numbers, and the camera's rotation."""
+    for question, answer, *_ in exchanges(conversation).pairs:
+        if answer.value is not None:
+            asked_size = question.kind == "get_viewport_size"
+            content = viewport_size(answer.value) if asked_size else camera(answer.value)
+            yield from judged(conversation, answer, content)
+
+
+@rule("REQ-4")
+def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-4: the size told is that of the init packet, and `[0,0]` only before it is known.
+
+    An init packet counts from when it was sent, on whichever connection.
+    """
+    announced = _announced(conversation.beside or [conversation])
+    known = False
+    for question, answer, *_ in exchanges(conversation).pairs:
+        told = _size_told(answer)
+        if question.kind != "get_viewport_size" or told is None:
+            continue
+        asked = question.packet.ended
+        before = [earlier for t, earlier in announced if t < asked]
+        allowed = {*before[-1:], *(later for t, later in announced if t >= asked)}
+        wrong = None
+        if told != (0, 0) and 0 in told:
+            wrong = f"the size is told to be {list(told)}"
+        elif before and told not in allowed:
+            wrong = f"the size is told to be {list(told)}, the init packet said {list(before[-1])}"
+        elif known and told == (0, 0):
+            wrong = "the size is told to be [0, 0] after it had been known"
+        if wrong or before or known:
+            yield about(conversation, answer, "REQ-4", wrong, "/viewport_size")
+        known = known or 0 not in told
+
+
+@rule("REQ-7", "NEG-29")
+def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-7, after `hello` NEG-29: one answer to each valid request, in order.
+
+    That one is missing shows when a later one is answered, or when the server ends the connection
+    of a faultless client that it had served, with no other connection to prefer to it.
+    """
+    found = exchanges(conversation)
+    negotiated = conversation.welcome is not None
+    for pair in found.pairs:
+        requirement = "NEG-29" if pair.asked_after_hello and negotiated else "REQ-7"
+        late = f"this answers a request after {pair.late} that had no answer yet"
+        yield about(conversation, pair.answer, requirement, late if pair.late else None)
+    for extra in found.extra:
+        if _blame(extra, negotiated=negotiated) == "REQ-7":
+            yield about(conversation, extra.answer, "REQ-7", "a reply that nothing asked for")
+    if found.unanswered and _left_by_the_server(conversation):
+        hello = conversation.hello
+        for question in found.unanswered:
+            after = hello is not None and hello.packet.offset < question.packet.offset
+            requirement = "NEG-29" if after and negotiated else "REQ-7"
+            text = "the server ended the connection without answering this request"
+            yield about(conversation, question, requirement, text, peer="server")
+
+
+@rule("CHN-11", "POS-10", "REQ-8", "REQ-9")
+def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
+    """CHN-11, POS-10, REQ-8, REQ-9: what has no reply, by what the client had sent last."""
+    found = exchanges(conversation)
+    negotiated = conversation.welcome is not None
+    causes = set()
+    for answer, cause in found.extra:
+        requirement = _blame(Extra(answer, cause), negotiated=negotiated)
+        if requirement != "REQ-7":
+            what = "unasked" if cause is None else f"after a message of type {show(cause.type)}"
+            yield about(conversation, answer, requirement, f"a packet {what}")
+            causes.add(cause.packet.offset if cause else None)
+    if conversation.hello is None:
+        for pair in found.pairs:
+            yield about(conversation, pair.answer, "CHN-11")
+    for message in conversation.sent_by("client"):
+        left_alone = _without_reply(message)
+        if conversation.channel == "msg" and left_alone and message.packet.offset not in causes:
+            yield about(conversation, message, left_alone, peer="server")
+
+
+@rule("NEG-28")
+def typed_replies(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-28: after `welcome`, a reply has its type and the id of its request."""
+    for pair in exchanges(conversation).pairs:
+        if pair.welcomed and pair.answer.value is not None:
+            yield from judged(
+                conversation, pair.answer, _typed(pair.question.value or {}, pair.answer)
+            )
+
+
+@rule("CHN-16")
+def answers_before_the_end(conversation: Conversation) -> Iterator[Sighting]:
+    """CHN-16: requests that came whole before the client's end of stream are answered.
+
+    Judged once the server has ended its own stream after the client's.
+    """
+    ended = conversation.ended
+    half_closed = ended.get("c2s", math.inf) <= ended.get("s2c", -math.inf)
+    found = exchanges(conversation)
+    if half_closed and not conversation.resets and _complete(conversation):
+        missing = found.unanswered
+        if missing and _faultless(conversation):
+            text = f"the server closed with {len(missing)} requests unanswered"
+            yield about(conversation, missing[0], "CHN-16", text, peer="server")
+        elif found.pairs and not missing:
+            yield about(conversation, found.pairs[-1].answer, "CHN-16")
+
+
+def viewport_size(value: dict[str, Any]) -> Iterator[Judgement]:
+    """What the reply to `get_viewport_size` shows of REQ-3."""
+    size = value.get("viewport_size")
+    wrong = None
+    if "viewport_size" not in value:
+        wrong = "the reply has no member viewport_size"
+    elif not (isinstance(size, list) and len(size) == 2):
+        wrong = f"viewport_size is {show(size)}, no array of two numbers"
+    yield Judgement("REQ-3", wrong, "/viewport_size")
+    if wrong is None and isinstance(size, list):
+        for i, part in enumerate(size):
+            plain = isinstance(part, int) and integer_in(part, 0, MAX_SIZE)
+            text = f"{show(part)} is no plain integer from 0 to {MAX_SIZE:,}"
+            fine = plain or unspeakable(part)
+            yield Judgement("REQ-3", None if fine else text, f"/viewport_size/{i}")
+
+
+def camera(value: dict[str, Any]) -> Iterator[Judgement]:
+    """What the reply to `get_camera_pose` shows of REQ-5."""
+    for name, count in (("position", 3), ("rotation", 4)):
+        part = value.get(name)
+        text = f"{name} is {show(part)}" if name in value else f"{name} is missing"
+        if numbers(part, count):
+            yield Judgement("REQ-5")
+        elif isinstance(part, list) and len(part) == count:
+            i = next(i for i, each in enumerate(part) if not is_number(each))
+            yield Judgement("REQ-5", f"{show(part[i])} is no number", f"/{name}/{i}")
+        else:
+            yield Judgement("REQ-5", f"{text}: no array of {count} numbers", f"/{name}")
+    limit = LIMITS["max_position"]
+    if numbers(value.get("position"), 3):
+        for i, part in enumerate(value["position"]):
+            text = f"{show(part)} is beyond the largest single-precision number (POS-2)"
+            fits = number_in(part, -limit, limit)
+            yield Judgement("REQ-5", None if fits else text, f"/position/{i}")
+    if numbers(value.get("rotation"), 4):
+        yield from unit_norm(value["rotation"], "REQ-5")
+
+
+def _typed(question: dict[str, Any], answer: Message) -> Iterator[Judgement]:
+    value = answer.value or {}
+    kind = REPLY_TO[str(question["type"])]
+    if answer.type != kind:
+        has = show(value["type"]) if "type" in value else "missing"
+        yield Judgement("NEG-28", f'type is {has}, not "{kind}"', "/type")
+    else:
+        yield Judgement("NEG-28")
+    if integer_in(question.get("id"), 0) and value.get("id") != question["id"]:
+        has = show(value["id"]) if "id" in value else "missing"
+        yield Judgement("NEG-28", f"id is {has}, the request's was {show(question['id'])}", "/id")
+
+
+def _size_told(answer: Message) -> tuple[int, int] | None:
+    if answer.value is None or any(j.breach for j in viewport_size(answer.value)):
+        return None
+    told = [whole(part) for part in answer.value["viewport_size"]]
+    width, height = told
+    return None if width is None or height is None else (width, height)
+
+
+def _announced(conversations: list[Conversation]) -> list[Size]:
+    sizes = []
+    for conversation in conversations:
+        for message in conversation.messages:
+            announced = size((message.value or {}).get("meta"))
+            if message.kind == "init_packet" and announced is not None:
+                sizes.append(Size(message.packet.ended, announced))
+    return sorted(sizes)
+
+
+def _blame(extra: Extra, *, negotiated: bool) -> str:
+    cause = extra.cause
+    if cause is None or cause.value is None:
+        return "CHN-11"
+    if cause.kind in POSES:
+        return "POS-10"
+    if cause.faults and not negotiated:
+        return "CHN-11"
+    if cause.kind in REQUESTS:
+        return "REQ-7" if valid_request(cause) else "REQ-9"
+    return "REQ-7" if negotiated else "REQ-8"
+
+
+def _without_reply(message: Message) -> str | None:
+    """The requirement by which a client's message has no reply, where there is one."""
+    if message.value is None:
+        return None
+    if message.kind in POSES:
+        return "POS-10"
+    if message.kind in REQUESTS:
+        return None if valid_request(message) or message.faults else "REQ-9"
+    return None if message.kind in CLIENT_1_1 else "REQ-8"
+
+
+def _left_by_the_server(conversation: Conversation) -> bool:
+    """The server ended a connection that it served, of its own accord."""
+    end = conversation.ended.get("s2c", math.inf)
+    return (
+        end < conversation.ended.get("c2s", math.inf)
+        and bool(conversation.sent_by("server"))
+        and _complete(conversation)
+        and _faultless(conversation)
+        and not any(
+            other.channel == conversation.channel and conversation.opened < other.opened <= end
+            for other in conversation.beside
+        )
+    )
+
+
+def _complete(conversation: Conversation) -> bool:
+    """Both streams could be read to their end."""
+    return not any(s.rest or s.refused is not None for s in conversation.streams.values())
+
+
+def _faultless(conversation: Conversation) -> bool:
+    """The client gave its server no reason to close, and was told of none."""
+    told = any(
+        message.kind == "error" and (message.value or {}).get("code") in CLOSING_ERRORS
+        for message in conversation.messages
+    )
+    return not told and all(_sound(message) for message in conversation.sent_by("client"))
+
+
+def _sound(message: Message) -> bool:
+    if message.value is None or message.faults:
+        return False
+    if message.kind in POSES:
+        return all(judgement.breach is None for judgement in pose(message))
+    if message.kind in REQUESTS:
+        return valid_request(message)
+    return message.kind in CLIENT_1_0 or message.kind in CLIENT_1_1
+
+
+RULES: tuple[Rule, ...] = (
+    well_formed_reply,
+    size_of_the_images,
+    one_answer_each_in_order,
+    nothing_but_replies,
+    typed_replies,
+    answers_before_the_end,
+)
