@@ -201,8 +201,8 @@ class Bus:
                 convert(depths, memory.depth(slot), alphas)
                 self._statistics.depths_converted += 1
 
-        self._exchange.publish(view, time, write)
-        self._service.ring()
+        if self._exchange.publish(view, time, write):
+            self._service.ring()
 
     def resize(self, width: int, height: int, intrinsics: Intrinsics | None = None) -> None:
         """Serves images of another size from now on.

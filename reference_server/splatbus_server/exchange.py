@@ -59,6 +59,7 @@ class Exchange:
         self._pending: Counter[type] = Counter()
         self._wanted: frozenset[str] = frozenset()
         self._shown: View | None = None
+        self._is_awaited = False
         self._failure: BaseException | None = None
 
     # The render loop's side
@@ -82,8 +83,11 @@ class Exchange:
                 self.memory.generation,
             )
 
-    def publish(self, view: View, scene_time: float, write: Callable[[int], None]) -> None:
-        """Lets `write` fill a slot with what the view wants, then makes it the newest [IMG-6]."""
+    def publish(self, view: View, scene_time: float, write: Callable[[int], None]) -> bool:
+        """Lets `write` fill a slot with what the view wants, then makes it the newest [IMG-6].
+
+        Returns whether a client waits for an image; the others ask when they release theirs.
+        """
         memory = self.memory
         with self._changed:
             slot = memory.ring.begin_write()
@@ -93,7 +97,9 @@ class Exchange:
             seq = memory.ring.publish(slot)
             self.newest = Image(memory, slot, seq, view, scene_time, now)
             self._shown = view
+            is_awaited, self._is_awaited = self._is_awaited, False
         self._statistics.frames_published += 1
+        return is_awaited
 
     def replace(self, memory: Memory, intrinsics: Intrinsics) -> None:
         """Renders into other memory from now on."""
@@ -123,9 +129,11 @@ class Exchange:
         """Leases the newest image of the memory [IMG-3]; None if there is nothing new for it."""
         with self._changed:
             image = self.newest
-            if image is None or image.memory is not memory or not wants <= image.view.wants:
-                return None
-            return image if memory.ring.lease(client) else None
+            if image is not None and image.memory is memory and wants <= image.view.wants:
+                if memory.ring.lease(client) is not None:
+                    return image
+            self._is_awaited = True
+            return None
 
     def take_back(self, client: Hashable, image: Image) -> None:
         """Ends a lease."""

@@ -111,7 +111,7 @@ class RawClient:
 
 
 class Reader(RawClient):
-    """A client of 1.1 on the IPC channel: says hello, opens the memory, takes and returns images."""
+    """A client of 1.1 on the IPC channel: opens the memory, takes and returns images."""
 
     def __init__(self, port: int, *capabilities: str, **other: Any) -> None:
         super().__init__(port)

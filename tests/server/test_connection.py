@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from splatbus_schemas import LIMITS
+from splatbus_server.connection import LINGER_SECONDS, Connection, Event, Refusal, Terms
+from splatbus_wire.messages import CameraPose, GetViewportSize, Hello, Opened, Program, ViewportSize
+
+from tests.server.raw_client import camera_pose, hello, packet
+
+OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "message": ()})
+GUARDED = OPEN._replace(token="secret")
+REQUEST = packet({"type": "get_viewport_size"})
+
+
+def events(connection: Connection, data: bytes, now: float = 0.0) -> list[Event]:
+    connection.receive(data, now)
+    found = []
+    while (event := connection.next_event(now)) is not None:
+        found.append(event)
+    return found
+
+
+def sent(connection: Connection) -> list[dict[str, object]]:
+    """Takes what waits to be sent, as messages."""
+    messages, data = [], bytes(connection.unsent)
+    connection.sent(len(data), 0.0)
+    while data:
+        end = 4 + int.from_bytes(data[:4], "little")
+        messages.append(json.loads(data[4:end]))
+        data = data[end:]
+    return messages
+
+
+def greeted(channel: str = "message", *capabilities: str) -> Connection:
+    connection = Connection(channel, OPEN, 0.0)
+    events(connection, packet(hello(*capabilities)))
+    sent(connection)
+    return connection
+
+
+def test_messages_come_out_however_the_bytes_come_in() -> None:
+    """[FRM-4]"""
+    connection = Connection("message", OPEN, 0.0)
+    stream = REQUEST + packet(camera_pose(1.0)) + REQUEST
+    found = [event for byte in stream for event in events(connection, bytes([byte]))]
+    assert [type(event) for event in found] == [GetViewportSize, CameraPose, GetViewportSize]
+    assert events(connection, stream) == found
+
+
+def test_hello_is_answered_before_what_follows_it() -> None:
+    """[NEG-6, NEG-7]"""
+    connection = Connection("ipc", OPEN, 0.0)
+    data = packet(hello("frames", "x-unknown")) + packet({"type": "opened", "generation": 3})
+    first, second = events(connection, data)
+    assert isinstance(first, Hello)
+    assert second == Opened(3)
+    (welcome,) = sent(connection)
+    assert welcome["capabilities"] == ["frames"]
+    assert connection.has("frames")
+    assert not connection.has("host_shm")
+
+
+def test_a_server_names_what_it_supports_and_closes() -> None:
+    """[NEG-10]"""
+    connection = Connection("message", OPEN, 0.0)
+    (refusal,) = events(connection, packet(hello(versions=["9.0"])))
+    assert isinstance(refusal, Refusal)
+    (error,) = sent(connection)
+    assert error["code"] == "unsupported_version"
+    assert error["supported"] == ["1.0", "1.1"]
+    assert connection.ending is not None
+
+
+@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("token", [{}, {"token": "wrong"}, {"token": "secret "}])
+def test_a_wrong_token_is_refused(channel: str, token: dict[str, str]) -> None:
+    """[NEG-18]"""
+    connection = Connection(channel, GUARDED, 0.0)
+    stream = packet(hello(**token)) + packet(hello(token="secret")) + REQUEST
+    (refusal,) = events(connection, stream)
+    assert isinstance(refusal, Refusal)
+    assert [message["code"] for message in sent(connection)] == ["unauthorized"]
+    assert connection.welcome is None
+    assert connection.ending is not None
+
+
+def test_without_its_hello_a_guarded_server_is_deaf() -> None:
+    """[NEG-19]"""
+    connection = Connection("message", GUARDED, 0.0)
+    stream = REQUEST + packet(camera_pose()) + packet(b"[") + packet({"type": "nope"})
+    assert all(isinstance(event, Refusal) for event in events(connection, stream))
+    assert not connection.unsent
+    assert connection.ending is None
+    events(connection, packet(hello(token="secret")))
+    assert events(connection, REQUEST) == [GetViewportSize()]
+
+
+def test_a_guarded_server_awaits_hello_for_ten_seconds() -> None:
+    """[NEG-12]"""
+    connection = Connection("ipc", GUARDED, 100.0)
+    assert connection.deadline == 100.0 + LIMITS["hello_seconds"]
+    connection.expire(connection.deadline)
+    assert "NEG-12" in str(connection.ending)
+    assert Connection("ipc", OPEN, 100.0).deadline == math.inf
+    events(greeting := Connection("ipc", GUARDED, 100.0), packet(hello(token="secret")))
+    assert greeting.deadline == math.inf
+
+
+def test_the_ipc_channel_is_never_closed_for_what_it_says_before_hello() -> None:
+    """[CHN-7, NEG-22]"""
+    connection = Connection("ipc", OPEN, 0.0)
+    for payload in (b"\xff", b"[]", b"{", b'{"type":"hello"}', b'{"type":"get_viewport_size"}'):
+        (refusal,) = events(connection, packet(payload))
+        assert isinstance(refusal, Refusal)
+    assert not connection.unsent
+    assert connection.ending is None
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b'{"type":"get_camera_pose"}', b'{"type":"get_camera_pose","cam_idx":"0"}'],
+)
+def test_a_client_that_awaits_a_reply_in_vain_is_told_by_a_close(payload: bytes) -> None:
+    """[REQ-9]"""
+    connection = Connection("message", OPEN, 0.0)
+    (refusal,) = events(connection, packet(payload) + REQUEST)
+    assert isinstance(refusal, Refusal)
+    assert not connection.unsent
+    assert "REQ-9" in str(connection.ending)
+
+
+def test_after_hello_a_bad_request_is_answered_with_its_id() -> None:
+    """[NEG-26, NEG-29]"""
+    connection = greeted()
+    events(connection, packet({"type": "get_camera_pose", "id": 7}) + REQUEST)
+    (error,) = sent(connection)
+    assert error["type"] == "error"
+    assert error["code"] == "invalid_message"
+    assert error["id"] == 7
+    assert error["pointer"] == "/cam_idx"
+    assert connection.ending is None
+
+
+def test_a_second_hello_is_refused_and_the_first_stays() -> None:
+    """[NEG-3]"""
+    connection = greeted("ipc", "frames")
+    events(connection, packet(hello()))
+    (error,) = sent(connection)
+    assert error["code"] == "invalid_message"
+    assert "NEG-3" in str(error["message"])
+    assert connection.has("frames")
+
+
+@pytest.mark.parametrize(
+    ("header", "code"), [(0, "malformed_packet"), (0xFFFFFFFF, "packet_too_large")]
+)
+def test_a_bad_header_ends_the_connection_after_what_came_before(header: int, code: str) -> None:
+    """[FRM-3, NEG-25]"""
+    connection = greeted()
+    first, refusal = events(connection, REQUEST + header.to_bytes(4, "little") + REQUEST)
+    assert first == GetViewportSize()
+    assert isinstance(refusal, Refusal)
+    assert [message["code"] for message in sent(connection)] == [code]
+    assert connection.ending is not None
+
+
+def test_an_incomplete_packet_has_ten_seconds_from_its_first_byte() -> None:
+    """[FRM-5]"""
+    connection = Connection("message", OPEN, 0.0)
+    events(connection, REQUEST, 1.0)
+    assert connection.deadline == math.inf
+    events(connection, REQUEST + REQUEST[:2], 5.0)
+    events(connection, REQUEST[2:6], 9.0)
+    assert connection.deadline == 5.0 + LIMITS["packet_completion_seconds"]
+    events(connection, REQUEST[6:] + REQUEST[:1], 12.0)
+    assert connection.deadline == 12.0 + LIMITS["packet_completion_seconds"]
+    connection.expire(connection.deadline)
+    assert "FRM-5" in str(connection.ending)
+
+
+def test_what_came_whole_before_the_end_of_the_stream_is_handled() -> None:
+    """[CHN-16, FRM-6]"""
+    connection = Connection("message", OPEN, 0.0)
+    connection.receive(REQUEST + REQUEST[:5], 0.0)
+    assert events(connection, b"") == [GetViewportSize()]
+    connection.send(ViewportSize(1, 1))
+    assert connection.ending is not None
+    assert not connection.over
+    connection.sent(len(connection.unsent), 0.0)
+    assert connection.over
+
+
+def test_a_client_that_does_not_read_is_given_five_seconds() -> None:
+    """[LIM-2]"""
+    connection = Connection("message", OPEN, 0.0)
+    connection.send(ViewportSize(1, 1))
+    assert connection.deadline == math.inf
+    connection.sent(0, 1.0)
+    connection.sent(0, 3.0)
+    assert connection.deadline == 1.0 + LIMITS["stalled_reader_seconds"]
+    connection.sent(4, 4.0)
+    assert connection.deadline == 4.0 + LIMITS["stalled_reader_seconds"]
+    connection.expire(connection.deadline)
+    assert connection.over
+    assert "LIM-2" in str(connection.ending)
+
+
+def test_a_client_that_does_not_read_is_given_a_megabyte() -> None:
+    """[LIM-2]"""
+    connection = Connection("message", OPEN, 0.0)
+    while len(connection.unsent) <= LIMITS["max_unsent_bytes"]:
+        assert not connection.over
+        connection.send(ViewportSize(1, 1))
+    connection.sent(0, 0.0)
+    assert connection.over
+    assert "LIM-2" in str(connection.ending)
+
+
+def test_an_ended_connection_waits_for_the_client_to_read_the_last_packet() -> None:
+    connection = greeted()
+    events(connection, bytes(4))
+    connection.sent(len(connection.unsent), 2.0)
+    assert not connection.over
+    assert connection.deadline == 2.0 + LINGER_SECONDS
+    assert events(connection, REQUEST, 2.5) == []
+    connection.receive(b"", 2.6)
+    assert connection.over

@@ -1,0 +1,77 @@
+"""Many leased reads against a server that publishes as fast as it can: none torn, none mixed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import splatbus_server
+
+from tests.server.leased_reader import COLOR_STEP
+
+WIDTH, HEIGHT = 32, 8
+READS = 100_000
+FAST_READERS = 2
+
+
+@contextmanager
+def publishing() -> Iterator[splatbus_server.Bus]:
+    """A server whose every image differs from the one before, published without a pause."""
+    stop = threading.Event()
+    color = np.empty((HEIGHT, WIDTH, 4), np.float32)
+    depth = np.empty((HEIGHT, WIDTH), np.float32)
+    ones = np.ones_like(depth)
+
+    def publish_on(bus: splatbus_server.Bus) -> None:
+        number = 0
+        while not stop.is_set():
+            view = bus.next_view(0.1, contents_changed=True)
+            if view is not None:
+                number += 1
+                color.fill(number * COLOR_STEP)
+                depth.fill(number)
+                bus.publish(view, color, depth, alpha=ones, time=float(number))
+                time.sleep(0)  # as renderers do, it lets go of the interpreter
+
+    switch_interval = sys.getswitchinterval()
+    sys.setswitchinterval(0.00005)
+    try:
+        with splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0) as bus:
+            renderer = threading.Thread(target=publish_on, args=(bus,))
+            renderer.start()
+            try:
+                yield bus
+            finally:
+                stop.set()
+                renderer.join(10)
+    finally:
+        sys.setswitchinterval(switch_interval)
+
+
+def reader_process(port: int, reads: int, hold_seconds: float) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "tests.server.leased_reader"]
+    return subprocess.Popen(
+        [*command, str(port), str(reads), str(hold_seconds)], stdout=subprocess.PIPE, text=True
+    )
+
+
+def test_no_leased_read_is_torn() -> None:
+    """[IMG-4, IMG-5, IMG-6]"""
+    with publishing() as bus:
+        port = bus.address.ipc_port
+        fast = [reader_process(port, READS // FAST_READERS, 0.0) for _ in range(FAST_READERS)]
+        slow = reader_process(port, 200, 0.002)
+        stalled = reader_process(port, 1, 2.0)
+        results = [json.loads(p.communicate(timeout=120)[0]) for p in (*fast, slow, stalled)]
+        published = bus.statistics.frames_published
+    print(results, published)
+    assert sum(result["reads"] for result in results) == READS + 201
+    assert [result["torn"] for result in results] == [0, 0, 0, 0]
+    assert [result["mixed"] for result in results] == [0, 0, 0, 0]
+    assert published > READS // FAST_READERS

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from splatbus_schemas import LIMITS
+from splatbus_server.settings import is_loopback, read_token, settings
+
+VARIABLES = ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT", "SPLATBUS_TOKEN")
+
+
+@pytest.fixture(autouse=True)
+def bare_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_defaults_are_those_of_the_specification() -> None:
+    """[SEC-1]"""
+    assert settings() == ("127.0.0.1", 6001, 6000, None)
+
+
+def test_the_environment_wins_over_defaults_and_arguments_over_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, value in zip(VARIABLES, ("127.0.0.2", "7001", "7000", "secret"), strict=True):
+        monkeypatch.setenv(name, value)
+    assert settings() == ("127.0.0.2", 7001, 7000, "secret")
+    assert settings("127.0.0.3", 0, 1, "other") == ("127.0.0.3", 0, 1, "other")
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1"])
+def test_other_machines_need_a_token(host: str) -> None:
+    """[NEG-17]"""
+    with pytest.raises(ValueError, match=r"NEG-17"):
+        settings(host)
+    assert settings(host, token="secret").token == "secret"
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.9.9.9", "::1", "localhost"])
+def test_loopback_is_recognised(host: str) -> None:
+    assert is_loopback(host)
+
+
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_a_port_has_its_range(port: int) -> None:
+    with pytest.raises(ValueError, match="port"):
+        settings(ipc_port=port)
+
+
+def test_a_port_in_the_environment_is_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SPLATBUS_MSG_PORT", "six")
+    with pytest.raises(ValueError, match="SPLATBUS_MSG_PORT is 'six'"):
+        settings()
+
+
+def test_a_token_has_its_length() -> None:
+    """[NEG-2]"""
+    longest = LIMITS["max_token_chars"]
+    assert settings(token="a" * longest)
+    with pytest.raises(ValueError, match="256"):
+        settings(token="a" * (longest + 1))
+
+
+def test_a_token_file_is_for_its_owner_only(tmp_path: Path) -> None:
+    """[NEG-21]"""
+    path = tmp_path / "token"
+    path.write_text(" secret\n")
+    path.chmod(0o600)
+    assert read_token(path) == "secret"
+    if os.name == "posix":
+        path.chmod(0o640)
+        with pytest.raises(ValueError, match="chmod 600"):
+            read_token(path)
+        path.chmod(0o600)
+    path.write_text("\n")
+    with pytest.raises(ValueError, match="no token"):
+        read_token(path)
