@@ -9,7 +9,7 @@ import logging
 import os
 import selectors
 import socket
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol
 
 from splatbus_schemas import LIMITS
@@ -27,8 +27,8 @@ _RECEIVE_BYTES = 65536
 class Machine(Protocol):
     """What the protocol machines of both channels have in common; each lives for a connection."""
 
-    def receive(self, data: bytes, now: float) -> Sequence[Event]: ...  # noqa: D102
-    def expire(self, now: float) -> Sequence[Event]: ...  # noqa: D102
+    def receive(self, data: bytes, now: float) -> Iterable[Event]: ...  # noqa: D102
+    def expire(self, now: float) -> Iterable[Event]: ...  # noqa: D102
     def deadline(self) -> float | None: ...  # noqa: D102
     def data_to_send(self, now: float) -> bytes: ...  # noqa: D102
 
@@ -192,7 +192,7 @@ class Channel:
         else:
             self._lose("the server ended it", now)  # [CHN-17]
 
-    def _take(self, events: Sequence[Event], now: float) -> None:
+    def _take(self, events: Iterable[Event], now: float) -> None:
         for event in events:
             match event:
                 case MustClose(reason):

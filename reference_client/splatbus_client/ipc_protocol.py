@@ -125,17 +125,19 @@ class IpcProtocol:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         return []
 
-    def receive(self, data: bytes, now: float) -> list[IpcEvent]:
-        """Return what the bytes mean; `MustClose`, if any, is the last."""
-        events: list[IpcEvent] = []
+    def receive(self, data: bytes, now: float) -> Iterator[IpcEvent]:
+        """Yield what the bytes mean; `MustClose`, if any, is the last.
+
+        Act on each event before taking the next: what a packet means can depend on it.
+        """
         try:
             for payload in self._incoming.receive(data, now):
-                events += self._on_payload(payload)
-                if events and isinstance(events[-1], MustClose):
-                    break
+                for event in self._on_payload(payload):
+                    yield event
+                    if isinstance(event, MustClose):
+                        return
         except FramingError as error:
-            events.append(MustClose(str(error)))
-        return events
+            yield MustClose(str(error))
 
     def _on_payload(self, payload: bytes) -> Iterator[IpcEvent]:
         try:

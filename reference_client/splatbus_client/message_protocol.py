@@ -118,17 +118,19 @@ class MessageProtocol:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         return []
 
-    def receive(self, data: bytes, now: float) -> list[MessageEvent]:
-        """Return what the bytes mean; `MustClose`, if any, is the last."""
-        events: list[MessageEvent] = []
+    def receive(self, data: bytes, now: float) -> Iterator[MessageEvent]:
+        """Yield what the bytes mean; `MustClose`, if any, is the last.
+
+        Act on each event before taking the next: what a packet means can depend on it.
+        """
         try:
             for payload in self._incoming.receive(data, now):
-                events += self._on_payload(payload, now)
-                if events and isinstance(events[-1], MustClose):
-                    break
+                for event in self._on_payload(payload, now):
+                    yield event
+                    if isinstance(event, MustClose):
+                        return
         except FramingError as error:
-            events.append(MustClose(str(error)))
-        return events
+            yield MustClose(str(error))
 
     def _send_request(self, now: float) -> None:
         """Send the first request that may be sent, if none is unanswered."""

@@ -10,7 +10,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from importlib.metadata import version
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -22,6 +22,7 @@ from splatbus_wire.messages import (
     Hello,
     PointCloudPose,
     Program,
+    Request,
 )
 from splatbus_wire.poses import Pose
 
@@ -101,8 +102,7 @@ class Session:
         Raises:
             ProtocolError: the pose breaks POS-2 or POS-3.
         """
-        with self._sending(self._message):
-            self._steering.pose(CameraPose(pose, time.monotonic() - self._started))
+        self._steer(CameraPose(pose, time.monotonic() - self._started))
 
     def send_object(self, pose: Pose) -> None:
         """Send the Gaussians' pose, object-to-world in the axes of the wire [CNV-2].
@@ -110,18 +110,15 @@ class Session:
         Raises:
             ProtocolError: the pose breaks POS-2 or POS-3.
         """
-        with self._sending(self._message):
-            self._steering.pose(PointCloudPose(pose, time.monotonic() - self._started))
+        self._steer(PointCloudPose(pose, time.monotonic() - self._started))
 
     def ask_viewport_size(self) -> "Future[tuple[int, int]]":
         """Ask without waiting; (0, 0) is a reply too. A lost connection delays the answer."""
-        with self._sending(self._message):
-            return self._steering.ask(GetViewportSize())
+        return self._ask(GetViewportSize())
 
     def ask_camera_pose(self, index: int) -> "Future[Pose]":
         """Ask without waiting; a lost connection delays the answer."""
-        with self._sending(self._message):
-            return self._steering.ask(GetCameraPose(index))
+        return self._ask(GetCameraPose(index))
 
     def viewport_size(self, timeout: float) -> tuple[int, int]:
         """Return width and height of the images; ask again while the server does not know [REQ-12].
@@ -159,8 +156,7 @@ class Session:
             if self._reading.held is not None:
                 raise RuntimeError("release the former frame first: one is lent at a time [IMG-2]")
             self._changed.wait_for(lambda: self._reading.lent or self._closed, timeout)
-            if self._closed:
-                raise RuntimeError("the session is closed")
+            self._require_open()
             if self._reading.lent is None:
                 raise TimeoutError(f"no frame came in time: {self._why_no_frame()}")
             return self._lease(self._reading.hold())
@@ -168,6 +164,7 @@ class Session:
     def subscribe(self, *channels: str) -> None:
         """Read only these of `"color"` and `"depth"` from now on [IMG-19]."""
         with self._sending(self._ipc):
+            self._require_open()
             self._reading.subscribe(_known(channels))
 
     @property
@@ -179,9 +176,9 @@ class Session:
     def close(self) -> None:
         """End both connections, and with them every lease. Further calls do nothing."""
         with self._changed:
-            self._closed = True
-            self._changed.notify_all()
-            self._wake()
+            if not self._closed:
+                self._closed = True
+                self._wake()
         self._thread.join()
 
     def __enter__(self) -> Self:
@@ -194,6 +191,20 @@ class Session:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _steer(self, message: CameraPose | PointCloudPose) -> None:
+        with self._sending(self._message):
+            self._require_open()
+            self._steering.pose(message)
+
+    def _ask(self, request: Request) -> "Future[Any]":
+        with self._sending(self._message):
+            self._require_open()
+            return self._steering.ask(request)
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise RuntimeError("the session is closed")
 
     def _lease(self, loan: Loan) -> FrameLease:
         images, slot = loan.mapped.images, loan.frame.slot
@@ -214,6 +225,8 @@ class Session:
     def _answer(self, answer: "Future[Any]", end: float, name: str) -> Any:
         try:
             return answer.result(max(0.0, end - time.monotonic()))
+        except CancelledError:
+            raise RuntimeError("the session is closed") from None
         except TimeoutError:
             answer.cancel()
             raise TimeoutError(f"no {name} came in time: {self._why_no_reply()}") from None
@@ -245,7 +258,7 @@ class Session:
             before = channel.interest(), channel.deadline()
             yield
             channel.flush(time.monotonic())
-            if (channel.interest(), channel.deadline()) != before:
+            if (channel.interest(), channel.deadline()) != before and not self._closed:
                 self._wake()
 
     def _wake(self) -> None:
@@ -261,9 +274,9 @@ class Session:
                     if self._closed:
                         return
                     now = time.monotonic()
+                    self._reading.sweep()
                     for channel in channels:
                         channel.advance(now)
-                    self._reading.sweep()
                     self._changed.notify_all()
                     selector, timeout = self._selector(), self._timeout(now)
                 ready = selector.select(timeout)
@@ -280,6 +293,7 @@ class Session:
                 self._closed = True
                 for channel in channels:
                     channel.close()
+                self._steering.close()
                 self._wakened.close()
                 self._waker.close()
                 self._changed.notify_all()

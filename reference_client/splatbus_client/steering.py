@@ -79,6 +79,11 @@ class Steering:
         for question in self._questions:
             question.ticket = None
 
+    def close(self) -> None:
+        """Give up what is unanswered: no connection will come."""
+        for question in self._questions:
+            question.answer.cancel()
+
     def pose(self, message: CameraPose | PointCloudPose) -> None:
         """Send a pose; it stays the newest of its kind for the connections to come.
 

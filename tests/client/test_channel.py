@@ -1,0 +1,222 @@
+"""A channel's life in virtual time, over real sockets [1.0 chapter 3]."""
+
+import selectors
+import socket
+from itertools import pairwise
+
+import pytest
+from splatbus_client import channel as channel_module
+from splatbus_client.channel import Channel
+from splatbus_client.events import MustClose, Negotiated, ServerError
+from splatbus_schemas import LIMITS
+from splatbus_wire.messages import ErrorMessage
+
+from tests.client.fake_server import SECONDS
+
+
+class Owner:
+    """Makes machines that repeat what the test wants them to say of whatever arrives."""
+
+    def __init__(self, events=()):
+        self.events = events
+        self.begun = self.ended = 0
+        self.handled = []
+        self.sending = b""
+
+    def begin(self):
+        self.begun += 1
+        return self
+
+    def handle(self, event):
+        self.handled.append(event)
+
+    def end(self):
+        self.ended += 1
+
+    def receive(self, data, now):
+        return self.events
+
+    def expire(self, now):
+        return []
+
+    def deadline(self):
+        return None
+
+    def data_to_send(self, now):
+        data, self.sending = self.sending, b""
+        return data
+
+
+@pytest.fixture
+def listener():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(SECONDS)
+        yield listener
+
+
+@pytest.fixture
+def accept(listener):
+    """The server's end of the next connection, closed when the test ends."""
+    connections = []
+
+    def accept():
+        connections.append(listener.accept()[0])
+        return connections[-1]
+
+    yield accept
+    for connection in connections:
+        connection.close()
+
+
+def channel_to(listener, owner):
+    return Channel("test", "127.0.0.1", listener.getsockname()[1], owner)
+
+
+def step(channel, now):
+    """Let the channel do, at `now`, what its socket is ready for within a moment."""
+    channel.advance(now)
+    if channel.socket is not None:
+        with selectors.DefaultSelector() as selector:
+            selector.register(channel.socket, channel.interest())
+            for _, mask in selector.select(SECONDS):
+                channel.ready(mask, now)
+
+
+def attempts(channel, seconds):
+    """The times at which the channel begins attempts, while every one of them fails."""
+    now, begun = 0.0, []
+    while now < seconds:
+        begun.append(now)
+        step(channel, now)
+        assert channel.socket is None
+        now = channel.deadline()
+    return begun
+
+
+def gaps(times):
+    return [later - earlier for earlier, later in pairwise(times)]
+
+
+def test_refused_attempts_keep_their_distance(listener):
+    channel = channel_to(listener, Owner())
+    listener.close()
+    between = gaps(attempts(channel, 60.0))
+    assert min(between) >= LIMITS["reconnect_min_seconds"]
+    assert max(between) <= LIMITS["reconnect_max_seconds"]
+    assert between == sorted(between)
+    assert between[-1] > 10 * between[0]
+
+
+def lose_again_and_again(listener, owner, times, lasting=0.0):
+    """Seconds from each loss to the next attempt, where the server ends each connection."""
+    channel = channel_to(listener, owner)
+    now, waits = 0.0, []
+    for _ in range(times):
+        step(channel, now)
+        connection = listener.accept()[0]
+        connection.send(b"x")
+        step(channel, now)
+        now += lasting
+        connection.close()
+        while channel.socket is not None:
+            step(channel, now)
+        waits.append(channel.deadline() - now)
+        now = channel.deadline()
+    channel.close()
+    return waits
+
+
+def test_a_connection_on_which_something_was_understood_begins_the_schedule_anew(listener):
+    waits = lose_again_and_again(listener, Owner([Negotiated("1.1", None, frozenset())]), 4)
+    assert len({round(wait, 6) for wait in waits}) == 1
+
+
+def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener):
+    error = ServerError(ErrorMessage("unauthorized", "no"))
+    waits = lose_again_and_again(listener, Owner([error]), 4)
+    assert waits == sorted(set(waits))
+
+
+def test_a_connection_that_lasted_in_silence_begins_the_schedule_anew(listener):
+    waits = lose_again_and_again(listener, Owner(), 4, lasting=LIMITS["reconnect_max_seconds"])
+    assert len({round(wait, 6) for wait in waits}) == 1
+
+
+def test_each_connection_is_begun_and_ended_once(listener):
+    owner = Owner()
+    lose_again_and_again(listener, owner, 3)
+    assert (owner.begun, owner.ended) == (3, 3)
+
+
+def test_what_must_close_closes_and_nothing_after_it_is_handled(listener, accept):
+    owner = Owner([MustClose("FRM-3"), Negotiated("1.1", None, frozenset())])
+    channel = channel_to(listener, owner)
+    step(channel, 0.0)
+    connection = accept()
+    connection.send(b"x")
+    step(channel, 0.0)
+    assert channel.socket is None
+    assert owner.handled == []
+    assert "FRM-3" in channel.status.problem
+
+
+def test_an_attempt_that_nobody_answers_is_given_up(listener):
+    channel = channel_to(listener, Owner())
+    channel.advance(0.0)
+    limit = channel.deadline()
+    channel.advance(limit)
+    assert channel.socket is None
+    assert "no answer" in channel.status.problem
+    assert channel.deadline() - limit <= LIMITS["reconnect_max_seconds"]
+
+
+def test_a_socket_that_connected_to_itself_is_no_server(listener, monkeypatch):
+    class Itself(socket.socket):
+        def getpeername(self):
+            return self.getsockname()
+
+    owner = Owner()
+    channel = channel_to(listener, owner)
+    monkeypatch.setattr(channel_module.socket, "socket", Itself)
+    step(channel, 0.0)
+    assert owner.begun == 0
+    assert "refused" in channel.status.problem
+
+
+def test_a_name_with_several_addresses_is_tried_at_each(listener, monkeypatch):
+    port = listener.getsockname()[1]
+    nowhere, here = (
+        (socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, port))
+        for host in ("127.0.0.2", "127.0.0.1")
+    )
+    monkeypatch.setattr(channel_module.socket, "getaddrinfo", lambda *_, **__: [nowhere, here])
+    owner = Owner()
+    channel = channel_to(listener, owner)
+    step(channel, 0.0)
+    assert owner.begun == 0
+    step(channel, channel.deadline())
+    assert owner.begun == 1
+    channel.close()
+
+
+def test_what_a_socket_does_not_take_at_once_is_sent_later(listener, accept):
+    owner = Owner()
+    channel = channel_to(listener, owner)
+    step(channel, 0.0)
+    connection = accept()
+    owner.sending = bytes(8_000_000)
+    channel.flush(0.0)
+    assert channel.interest() & selectors.EVENT_WRITE
+    received = 0
+    while received < 8_000_000:
+        received += len(connection.recv(1 << 20))
+        channel.ready(selectors.EVENT_WRITE, 0.0)
+    assert channel.interest() == selectors.EVENT_READ
+    channel.close()
+
+
+def test_connections_are_made_without_delay_of_small_packets(listener):
+    channel = channel_to(listener, Owner())
+    step(channel, 0.0)
+    assert channel.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    channel.close()
