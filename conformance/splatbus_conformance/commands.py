@@ -12,7 +12,7 @@ from splatbus_schemas.requirements import requirements
 from splatbus_conformance import recording
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
 from splatbus_conformance.coverage import check_functions
-from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.host_memory import HostMemory, sweep
 from splatbus_conformance.introduction import NothingConnects, introduce
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Peer
@@ -67,6 +67,7 @@ def client(arguments: argparse.Namespace, out: Console) -> int:
     }
     testee = Launched(arguments.launch, environment) if arguments.launch else Awaited()
     patience = arguments.patience or (LAUNCH_PATIENCE if arguments.launch else WAIT_PATIENCE)
+    sweep()
     memory = HostMemory(ring_bytes(width, height, SLOTS))
     role = Role(memory, width, height, SLOTS)
     live = Live(out)
@@ -154,7 +155,9 @@ def explain(arguments: argparse.Namespace, out: Console) -> int:
 
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the harness."""
-    raise NotImplementedError
+    from splatbus_conformance.selftest.command import selftest as judge_the_harness
+
+    return judge_the_harness(arguments, out)
 
 
 def parse_ports(text: str | None, *, launching: bool) -> dict[Channel, int]:

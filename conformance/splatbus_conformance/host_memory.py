@@ -6,11 +6,36 @@ import mmap
 import os
 import secrets
 import sys
+import time
 from multiprocessing import resource_tracker, shared_memory
 from pathlib import Path
 from typing import Self
 
 LINUX_FOLDER = Path("/dev/shm")
+YOUNG_SECONDS = 60
+PREFIX = "splatbus-check-"
+
+
+def sweep() -> None:
+    """Remove what runs of the harness that were killed have left behind.
+
+    Each run holds a lock on its memory, and the system drops the lock when it dies. What was made
+    a moment ago is left alone: its maker may not have come to lock it yet.
+    """
+    if sys.platform != "linux":
+        return
+    import fcntl
+
+    for path in LINUX_FOLDER.glob(f"{PREFIX}*"):
+        with contextlib.suppress(OSError):
+            if time.time() - path.stat().st_mtime < YOUNG_SECONDS:
+                continue
+            file = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
+            finally:
+                os.close(file)
 
 
 class HostMemory:
@@ -20,13 +45,16 @@ class HostMemory:
     """
 
     def __init__(self, size: int, name: str | None = None) -> None:
-        self.name = name or f"splatbus-check-{secrets.token_hex(6)}"
+        self.name = name or f"{PREFIX}{secrets.token_hex(6)}"
         self.size = size
         self._file: int | None = None
         self._shared: shared_memory.SharedMemory | None = None
         if sys.platform == "linux":
+            import fcntl
+
             flags = os.O_CREAT | os.O_EXCL | os.O_RDWR
             self._file = os.open(LINUX_FOLDER / self.name, flags, 0o600)
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             os.ftruncate(self._file, size)
             self._map: mmap.mmap | None = mmap.mmap(self._file, size) if size else None
         elif sys.platform == "win32":
