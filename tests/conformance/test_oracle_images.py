@@ -3,7 +3,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.oracle.images import composite, planar_depth
 
@@ -11,6 +11,7 @@ LARGEST = float(np.finfo(np.float32).max)
 FIRST_COVERED = float(np.float32(1 / 255))
 
 
+@settings(deadline=None)
 @given(st.floats(2.0**-100, 2.0**100, width=32), st.floats(2.0**-6, 1, width=32))
 def test_depth_is_numpys_single_precision_quotient(d, alpha):
     assert planar_depth(d, alpha) == np.float32(alpha) / np.float32(d)

@@ -89,6 +89,7 @@ def test_a_half_turn_has_an_exact_quaternion():
     assert q == (1, 0, 0, 0)
 
 
+@some
 @given(quaternions)
 def test_the_norm_is_the_root_of_the_sum_of_squares(q):
     assume(any(q))

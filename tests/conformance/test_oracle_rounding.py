@@ -4,7 +4,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.oracle.rounding import (
     DOUBLE,
@@ -21,6 +21,7 @@ ratios = st.fractions() | st.builds(
 )
 
 
+@settings(deadline=None)
 @given(ratios)
 def test_doubles_are_those_of_the_standard_library(value):
     try:
@@ -29,6 +30,7 @@ def test_doubles_are_those_of_the_standard_library(value):
         assert math.isinf(to_double(value))
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False))
 def test_singles_are_those_of_numpy(value):
     with np.errstate(over="ignore"):
@@ -51,11 +53,13 @@ def test_the_largest_single_is_the_last_before_infinity():
     assert to_single(-SINGLE_MAX - step / 2) == -math.inf
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_an_ulp_is_the_distance_to_the_next_number_outward(value):
     assert ulp(Fraction(value), DOUBLE) == Fraction(math.ulp(value))
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))
 def test_an_ulp_of_single_precision_is_numpys_spacing(value):
     expected = (
@@ -64,6 +68,7 @@ def test_an_ulp_of_single_precision_is_numpys_spacing(value):
     assert ulp(Fraction(value), SINGLE) == Fraction(expected)
 
 
+@settings(deadline=None)
 @given(st.fractions(min_value=0) | st.floats(0, 1e300).map(Fraction))
 def test_square_roots_are_good_to_400_bits(value):
     with mpmath.workprec(1500):

@@ -14,10 +14,13 @@ def rows(flat):
     return flat[:3], flat[3:6], flat[6:]
 
 
+patient = settings(deadline=None, max_examples=100)
+
+
 def stress(test):
     for q in NEAR_HALF_TURNS:
         test = example(q)(test)
-    return settings(deadline=None, max_examples=100)(given(quaternions())(test))
+    return patient(given(quaternions())(test))
 
 
 @stress
@@ -83,6 +86,7 @@ def test_the_quaternion_of_a_matrix_is_a_unit_one_and_the_same_rotation(q):
     assert oracle.angle_between(q, back) < 2e-15
 
 
+@patient
 @given(quaternions())
 def test_a_reflection_has_no_quaternion(q):
     r00, r01, r02, *rest = rotation_matrix(q)
@@ -96,6 +100,7 @@ def test_a_matrix_that_is_not_orthogonal_has_no_quaternion(scale):
         quaternion_from_matrix((scale, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
 
 
+@patient
 @given(quaternions())
 def test_a_matrix_rounded_to_single_precision_still_has_one(q):
     R = tuple(float(np.float32(a)) for a in rotation_matrix(q))
