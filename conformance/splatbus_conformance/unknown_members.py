@@ -20,8 +20,8 @@ ODD_VALUES: tuple[Any, ...] = (
 def with_unknown_members(message: dict[str, Any], random: Random) -> dict[str, Any]:
     """A copy of `message` whose every object has members more, in any order.
 
-    Some have names that the message uses at another level, and one holds a decoy: the message itself
-    with other values.
+    Some have names that the message uses at another level, and one holds a decoy: the message
+    itself with other values.
     """
     fuller: dict[str, Any] = _added(
         message, random, frozenset(_names_in(message)), 1, _decoy(message)
