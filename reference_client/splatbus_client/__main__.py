@@ -1,8 +1,7 @@
-"""`python -m splatbus_client`."""
+"""`python -m splatbus_client`, for where the command is not on the path."""
 
 import sys
 
 from splatbus_client.cli import main
 
-if __name__ == "__main__":
-    sys.exit(main())
+sys.exit(main())
