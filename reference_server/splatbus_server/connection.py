@@ -111,7 +111,7 @@ class Connection:
             payload = self._decoder.next_packet()
         except FramingError as error:
             refusal = self.complain(Refusal(error.code, str(error)))
-            self.end(str(error), now)
+            self.end(f"{error.code}, after which nothing can be read [FRM-3]", now)
             return refusal
         if payload is not None:
             self._packet_by = now + LIMITS["packet_completion_seconds"]
@@ -196,7 +196,7 @@ class Connection:
         )
         self.send(answer)
         if isinstance(answer, ErrorMessage):
-            self.end(f"{answer.code}: {answer.message}", now)
+            self.end(f"{answer.code} [NEG-25]", now)
             return Refusal(answer.code, answer.message)
         self.welcome = answer
         self._hello_by = math.inf
@@ -206,7 +206,7 @@ class Connection:
         """An `error` after hello [NEG-29]; before, silence, or an end for who awaits a reply."""
         kind, request = _type_and_id(payload)
         if self.welcome is None and self._is_heard and kind in REQUESTS:
-            self.end(f"{error}, and the client awaits a reply [REQ-9]", now)
+            self.end("a client that awaits the reply to a bad request learns so [REQ-9]", now)
         self._send_error(error.code, str(error), error.pointer, request)
         return Refusal(error.code, str(error))
 

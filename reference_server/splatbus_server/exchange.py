@@ -129,9 +129,13 @@ class Exchange:
         """Leases the newest image of the memory [IMG-3]; None if there is nothing new for it."""
         with self._changed:
             image = self.newest
-            if image is not None and image.memory is memory and wants <= image.view.wants:
-                if memory.ring.lease(client) is not None:
-                    return image
+            if (
+                image is not None
+                and image.memory is memory
+                and wants <= image.view.wants
+                and memory.ring.lease(client) is not None
+            ):
+                return image
             self._is_awaited = True
             return None
 

@@ -33,13 +33,14 @@ log = logging.getLogger("splatbus_server")
 
 @dataclass(eq=False)
 class Peer:
-    """A connection and its socket; `noted` counts what was refused, by reason."""
+    """A connection and its socket; `noted` counts what was refused, by the error's code."""
 
     name: str
     socket: socket.socket
     connection: Connection
     noted: Counter[str] = field(default_factory=Counter)
-    shut: bool = False
+    is_shut: bool = False
+    is_ending: bool = False
 
 
 class Service:
@@ -180,8 +181,10 @@ class Service:
         connection, now = peer.connection, time.monotonic()
         connection.receive(data, now)
         while (event := connection.next_event(now)) is not None:
-            if isinstance(event, Hello):
-                log.info("%s: %s, %s", peer.name, event.client, connection.welcome)
+            if isinstance(event, Hello) and connection.welcome is not None:
+                version, _, capabilities = connection.welcome
+                agreed = " ".join((version, *capabilities))
+                log.info("%s: hello from %r %r, speaks %s", peer.name, *event.client, agreed)
             if not isinstance(event, Refusal):
                 event = self._session.handle(connection, event, now)
             if event is not None:
@@ -207,11 +210,15 @@ class Service:
                 self._drop(peer)
                 return
             connection.sent(count, now)
+        if connection.ending is not None and not peer.is_ending:
+            peer.is_ending = True
+            level = logging.INFO if connection.input_ended else logging.WARNING
+            log.log(level, "%s: ends: %s", peer.name, connection.ending)
         if connection.over:
             self._drop(peer)
             return
-        if connection.ending is not None and not connection.unsent and not peer.shut:
-            peer.shut = True
+        if connection.ending is not None and not connection.unsent and not peer.is_shut:
+            peer.is_shut = True
             with suppress(OSError):
                 peer.socket.shutdown(socket.SHUT_WR)
         events = 0 if connection.input_ended else selectors.EVENT_READ
@@ -225,10 +232,5 @@ class Service:
         self._selector.unregister(peer.socket)
         peer.socket.close()
         self._session.leave(peer.connection)
-        ignored = sum(peer.noted.values())
-        log.info(
-            "%s: closed%s%s",
-            peer.name,
-            f": {peer.connection.ending}" if peer.connection.ending else "",
-            f"; {ignored} packets refused: {dict(peer.noted)}" if ignored else "",
-        )
+        refused = f"; refused: {dict(peer.noted)}" if peer.noted else ""
+        log.info("%s: closed%s", peer.name, refused)

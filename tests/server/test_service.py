@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+
+import pytest
+import splatbus_server
+from splatbus_schemas import LIMITS
+from splatbus_server import connection as connection_module
+from splatbus_server.service import MOST_CONNECTIONS
+from splatbus_server.session import Session
+from splatbus_wire.messages import GetViewportSize
+
+from tests.server.conftest import SIZE
+from tests.server.raw_client import RawClient, Reader, camera_pose, hello, packet
+from tests.server.waiting import eventually
+
+
+@pytest.fixture
+def short_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Deadlines that a test can await; the lengths themselves are tested without sockets."""
+    short = dict(LIMITS)
+    for name in ("packet_completion_seconds", "stalled_reader_seconds", "hello_seconds"):
+        short[name] = 0.2
+    monkeypatch.setattr(connection_module, "LIMITS", short)
+
+
+def test_a_client_of_1_0_is_served_as_ever(bus: splatbus_server.Bus) -> None:
+    """[CHN-11, REQ-3, REQ-5, REQ-7, POS-10]"""
+    with RawClient(bus.address.message_port) as client:
+        requests = [{"type": "get_viewport_size"}, {"type": "get_camera_pose", "cam_idx": -1}]
+        client.send(camera_pose(1.0), *requests, {"type": "later_version"}, requests[0])
+        assert client.receive() == {"viewport_size": list(SIZE)}
+        assert client.receive() == {"position": [2.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
+        assert client.receive() == {"viewport_size": list(SIZE)}
+
+
+def test_the_ipc_channel_says_nothing_to_1_0(bus: splatbus_server.Bus) -> None:
+    """[CHN-5, CHN-7]"""
+    with RawClient(bus.address.ipc_port) as client, RawClient(bus.address.message_port) as other:
+        client.send(b"not json", {"type": "get_viewport_size"}, {"type": "opened", "generation": 1})
+        assert other.viewport() == list(SIZE)
+        assert client.silent(0.2)
+
+
+def test_a_reader_sees_what_the_camera_sees(bus: splatbus_server.Bus) -> None:
+    """[POS-7, IMG-5]"""
+    with RawClient(bus.address.message_port) as mover, Reader(bus.address.ipc_port) as reader:
+        reader.open()
+        frame = reader.frame()
+        assert (reader.depth(frame) == 1.0).all()
+        reader.release(frame)
+        mover.send(camera_pose(0.25))
+        frame = reader.frame()
+        assert frame["camera"]["position"] == [0.25, 0.0, 0.0]
+        assert (reader.color(frame)[..., :3] == 0.25).all()
+        assert (reader.color(frame)[..., 3] == 1.0).all()
+        assert (reader.depth(frame) == 1.25).all()
+
+
+def test_several_clients_are_served_at_once(bus: splatbus_server.Bus) -> None:
+    """[CHN-12, POS-11]"""
+    with ExitStack() as stack:
+        movers = [stack.enter_context(RawClient(bus.address.message_port)) for _ in range(3)]
+        readers = [stack.enter_context(Reader(bus.address.ipc_port)) for _ in range(3)]
+        for reader in readers:
+            reader.open()
+        for reader in readers:
+            reader.release(reader.frame())
+        for x, mover in enumerate(movers, 1):
+            mover.send(camera_pose(x / 4))
+            assert mover.viewport() == list(SIZE)
+        for reader in readers:
+            assert reader.frame()["camera"]["position"][0] == 0.25
+
+
+def test_control_passes_on_when_its_connection_closes(bus: splatbus_server.Bus) -> None:
+    """[POS-11]"""
+    with Reader(bus.address.ipc_port) as reader, RawClient(bus.address.message_port) as second:
+        reader.open()
+        reader.release(reader.frame())
+        with RawClient(bus.address.message_port) as first:
+            first.send(camera_pose(0.25))
+            reader.release(reader.frame())
+            second.send(camera_pose(0.5))
+            assert second.viewport()
+        assert reader.frame()["camera"]["position"][0] == 0.5
+
+
+@pytest.mark.parametrize("channel", ["ipc", "message"])
+def test_one_connection_too_many_is_closed(
+    bus: splatbus_server.Bus, channel: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """[LIM-1, CHN-13]"""
+    port = getattr(bus.address, f"{channel}_port")
+    with ExitStack() as stack:
+        clients = [stack.enter_context(RawClient(port)) for _ in range(MOST_CONNECTIONS)]
+        for _ in range(3):
+            with RawClient(port) as surplus:
+                assert surplus.receive() is None
+        assert "LIM-1" in caplog.text
+        clients.pop().close()
+
+        def is_served_again() -> bool:
+            with RawClient(port) as client:
+                client.send(hello())
+                return client.receive() is not None
+
+        assert eventually(is_served_again)
+    assert bus.statistics.refused["too_many_connections"] >= 3
+
+
+def test_requests_are_answered_after_the_client_has_ended_its_stream(
+    bus: splatbus_server.Bus,
+) -> None:
+    """[CHN-16]"""
+    with RawClient(bus.address.message_port) as client:
+        client.send(*[{"type": "get_viewport_size"}] * 500)
+        client.socket.shutdown(socket.SHUT_WR)
+        assert [client.receive() for _ in range(500)] == [{"viewport_size": list(SIZE)}] * 500
+        assert client.receive() is None
+
+
+def test_a_reply_does_not_wait_for_an_image() -> None:
+    """[REQ-10, CHN-14]: here nobody renders at all."""
+    with (
+        splatbus_server.serve(*SIZE, ipc_port=0, message_port=0) as bus,
+        RawClient(bus.address.message_port) as client,
+    ):
+        assert client.viewport() == list(SIZE)
+
+
+@pytest.mark.usefixtures("short_limits")
+def test_a_packet_that_is_never_complete_ends_its_connection(
+    bus: splatbus_server.Bus, caplog: pytest.LogCaptureFixture
+) -> None:
+    """[FRM-5]"""
+    with RawClient(bus.address.message_port) as silent, RawClient(bus.address.ipc_port) as started:
+        silent.socket.sendall(packet({"type": "get_viewport_size"})[:6])
+        started.socket.sendall(b"\x05")
+        assert silent.receive() is None
+        assert started.receive() is None
+    assert eventually(lambda: caplog.text.count("FRM-5") == 2)
+
+
+@pytest.mark.usefixtures("short_limits")
+def test_a_client_that_never_reads_is_closed_and_costs_the_others_nothing(
+    bus: splatbus_server.Bus, caplog: pytest.LogCaptureFixture
+) -> None:
+    """[LIM-2, CHN-14]"""
+    caplog.set_level(logging.INFO)
+    flood = packet({"type": "get_camera_pose", "cam_idx": 0}) * 1000
+    stop = threading.Event()
+
+    def flood_on(rude: RawClient) -> None:
+        try:
+            while not stop.is_set():
+                rude.socket.sendall(flood)
+        except OSError:
+            pass
+
+    with RawClient(bus.address.message_port) as rude, RawClient(bus.address.message_port) as fair:
+        rude.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        sender = threading.Thread(target=flood_on, args=(rude,))
+        sender.start()
+        try:
+            assert eventually(lambda: "LIM-2" in caplog.text or not fair.viewport())
+            assert fair.viewport() == list(SIZE)
+        finally:
+            stop.set()
+            with suppress(OSError):
+                rude.socket.shutdown(socket.SHUT_RDWR)
+            sender.join(10)
+
+
+@pytest.mark.usefixtures("short_limits")
+def test_a_guarded_server_ends_who_says_no_hello(caplog: pytest.LogCaptureFixture) -> None:
+    """[NEG-12, NEG-19]"""
+    with splatbus_server.serve(*SIZE, ipc_port=0, message_port=0, token="secret") as bus:
+        with RawClient(bus.address.message_port) as plain, RawClient(bus.address.ipc_port) as mute:
+            plain.send({"type": "get_viewport_size"})
+            assert plain.receive() is None
+            assert mute.receive() is None
+        with RawClient(bus.address.message_port) as client:
+            reply = client.ask(hello(token="wrong"))
+            assert reply is not None
+            assert reply["code"] == "unauthorized"
+            assert client.receive() is None
+        with Reader(bus.address.ipc_port, token="secret") as reader:
+            reader.open()
+    assert "NEG-12" in caplog.text
+    assert "secret" not in caplog.text
+
+
+def test_a_defect_costs_one_connection_only(
+    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """[CHN-14]"""
+    handle = Session.handle
+
+    def faulty(self: Session, connection: object, message: object, now: float) -> object:
+        if isinstance(message, GetViewportSize) and message.timestamp == 13.0:
+            raise ZeroDivisionError
+        return handle(self, connection, message, now)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Session, "handle", faulty)
+    with RawClient(bus.address.message_port) as first, RawClient(bus.address.message_port) as other:
+        assert first.ask({"type": "get_viewport_size", "timestamp": 13.0}) is None
+        assert other.viewport() == list(SIZE)
+    assert "ZeroDivisionError" in caplog.text
+
+
+def test_everything_is_closed_at_the_end(bus_closed: tuple[RawClient, splatbus_server.Bus]) -> None:
+    client, bus = bus_closed
+    assert client.receive() is None
+    with pytest.raises(ConnectionRefusedError):
+        RawClient(bus.address.message_port)
+
+
+@pytest.fixture
+def bus_closed() -> Iterator[tuple[RawClient, splatbus_server.Bus]]:
+    bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0)
+    with RawClient(bus.address.message_port) as client:
+        client.viewport()
+        bus.close()
+        yield client, bus
