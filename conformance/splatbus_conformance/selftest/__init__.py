@@ -1,0 +1,1 @@
+"""The harness judged: the reference client must pass, every mutant of it must die."""

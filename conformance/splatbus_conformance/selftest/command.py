@@ -1,0 +1,79 @@
+"""`splatbus-conformance selftest`."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from splatbus_conformance.selftest import matrix, trials
+from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
+from splatbus_conformance.selftest.zoo import mutants, variations
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
+
+WORKERS = 2
+"""Most of a run is waiting; more at a time would disturb each other's clocks."""
+
+Trial = Callable[[], Row]
+
+
+def selftest(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge the reference client, the variations and the mutants; 1 unless all is as it must be."""
+    wanted = [name for name in arguments.only.split(",") if name]
+    trials_ = dict(every_trial())
+    if unknown := [name for name in wanted if name not in trials_]:
+        out.print(
+            f"splatbus-conformance: --only {','.join(unknown)}: there is no such specimen; "
+            f"there are {', '.join(trials_)}",
+            markup=False,
+        )
+        return EXIT_USAGE
+    chosen = {name: trials_[name] for name in wanted} if wanted else trials_
+    rows = {row.name: row for row in run(chosen, out)}
+    in_order = [rows[name] for name in chosen]
+    if arguments.json:
+        matrix.save(in_order, Path(arguments.json))
+    for row in in_order:
+        if row.fate not in GOOD:
+            out.print(f"\n{row.fate.upper()}  {row.name}: {row.does}", markup=False)
+            if row.kind == "mutant":
+                wanted_ = f"{row.requirement} by {row.check}, with the words “{row.reason}”"
+                out.print(f"  should fail  {wanted_}", markup=False)
+            out.print(f"  seen         {row.seen or 'nothing'}", markup=False)
+    out.print(f"\n{matrix.sentence(in_order)}", markup=False)
+    good = all(row.fate in GOOD for row in in_order)
+    return EXIT_CONFORMING if good else EXIT_NOT_CONFORMING
+
+
+def every_trial() -> Iterator[tuple[str, Trial]]:
+    """The name of each specimen, and how to judge it; the long ones first."""
+    yield REFERENCE, trials.judge_reference
+    for variation in variations():
+        yield variation.name, lambda it=variation: trials.judge_variation(it)  # type: ignore[misc]
+    for mutant in mutants():
+        yield mutant.name, lambda it=mutant: trials.judge_mutant(it)  # type: ignore[misc]
+
+
+def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:
+    """Judge specimens, two at a time, and say what became of each."""
+    pool = ThreadPoolExecutor(WORKERS)
+    try:
+        running = [pool.submit(trial) for trial in chosen.values()]
+        with out.status(f"{len(running)} specimens"):
+            for done, future in enumerate(as_completed(running), 1):
+                row = future.result()
+                out.print(progress(row, done, len(running)), no_wrap=True, overflow="ellipsis")
+                yield row
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def progress(row: Row, done: int, total: int) -> Text:
+    """One line on one specimen."""
+    line = Text(f"{done:4}/{total}  {row.requirement or row.kind:<9} ")
+    line.append(f"{row.fate:<19}", "green" if row.fate in GOOD else "bold red")
+    line.append(f"  {row.name}  ")
+    line.append(f"{row.seconds:.1f} s", "dim")
+    return line

@@ -1,0 +1,1 @@
+"""Mutants of the reference client, one module for each family of requirements."""

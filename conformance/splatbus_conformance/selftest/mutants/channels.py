@@ -1,0 +1,201 @@
+"""Mutants that break CHN: the life of the two channels."""
+
+import itertools
+import selectors
+import time
+from typing import Any
+
+import pytest
+from splatbus_client import channel, message_protocol, reading, settings
+from splatbus_client.channel import Channel
+from splatbus_client.events import MustClose
+from splatbus_client.host_memory import CannotOpenError
+from splatbus_client.ipc_protocol import IpcProtocol
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import crash, wrap
+
+
+def _all_channels(patch: pytest.MonkeyPatch) -> list[Channel]:
+    """The channels of the client, once it has made them."""
+    made: list[Channel] = []
+
+    def init(original: Any, self: Channel, *arguments: Any) -> None:
+        original(self, *arguments)
+        made.append(self)
+
+    wrap(patch, Channel, "__init__", init)
+    return made
+
+
+@mutant("CHN-2", check="check_host_and_ports_can_be_set", reason="ipc")
+def ipc_port_that_cannot_be_set(patch: pytest.MonkeyPatch) -> None:
+    """Connects to the IPC channel on port 6001, whatever it is told."""
+    wrap(
+        patch,
+        settings.Settings,
+        "__new__",
+        lambda original, cls, host, ipc, msg, token: original(cls, host, 6001, msg, token),
+    )
+
+
+@mutant("CHN-3", check="check_either_channel_first", reason="accepted its connection before")
+def message_channel_only_after_ipc(patch: pytest.MonkeyPatch) -> None:
+    """Does not try the message channel before the IPC channel is connected."""
+    made = _all_channels(patch)
+
+    def connect(original: Any, self: Channel, now: float) -> None:
+        if self is not made[0] and made[0]._machine is None:
+            self._due = now + 0.2
+            return
+        original(self, now)
+
+    wrap(patch, Channel, "_connect", connect)
+
+
+@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="closed the connection")
+def impatient_for_the_init_packet(patch: pytest.MonkeyPatch) -> None:
+    """Closes the IPC connection if no init packet has come within a second."""
+    _limit(patch, lambda machine: not machine._slots, 1.0)
+
+
+@mutant("CHN-10", check="check_keeps_the_ipc_connection", reason="while it used the buffers")
+def ipc_connection_closed_once_opened(patch: pytest.MonkeyPatch) -> None:
+    """Closes the IPC connection when it has what it wants, and goes on reading."""
+    _limit(patch, lambda machine: bool(machine._slots), 0.2)
+
+
+def _limit(patch: pytest.MonkeyPatch, applies: Any, seconds: float) -> None:
+    """Close an IPC connection when something has applied for so long."""
+    since: dict[IpcProtocol, float] = {}
+
+    def deadline(original: Any, self: IpcProtocol) -> float | None:
+        if applies(self):
+            return since.setdefault(self, time.monotonic()) + seconds
+        given: float | None = original(self)
+        return given
+
+    def expire(original: Any, self: IpcProtocol, now: float) -> Any:
+        if applies(self) and now >= since.setdefault(self, now) + seconds:
+            return [MustClose("a limit of the mutant")]
+        return original(self, now)
+
+    wrap(patch, IpcProtocol, "deadline", deadline)
+    wrap(patch, IpcProtocol, "expire", expire)
+
+
+@mutant("CHN-15", check="check_gives_up_a_reply", reason="no reply within")
+def waits_for_a_reply_for_ever(patch: pytest.MonkeyPatch) -> None:
+    """Never gives up waiting for a reply."""
+    patch.setattr(message_protocol, "REPLY_SECONDS", 600.0)
+
+
+@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="ended the stream")
+def deaf_to_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
+    """Keeps its side open when the server has ended the stream."""
+    ended: set[Any] = set()
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if reason == "the server ended it":
+            ended.add(self.socket)
+        else:
+            original(self, reason, now)
+
+    def interest(original: Any, self: Channel) -> int:
+        return (
+            selectors.EVENT_WRITE * bool(self._unsent) if self.socket in ended else original(self)
+        )
+
+    wrap(patch, Channel, "_lose", lose)
+    wrap(patch, Channel, "interest", interest)
+
+
+@mutant("CHN-19", check="check_survives_losing_its_server", reason="died")
+def crashes_when_reset(patch: pytest.MonkeyPatch) -> None:
+    """Crashes when a connection is reset."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if "reset" in reason:
+            crash()
+        original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-19", check="check_survives_losing_its_server", reason="neither reacted nor went on")
+def hangs_when_reset(patch: pytest.MonkeyPatch) -> None:
+    """Hangs when a connection is reset."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        while "reset" in reason:
+            time.sleep(60)
+        original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-20", check="check_connects_again", reason="a ipc connection that was")
+def never_connects_to_ipc_again(patch: pytest.MonkeyPatch) -> None:
+    """Does not connect to the IPC channel again."""
+    made = _all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if self is made[0] and self.status.connections:
+            self._due = now + 600
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-21", check="check_paces_its_attempts", reason="ms apart")
+def connects_again_at_once(patch: pytest.MonkeyPatch) -> None:
+    """Connects again without a pause."""
+    patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
+
+
+@mutant("CHN-22", check="check_comes_back_soon", reason="within 5")
+def backs_off_too_far(patch: pytest.MonkeyPatch) -> None:
+    """Waits 0.125 seconds after the first failure, and 8 after the second."""
+    patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))
+
+
+@mutant("CHN-23", check="check_keeps_the_other_channel", reason="channel when")
+def drops_both_channels(patch: pytest.MonkeyPatch) -> None:
+    """Closes both connections when one is lost."""
+    made = _all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        for other in made:
+            if other._machine is not None:
+                original(other, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reconnect was not opened")
+def insists_on_the_first_size(patch: pytest.MonkeyPatch) -> None:
+    """Opens no memory of another size than the first that it saw."""
+    seen: list[tuple[int, int]] = []
+
+    def images(original: Any, packet: Any) -> Any:
+        seen.append((packet.width, packet.height))
+        if seen[-1] != seen[0]:
+            raise CannotOpenError(f"the images are not {seen[0]} any more")
+        return original(packet)
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="reconnect")
+def keeps_the_first_memory(patch: pytest.MonkeyPatch) -> None:
+    """Goes on with the memory of the first init packet after a reconnect."""
+    first: list[Any] = []
+
+    def images(original: Any, packet: Any) -> Any:
+        if not first:
+            first.append(original(packet))
+            patch.setattr(first[0], "close", lambda: True)
+        return first[0]
+
+    wrap(patch, reading, "HostImages", images)

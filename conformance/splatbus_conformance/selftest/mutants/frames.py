@@ -1,0 +1,86 @@
+"""Mutants that break IMG: `frame`, `release`, `subscribe`."""
+
+from typing import Any
+
+import pytest
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire.messages import Frame, Release, Subscribe, encode
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import crash, messages, of_type, wrap
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was released more than once")
+def releases_twice(patch: pytest.MonkeyPatch) -> None:
+    """Releases each frame twice."""
+
+    def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
+        self._out += encode(Release(frame.generation, frame.seq))
+        original(self, frame)
+
+    wrap(patch, IpcProtocol, "release", release)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def loses_every_tenth_release(patch: pytest.MonkeyPatch) -> None:
+    """Does not release every tenth frame."""
+
+    def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
+        if frame.seq % 10:
+            original(self, frame)
+
+    wrap(patch, IpcProtocol, "release", release)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="generation")
+def releases_with_another_generation(patch: pytest.MonkeyPatch) -> None:
+    """Names another generation in `release` than the `frame` did."""
+    messages(patch, of_type("release", lambda release: release | {"generation": 7}))
+
+
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 77")
+def releases_frames_of_any_generation(patch: pytest.MonkeyPatch) -> None:
+    """Takes every frame for one of the memory that it has open."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        if frame.generation not in self._slots:
+            self._out += encode(Release(frame.generation, frame.seq))
+            return []
+        return original(self, frame)
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'slot': ")
+def reads_slots_that_do_not_exist(patch: pytest.MonkeyPatch) -> None:
+    """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        if frame.slot >= self._slots.get(frame.generation, 1):
+            crash()
+        return original(self, frame)
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
+@mutant("IMG-19", reason="channels")
+def subscribes_to_one_channel_as_a_string(patch: pytest.MonkeyPatch) -> None:
+    """Names one channel instead of an array of them."""
+    _subscribes(patch)
+    messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": "color"}))
+
+
+@mutant("IMG-19", reason="channels")
+def subscribes_to_nothing(patch: pytest.MonkeyPatch) -> None:
+    """Subscribes to no channel at all."""
+    _subscribes(patch)
+    messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": []}))
+
+
+def _subscribes(patch: pytest.MonkeyPatch) -> None:
+    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+        yield from original(self, welcome)
+        if "subscribe" in self.capabilities:
+            self._out += encode(Subscribe(frozenset({"color", "depth"})))
+
+    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)

@@ -1,0 +1,76 @@
+"""Mutants that break REQ: requests and replies."""
+
+from typing import Any
+
+import pytest
+from splatbus_client import message_protocol
+from splatbus_client.message_protocol import MessageProtocol
+from splatbus_wire.errors import ProtocolError
+
+from splatbus_conformance.selftest.mutants.negotiation import without
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import crash, messages, of_type, wrap
+
+
+@mutant("REQ-2", reason="cam_idx")
+def camera_index_as_a_string(patch: pytest.MonkeyPatch) -> None:
+    """Writes the index of a camera as a string."""
+    messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": "0"}))
+
+
+@mutant("REQ-2", reason="cam_idx")
+def camera_index_with_a_fraction(patch: pytest.MonkeyPatch) -> None:
+    """Asks for camera 0.5."""
+    messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": 0.5}))
+
+
+@mutant("REQ-2", reason="cam_idx")
+def no_camera_index(patch: pytest.MonkeyPatch) -> None:
+    """Asks for a camera without saying which."""
+    messages(patch, of_type("get_camera_pose", without("cam_idx")))
+
+
+@mutant("REQ-12", check="check_asks_again_after_a_while", reason="it asked again")
+def asks_again_at_once(patch: pytest.MonkeyPatch) -> None:
+    """Asks for the size again as soon as it is told that there is none."""
+    patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", 0.0)
+
+
+@mutant("REQ-13", check="check_survives_bad_replies", reason="the reply {}: the testee died")
+def crashes_on_a_reply_without_members(patch: pytest.MonkeyPatch) -> None:
+    """Crashes on a reply that lacks the member that it looks for."""
+    _on_a_bad_reply(patch, lambda problem: crash() if "is missing" in str(problem) else None)
+
+
+@mutant("REQ-13", check="check_survives_bad_replies", reason="64x48")
+def exits_on_a_size_that_is_no_array(patch: pytest.MonkeyPatch) -> None:
+    """Does not handle the error of a reply whose size is a string, and exits."""
+
+    def fail(problem: ProtocolError) -> None:
+        if "an array" in str(problem):
+            raise TypeError("no array")
+
+    _on_a_bad_reply(patch, fail)
+
+
+def _on_a_bad_reply(patch: pytest.MonkeyPatch, react: Any) -> None:
+    def decode(original: Any, payload: bytes, request: Any) -> Any:
+        try:
+            return original(payload, request)
+        except ProtocolError as problem:
+            react(problem)
+            raise
+
+    wrap(patch, message_protocol, "decode_from_server_message", decode)
+
+
+@mutant("REQ-14", reason="ping")
+def sends_a_type_of_its_own(patch: pytest.MonkeyPatch) -> None:
+    """Sends a `ping` of its own after each request."""
+    ping = b'{"type":"ping"}'
+
+    def data_to_send(original: Any, self: MessageProtocol, now: float) -> bytes:
+        data: bytes = original(self, now)
+        return data + len(ping).to_bytes(4, "little") + ping if b'"get_' in data else data
+
+    wrap(patch, MessageProtocol, "data_to_send", data_to_send)

@@ -1,0 +1,87 @@
+"""Mutants that break JSN: what is sent is no strict JSON, or what is read is not read so."""
+
+import pytest
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import in_poses, payloads
+
+DEPTH = 70
+
+
+@mutant("JSN-1", reason="is a list, no object")
+def poses_in_an_array(patch: pytest.MonkeyPatch) -> None:
+    """Sends each pose as an array of one object."""
+    payloads(patch, in_poses(lambda payload: b"[" + payload + b"]"))
+
+
+@mutant("JSN-1", reason="is not UTF-8")
+def text_in_latin_1(patch: pytest.MonkeyPatch) -> None:
+    """Encodes text as Latin-1."""
+    payloads(patch, in_poses(lambda payload: payload[:-1] + ',"note":"für"}'.encode("latin-1")))
+
+
+@mutant("JSN-1", reason="no JSON")
+def single_quotes(patch: pytest.MonkeyPatch) -> None:
+    """Quotes with apostrophes."""
+    payloads(patch, in_poses(lambda payload: payload.replace(b'"', b"'")))
+
+
+@mutant("JSN-1", reason="no JSON")
+def trailing_comma(patch: pytest.MonkeyPatch) -> None:
+    """Writes a comma after the last member."""
+    payloads(patch, in_poses(lambda payload: payload[:-1] + b",}"))
+
+
+@mutant("JSN-1", reason="no JSON")
+def two_objects_in_a_payload(patch: pytest.MonkeyPatch) -> None:
+    """Puts two poses into one payload."""
+    payloads(patch, in_poses(lambda payload: payload + payload))
+
+
+@mutant("JSN-1", reason="no JSON")
+def zero_byte_after_the_text(patch: pytest.MonkeyPatch) -> None:
+    """Sends the terminating zero of a C string."""
+    payloads(patch, in_poses(lambda payload: payload + b"\0"))
+
+
+@mutant("JSN-2", reason="byte-order mark")
+def byte_order_mark(patch: pytest.MonkeyPatch) -> None:
+    """Begins poses with a byte-order mark."""
+    payloads(patch, in_poses(lambda payload: b"\xef\xbb\xbf" + payload))
+
+
+@mutant("JSN-3", reason="stands more than once")
+def type_twice(patch: pytest.MonkeyPatch) -> None:
+    """Writes `type` twice, the same both times."""
+    payloads(patch, in_poses(lambda payload: payload[:-1] + b',"type":"camera_pose"}'))
+
+
+@mutant("JSN-3", reason="stands more than once")
+def coordinate_twice(patch: pytest.MonkeyPatch) -> None:
+    """Writes one coordinate twice in `position`."""
+    payloads(patch, in_poses(lambda payload: payload.replace(b'{"x":', b'{"x":0,"x":', 1)))
+
+
+@mutant("JSN-4", reason="NaN is no JSON number")
+def not_a_number(patch: pytest.MonkeyPatch) -> None:
+    """Sends NaN."""
+    payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":NaN}'))
+
+
+@mutant("JSN-4", reason="Infinity is no JSON number")
+def minus_infinity(patch: pytest.MonkeyPatch) -> None:
+    """Sends -Infinity."""
+    payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":-Infinity}'))
+
+
+@mutant("JSN-4", reason="overflows double precision")
+def number_that_overflows(patch: pytest.MonkeyPatch) -> None:
+    """Sends a number beyond double precision."""
+    payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":1e400}'))
+
+
+@mutant("JSN-5", reason=f"nested {DEPTH} deep")
+def deep_nesting(patch: pytest.MonkeyPatch) -> None:
+    """Nests arrays too deep, in a member that nobody knows."""
+    nested = b"[" * (DEPTH - 1) + b"]" * (DEPTH - 1)
+    payloads(patch, in_poses(lambda payload: payload[:-1] + b',"tree":' + nested + b"}"))

@@ -1,0 +1,81 @@
+"""What is said of a client that the harness is tried on, and how one is declared."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import pytest
+
+Alter = Callable[[pytest.MonkeyPatch], None]
+A = TypeVar("A", bound=Alter)
+
+RULE = "rule"
+"""The name under which a report lists what passive rules found."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """The reference client with one behaviour broken."""
+
+    name: str
+    does: str
+    alter: Alter
+    """Overrides the behaviour, from outside, before the client starts."""
+    requirement: str
+    """The one requirement that it breaks."""
+    check: str
+    """The check that has to find out, or RULE."""
+    reason: str
+    """What the text of the verdict has to contain: the check found this, not something else."""
+    through: str
+    """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """The reference client made unusual, but conforming."""
+
+    name: str
+    does: str
+    alter: Alter
+    warns: frozenset[str]
+    """The advice that it does not follow: SHOULDs that must warn, and no others."""
+
+
+def mutant(
+    requirement: str, *, check: str = RULE, reason: str, through: str = "CHN-10"
+) -> Callable[[A], A]:
+    """Declare a function to be the alteration of a mutant; its docstring says what it does.
+
+    Args:
+        requirement: that it breaks.
+        check: that has to find out; a passive rule if not given.
+        reason: what the verdict has to say.
+        through: for a rule, the requirement whose check makes the traffic that it judges.
+    """
+
+    def declare(alter: A) -> A:
+        name, does = _name_and_docstring(alter)
+        run = through if check == RULE else requirement
+        alter.specimen = Mutant(name, does, alter, requirement, check, reason, run)  # type: ignore[attr-defined]
+        return alter
+
+    return declare
+
+
+def variation(*, warns: tuple[str, ...] = ()) -> Callable[[A], A]:
+    """Declare a function to be the alteration of an allowed variation."""
+
+    def declare(alter: A) -> A:
+        name, does = _name_and_docstring(alter)
+        alter.specimen = Variation(name, does, alter, frozenset(warns))  # type: ignore[attr-defined]
+        return alter
+
+    return declare
+
+
+def _name_and_docstring(alter: Alter) -> tuple[str, str]:
+    does = inspect.getdoc(alter)
+    assert does, f"{alter.__name__} does not say what it does"
+    return alter.__name__.replace("_", "-"), " ".join(does.split())

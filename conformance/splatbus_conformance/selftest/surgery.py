@@ -1,0 +1,64 @@
+"""Override one behaviour of the reference client from outside."""
+
+import functools
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import pytest
+from splatbus_wire import encoding
+
+Json = dict[str, Any]
+STATUS_ACCESS_VIOLATION = 0xC0000005
+
+
+def wrap(patch: pytest.MonkeyPatch, owner: object, name: str, around: Callable[..., Any]) -> None:
+    """Replace `owner.name` by `around`, which is given the original first, then its arguments.
+
+    AttributeError if there is no such name: then the client changed, and the mutant has to.
+    """
+    original = getattr(owner, name)
+
+    @functools.wraps(original)
+    def replaced(*arguments: Any, **named: Any) -> Any:
+        return around(original, *arguments, **named)
+
+    patch.setattr(owner, name, replaced)
+
+
+def messages(patch: pytest.MonkeyPatch, change: Callable[[Json], Json]) -> None:
+    """Change each message that is sent, as an object."""
+    wrap(
+        patch,
+        encoding,
+        "message_object",
+        lambda original, *arguments, **named: change(original(*arguments, **named)),
+    )
+
+
+def payloads(patch: pytest.MonkeyPatch, change: Callable[[bytes], bytes]) -> None:
+    """Change each payload that is sent."""
+    wrap(patch, encoding, "serialize", lambda original, message: change(original(message)))
+
+
+def packets(patch: pytest.MonkeyPatch, change: Callable[[bytes], bytes]) -> None:
+    """Change each packet that is sent, header included, or what follows it."""
+    wrap(patch, encoding, "encode_packet", lambda original, payload: change(original(payload)))
+
+
+def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:
+    """A change of messages of one type only."""
+    return lambda message: change(message) if message.get("type") == kind else message
+
+
+def in_poses(change: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
+    """A change of the payloads of camera poses only."""
+    return lambda payload: change(payload) if b'"type":"camera_pose"' in payload else payload
+
+
+def crash() -> NoReturn:
+    """End this process as a fault in native code does."""
+    if sys.platform == "win32":
+        os._exit(STATUS_ACCESS_VIOLATION - 2**32)
+    os.abort()

@@ -1,0 +1,214 @@
+"""Run the harness, as a process, on one specimen, and say what came of it."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from splatbus_conformance.selftest.specimen import Mutant, Variation
+from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
+
+REFERENCE = "reference"
+FULL_RUN_SECONDS = 240.0
+"""The longest that all checks may take on a client that passes them."""
+SELECTED_SECONDS = 120.0
+"""The longest that the checks of one or two requirements may take on a client that fails them."""
+TESTEE_SECONDS = 300
+"""A specimen ends by itself after this time, whatever becomes of the harness."""
+OUTPUT_CHARS = 600
+
+
+class Fate(StrEnum):
+    """What became of a specimen; the first three are as they should be."""
+
+    PASSED = "passed"
+    """The reference client conforms."""
+    KILLED = "killed"
+    """The named check found the mutant out, for its reason."""
+    ALLOWED = "survived, as it must"
+    """The variation conforms."""
+    SURVIVED = "survived"
+    """No check of the broken requirement failed: they are too weak."""
+    MISTAKEN = "killed for another reason"
+    """The requirement failed, but by another check or for another reason than was declared."""
+    CONDEMNED = "condemned wrongly"
+    """A conforming client failed: a check is too strict."""
+    NO_VERDICT = "no verdict"
+    """The harness came to none; its last words are in `note`."""
+
+
+GOOD = frozenset({Fate.PASSED, Fate.KILLED, Fate.ALLOWED})
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One check's verdict on one specimen."""
+
+    requirement: str
+    check: str
+    verdict: str
+    text: str
+
+    @property
+    def condemns(self) -> bool:
+        """The verdict is one that a client gets for breaking a requirement."""
+        return self.verdict in (Verdict.FAIL, Verdict.WARN)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What the harness said of one specimen."""
+
+    name: str
+    kind: str
+    """`reference`, `variation` or `mutant`."""
+    does: str
+    fate: Fate
+    cells: tuple[Cell, ...]
+    seconds: float
+    requirement: str = ""
+    check: str = ""
+    reason: str = ""
+    note: str = ""
+
+    @property
+    def seen(self) -> str:
+        """What was found out: the verdict that killed a mutant, or what else there is to say."""
+        if self.kind == "mutant":
+            told = [c for c in self.cells if c.requirement == self.requirement]
+            told.sort(key=lambda cell: (not cell.condemns, cell.check != self.check))
+            return self.note or "; ".join(f"{c.verdict}: {c.text}" for c in told[:2])
+        return self.note or "; ".join(f"{c.requirement}: {c.text}" for c in self.cells)
+
+    def as_json(self) -> dict[str, Any]:
+        """For the stored matrix."""
+        return {**asdict(self), "seconds": round(self.seconds, 1)}
+
+
+def judge_reference() -> Row:
+    """Run every check on the reference client."""
+    return _judge_conforming("the reference client as it is", REFERENCE, frozenset())
+
+
+def judge_variation(variation: Variation) -> Row:
+    """Run every check on an allowed variation."""
+    return _judge_conforming(variation.does, variation.name, variation.warns)
+
+
+def judge_mutant(mutant: Mutant) -> Row:
+    """Run the checks of the requirement that a mutant breaks."""
+    began = time.monotonic()
+    report, _, last_words = run_harness(mutant.name, mutant.through, SELECTED_SECONDS)
+    cells = cells_of(report)
+    fate, note = fate_of(mutant, cells), ""
+    if report is None or (fate is Fate.SURVIVED and errors(cells)):
+        fate, note = Fate.NO_VERDICT, last_words
+    return Row(
+        mutant.name,
+        "mutant",
+        mutant.does,
+        fate,
+        tuple(c for c in cells if c.requirement == mutant.requirement or c.condemns),
+        time.monotonic() - began,
+        mutant.requirement,
+        mutant.check,
+        mutant.reason,
+        note,
+    )
+
+
+def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
+    """What the verdicts make of a mutant."""
+    against = [c for c in cells if c.requirement == mutant.requirement and c.condemns]
+    if any(c.check == mutant.check and mutant.reason in c.text for c in against):
+        return Fate.KILLED
+    return Fate.MISTAKEN if against else Fate.SURVIVED
+
+
+def _judge_conforming(does: str, name: str, warns: frozenset[str]) -> Row:
+    began = time.monotonic()
+    report, status, last_words = run_harness(name, "", FULL_RUN_SECONDS)
+    cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
+    warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
+    reference = name == REFERENCE
+    if report is None:
+        fate, note = Fate.NO_VERDICT, last_words
+    elif status == EXIT_CONFORMING and warned == warns:
+        fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
+    elif warned >= warns:
+        fate, note = Fate.CONDEMNED, ""
+    else:
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(warns - warned))}"
+    kind = "reference" if reference else "variation"
+    return Row(name, kind, does, fate, tuple(cells), time.monotonic() - began, note=note)
+
+
+def cells_of(report: dict[str, Any] | None) -> list[Cell]:
+    """Every verdict in a report of the harness."""
+    return [
+        Cell(requirement["id"], result["check"], result["verdict"], result["text"])
+        for requirement in (report or {}).get("requirements", [])
+        for result in requirement["results"]
+    ]
+
+
+def errors(cells: list[Cell]) -> bool:
+    """Whether the harness itself failed somewhere."""
+    return any(cell.verdict == Verdict.ERROR for cell in cells)
+
+
+def run_harness(
+    name: str, select: str, seconds: float
+) -> tuple[dict[str, Any] | None, int | None, str]:
+    """Judge a specimen by `splatbus-conformance client --launch --select`, within so many seconds.
+
+    Returns its JSON report, or None if there is none, its exit status, or None if it had to be
+    ended, and the last that it printed.
+    """
+    module = "splatbus_client" if name == REFERENCE else f"{__package__}.mutants {name}"
+    testee = f'"{sys.executable}" -m {module} view --seconds {TESTEE_SECONDS}'
+    with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
+        path = Path(folder, "report.json")
+        command = [sys.executable, "-m", "splatbus_conformance", "--plain", "client"]
+        command += ["--launch", testee, "--select", select, "--json", str(path)]
+        status, output = _run(command, seconds)
+        report = json.loads(path.read_text("utf-8")) if path.exists() else None
+    return report, status, output[-OUTPUT_CHARS:].strip()
+
+
+def _run(command: list[str], seconds: float) -> tuple[int | None, str]:
+    """Run a command in a process group of its own, so that it can be ended with its children."""
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        start_new_session=os.name == "posix",
+    )
+    try:
+        output, _ = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return None, f"the harness did not come to an end within {seconds:g} s"
+    else:
+        return process.returncode, output
+    finally:
+        if process.poll() is None:
+            _end(process)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    if os.name == "posix":
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.communicate()
