@@ -1,0 +1,73 @@
+"""The command line: what it takes, and what it says when something is wrong."""
+
+import pytest
+from splatbus_client.cli import main
+
+from tests.client.fake_server import FakeServer
+
+
+@pytest.fixture
+def nowhere(monkeypatch):
+    """Ports at which no server listens."""
+    server = FakeServer()
+    server.stop()
+    monkeypatch.setenv("SPLATBUS_IPC_PORT", str(server.ipc_port))
+    monkeypatch.setenv("SPLATBUS_MSG_PORT", str(server.message_port))
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["view", "--help"], ["snapshot", "--help"]])
+def test_help_is_there(arguments, capsys):
+    with pytest.raises(SystemExit) as done:
+        main(arguments)
+    assert done.value.code == 0
+    assert "splatbus-client" in capsys.readouterr().out
+
+
+def test_help_teaches_the_environment(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    text = capsys.readouterr().out
+    for name in ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT", "SPLATBUS_TOKEN"):
+        assert name in text
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ([], "splatbus-server"),
+        (["--camera-index", "0"], "splatbus-server"),
+        (["--pose", "-1,0,0,0,0,0,2"], "norm"),
+    ],
+)
+@pytest.mark.usefixtures("nowhere")
+def test_a_picture_that_cannot_be_taken_says_why(options, problem, tmp_path, capsys):
+    path = tmp_path / "out.png"
+    assert main(["snapshot", str(path), "--timeout", "0.3", *options]) == 1
+    assert problem in capsys.readouterr().err
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["watch"],
+        ["view", "--rate", "0"],
+        ["view", "--seconds", "-1"],
+        ["snapshot", "a.png", "--pose", "1,2"],
+        ["snapshot", "a.png", "--pose", "0,0,0,0,0,0,1", "--camera-index", "1"],
+    ],
+)
+def test_wrong_usage_is_refused(arguments):
+    with pytest.raises(SystemExit) as done:
+        main(arguments)
+    assert done.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [(["--ipc-port", "70000"], "70000"), (["--token-file", "/no/such/file"], "No such file")],
+)
+def test_a_wrong_setting_is_refused(options, problem, capsys):
+    assert main(["view", *options]) == 2
+    assert problem in capsys.readouterr().err

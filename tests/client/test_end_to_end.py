@@ -1,0 +1,132 @@
+"""The client against the reference server, two processes, and the scene in closed form."""
+
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import splatbus_client
+from PIL import Image
+from splatbus_client import Pose
+from splatbus_client.cli import main
+from splatbus_client.poses import look_at
+from splatbus_server import scene
+from splatbus_wire.rotations import rotation_matrix
+
+WIDTH, HEIGHT = 96, 72
+TOP_LEFT = (11, 27)  # of the colour panel
+POSES = [
+    Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
+    look_at((-3.0, -2.5, 0.0), (0.0, 0.0, 4.0)),
+    Pose((0.2, -0.5, 0.3), (0.05, -0.1, 0.02, 0.9935)),
+]
+
+
+@pytest.fixture(scope="module")
+def server():
+    """Where a reference server runs: host and ports."""
+    module = [sys.executable, "-m", "splatbus_server.cli"]
+    size = f"{WIDTH}x{HEIGHT}"
+    with subprocess.Popen(
+        [*module, "--ipc-port", "0", "--msg-port", "0", "--size", size, "--quiet"],
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        ready = process.stdout.readline()
+        yield re.search(r"on (\S+): IPC port (\d+), message port (\d+)", ready).groups()
+        process.terminate()
+
+
+@pytest.fixture
+def session(server):
+    host, ipc_port, message_port = server
+    with splatbus_client.connect(host, int(ipc_port), int(message_port)) as session:
+        yield session
+
+
+def frame_from(session, pose):
+    session.send_camera(pose)
+    while True:
+        with session.next_frame(30) as frame:
+            if frame.camera.pose == pose:
+                return frame.color.copy(), frame.depth.copy(), frame.camera
+
+
+def exact(camera):
+    """What a sample of pixels shows: row, column, RGBA, depth, where no edge is near."""
+    r = rotation_matrix(camera.pose.rotation)
+    pinhole = scene.Camera(
+        *(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
+        camera.pose.position,
+        (r[0:3], r[3:6], r[6:9]),
+    )
+    pixels = np.random.default_rng(0).integers((0, 0), (HEIGHT, WIDTH), (300, 2))
+    for row, column in pixels:
+        shown = [
+            scene.exact_pixel(scene.default_scene(), pinhole, column + 0.5 + du, row + 0.5 + dv)
+            for du, dv in ((0, 0), (-0.02, -0.02), (0.02, 0.02), (-0.02, 0.02), (0.02, -0.02))
+        ]
+        if np.ptp([color for color, _ in shown], axis=0).max() < 0.02:
+            yield row, column, *shown[0]
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_frames_hold_the_scene_as_the_camera_sees_it(session, pose):
+    color, depth, camera = frame_from(session, pose)
+    assert color.shape == (HEIGHT, WIDTH, 4)
+    pixels = list(exact(camera))
+    assert len(pixels) > 200
+    for row, column, rgba, z in pixels:
+        np.testing.assert_allclose(color[row, column], rgba, atol=2e-5)
+        np.testing.assert_allclose(depth[row, column], z, rtol=2e-5)
+
+
+def test_a_picture_shows_what_a_frame_holds(server, session, tmp_path, monkeypatch):
+    _, _, camera = frame_from(session, POSES[1])
+    session.close()  # who steers first keeps the camera [POS-11]
+    for name, value in zip(("HOST", "IPC_PORT", "MSG_PORT"), server, strict=True):
+        monkeypatch.setenv(f"SPLATBUS_{name}", value)
+    path = tmp_path / "out.png"
+    assert main(["snapshot", str(path), "--look-at", "-3,-2.5,0,0,0,4"]) == 0
+    left, top = TOP_LEFT
+    panel = np.asarray(Image.open(path))[top : top + HEIGHT, left : left + WIDTH].astype(int)
+    for row, column, rgba, _ in exact(camera):
+        if rgba[3]:
+            difference = panel[row, column] - 255 * np.array(rgba[:3])
+            assert np.abs(difference).max() <= 0.51
+        else:
+            assert np.ptp(panel[row, column]) == 0, "squares where nothing is"
+
+
+def test_questions_are_answered(session):
+    assert session.viewport_size(10) == (WIDTH, HEIGHT)
+    assert session.camera_pose(0, 10) == session.camera_pose(0, 10)
+
+
+def test_without_depth_the_colour_is_the_same(server, session):
+    color, _, _ = frame_from(session, POSES[2])
+    host, ipc_port, message_port = server
+    ports = int(ipc_port), int(message_port)
+    with (
+        splatbus_client.connect(host, *ports, channels=["color"]) as other,
+        other.next_frame(30) as frame,
+    ):
+        np.testing.assert_array_equal(frame.color, color)
+
+
+def test_the_viewer_watches_the_reference_server(server):
+    environment = os.environ | dict(
+        zip(("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT"), server, strict=True)
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "splatbus_client", "view", "--seconds", "1", "--rate", "60"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert done.stderr == ""
+    assert re.search(r"[1-9]\d* frames, .* latency [\d.]+ ms", done.stdout.splitlines()[-1])

@@ -1,0 +1,144 @@
+"""The viewer without a window, as a process: what it sends, and how it ends."""
+
+import io
+import math
+import os
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+from splatbus_client import Pose, Status
+from splatbus_client.channel import ChannelStatus
+from splatbus_client.view import ORBIT_SECONDS, _Frames, _Report, orbit
+from splatbus_wire.rotations import rotation_matrix
+
+from tests.client.fake_server import HEIGHT, WIDTH, FakeServer, frame, init_packet
+
+POSE = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
+CAMERA = {"position": list(POSE.position), "rotation": list(POSE.rotation)}
+
+
+@contextmanager
+def viewer(server, *arguments):
+    environment = os.environ | {
+        "SPLATBUS_HOST": "127.0.0.1",
+        "SPLATBUS_IPC_PORT": str(server.ipc_port),
+        "SPLATBUS_MSG_PORT": str(server.message_port),
+    }
+    process = subprocess.Popen(
+        [sys.executable, "-m", "splatbus_client", "view", *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def answered(message):
+    """The messages up to the second question, both questions answered."""
+    seen = []
+    for kind, reply in (
+        ("get_camera_pose", {"type": "camera"} | CAMERA),
+        ("get_viewport_size", {"type": "viewport_size", "viewport_size": [WIDTH, HEIGHT]}),
+    ):
+        while not seen or seen[-1]["type"] != kind:
+            seen.append(message.receive())
+        message.send(reply | {"id": seen[-1]["id"]})
+    return seen
+
+
+def test_an_orbit_begins_at_its_center_stays_in_the_image_plane_and_comes_back():
+    ahead = rotation_matrix(POSE.rotation)[2::3]
+    assert orbit(POSE, 0.0) == POSE
+    for second in range(1, 8):
+        moved = orbit(POSE, second * ORBIT_SECONDS / 8)
+        offset = [a - b for a, b in zip(moved.position, POSE.position, strict=True)]
+        assert math.hypot(*offset) > 0.1
+        assert sum(a * b for a, b in zip(ahead, offset, strict=True)) == pytest.approx(0, abs=1e-12)
+        assert moved.rotation == POSE.rotation
+    assert orbit(POSE, ORBIT_SECONDS).position == pytest.approx(POSE.position)
+
+
+def test_it_asks_steers_around_the_scene_s_camera_and_asks_again_after_a_reconnect(server):
+    with viewer(server, "--rate", "100"):
+        for _ in range(2):
+            message = server.message_1_1()
+            seen = answered(message)
+            while seen[-1].get("position", {}).get("z", 0) < 4:
+                seen.append(message.receive())
+            assert math.dist(list(seen[-1]["position"].values()), POSE.position) < 1
+            kinds = {m["type"] for m in seen}
+            assert kinds >= {"camera_pose", "point_cloud_pose"}
+            times = [m["timestamp"] for m in seen if "timestamp" in m]
+            assert times == sorted(times)
+            message.reset()
+
+
+def test_a_size_that_is_unknown_is_asked_for_until_it_is_known(server):
+    with viewer(server):
+        message = server.message_1_1((0, 0))
+        camera = message.receive_type("get_camera_pose")
+        message.send({"type": "camera", "id": camera["id"]} | CAMERA)
+        for size in ([0, 0], [0, 0], [WIDTH, HEIGHT]):
+            request = message.receive_type("get_viewport_size")
+            reply = {"type": "viewport_size", "id": request["id"], "viewport_size": size}
+            message.send(reply)
+
+
+def test_every_frame_is_read_and_released(server, memory):
+    with viewer(server) as process:
+        ipc = server.ipc_1_1()
+        ipc.send(init_packet(memory.name))
+        ipc.receive_type("opened")
+        for seq in range(5):
+            ipc.send(frame(seq, slot=seq % 3))
+            assert ipc.receive() == {"type": "release", "generation": 1, "seq": seq}
+        process.send_signal(signal.SIGTERM)
+        out, _ = process.communicate(timeout=30)
+        assert "5 frames" in out.splitlines()[-1]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_it_in_order(server, name):
+    with viewer(server) as process:
+        ipc, message = server.ipc(), server.message()
+        message.receive()
+        process.send_signal(getattr(signal, name))
+        assert process.wait(30) == 0
+        assert ipc.ended()
+
+
+def test_it_ends_after_its_seconds_and_says_what_to_do_where_no_server_runs():
+    server = FakeServer()
+    server.stop()
+    with viewer(server, "--seconds", "0.5") as process:
+        out, err = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "start one with: splatbus-server" in err
+    assert err.count("cannot connect") == 2, "once a channel, however often it is tried"
+    assert "not connected" in out
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("out", "lines"), [(io.StringIO(), 2), (Terminal(), 1)])
+def test_a_status_is_written_seldom_and_on_a_terminal_in_place(out, lines):
+    report, frames = _Report(out), _Frames()
+    connected = ChannelStatus(True, 1, "1.1")
+    for status in [Status(ChannelStatus(), ChannelStatus(), None)] * 50 + [
+        Status(connected, connected, None)
+    ] * 50:
+        report.update(status, frames, (320, 240))
+    assert out.getvalue().count("frames") == lines
+    assert ("\n" in out.getvalue()) != out.isatty()
