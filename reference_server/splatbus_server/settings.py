@@ -63,12 +63,14 @@ def read_token(path: Path) -> str:
     """The token in a file, without the white space around it.
 
     Raises:
-        ValueError: the file holds none, or others than its owner can read it.
-        OSError: it cannot be read.
+        ValueError: it cannot be read, or by others than its owner too, or it holds none.
     """
-    if os.name == "posix" and path.stat().st_mode & 0o077:
+    try:
+        mode, token = path.stat().st_mode, path.read_text("utf-8").strip()
+    except OSError as error:
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    if os.name == "posix" and mode & 0o077:
         raise ValueError(f"others than you can read {path}: run chmod 600 {path}")
-    token = path.read_text("utf-8").strip()
     if not token:
         raise ValueError(f"{path} holds no token")
     return token
@@ -76,7 +78,10 @@ def read_token(path: Path) -> str:
 
 def is_loopback(host: str) -> bool:
     """Whether every address of the host is on this machine only [SEC-1]; OSError if it has none."""
-    addresses = {info[4][0] for info in socket.getaddrinfo(host, None)}
+    try:
+        addresses = {info[4][0] for info in socket.getaddrinfo(host, None)}
+    except socket.gaierror as error:
+        raise OSError(error.errno, f"cannot resolve {host}: {error.strerror}") from None
     return all(ipaddress.ip_address(str(a).split("%")[0]).is_loopback for a in addresses)
 
 

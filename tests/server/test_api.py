@@ -1,0 +1,218 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import splatbus_server
+from splatbus_server import View
+from splatbus_server.service import Service
+
+from tests.server.raw_client import RawClient, Reader, camera_pose
+from tests.server.waiting import eventually
+
+WIDTH, HEIGHT = 6, 5
+RGB = np.linspace(0.0, 1.0, HEIGHT * WIDTH * 3, dtype=np.float32).reshape(HEIGHT, WIDTH, 3)
+DEPTH = np.arange(1.0, HEIGHT * WIDTH + 1.0, dtype=np.float32).reshape(HEIGHT, WIDTH)
+
+
+@pytest.fixture
+def bus() -> Iterator[splatbus_server.Bus]:
+    """A server whose render loop is the test."""
+    with splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0) as serving:
+        yield serving
+
+
+@pytest.fixture
+def reader(bus: splatbus_server.Bus) -> Iterator[Reader]:
+    with Reader(bus.address.ipc_port) as client:
+        client.open()
+        yield client
+
+
+def next_view(bus: splatbus_server.Bus, **arguments: Any) -> View:
+    view = bus.next_view(10.0, **arguments)
+    assert view is not None
+    return view
+
+
+def publish(
+    bus: splatbus_server.Bus, reader: Reader, *images: Any, **arguments: Any
+) -> tuple[Any, Any]:
+    """Publishes; returns colour and depth as the reader sees them, top row first."""
+    bus.publish(next_view(bus, contents_changed=True), *images, **arguments)
+    frame = reader.frame()
+    color, depth = reader.color(frame)[::-1].copy(), reader.depth(frame)[::-1].copy()
+    reader.release(frame)
+    return color, depth
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)], ids=["HWC", "CHW"])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_colour_of_every_layout(
+    bus: splatbus_server.Bus, reader: Reader, dtype: type, order: tuple[int, ...], channels: int
+) -> None:
+    """[BUF-1, BUF-5]"""
+    rgba = np.concatenate([RGB, np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)], axis=2)
+    given = rgba[..., :channels].astype(dtype).transpose(order)
+    color, depth = publish(bus, reader, given, DEPTH)
+    assert (color[..., :3] == RGB).all()
+    assert (color[..., 3] == (0.5 if channels == 4 else 1.0)).all()
+    assert (depth == DEPTH).all()
+
+
+def test_the_alpha_of_the_colour_tells_what_is_empty(
+    bus: splatbus_server.Bus, reader: Reader
+) -> None:
+    """[ACC-9, BUF-7]; an alpha that is given wins."""
+    rgba = np.ones((HEIGHT, WIDTH, 4), np.float32)
+    rgba[0, :, 3] = 0.0
+    for color in (rgba, rgba.transpose(2, 0, 1)):
+        _, depth = publish(bus, reader, color, DEPTH)
+        assert np.isinf(depth[0]).all()
+        assert (depth[1:] == DEPTH[1:]).all()
+    _, depth = publish(bus, reader, rgba, DEPTH, alpha=np.ones_like(DEPTH))
+    assert (depth == DEPTH).all()
+
+
+def test_inverse_depth_is_divided_by_alpha(bus: splatbus_server.Bus, reader: Reader) -> None:
+    """[ACC-8]"""
+    alpha = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
+    inverse = (alpha[..., 0] / DEPTH)[None]
+    _, depth = publish(bus, reader, RGB, inverse, alpha=alpha, depth_kind="inverse")
+    np.testing.assert_allclose(depth, DEPTH, rtol=1e-6)
+
+
+def test_depth_that_nobody_reads_is_not_converted(bus: splatbus_server.Bus, reader: Reader) -> None:
+    """[IMG-21]"""
+    reader.send({"type": "subscribe", "channels": ["color"]})
+    assert eventually(lambda: not next_view(bus).wants_depth)
+    bus.publish(next_view(bus), RGB, DEPTH)
+    reader.release(reader.frame())
+    bus.publish(next_view(bus, contents_changed=True), RGB)
+    reader.release(reader.frame())
+    counts = bus.statistics
+    assert (counts.frames_published, counts.colors_converted, counts.depths_converted) == (2, 2, 0)
+
+
+def test_colour_that_nobody_reads_is_not_converted(
+    bus: splatbus_server.Bus, reader: Reader
+) -> None:
+    """[IMG-21]"""
+    reader.send({"type": "subscribe", "channels": ["depth"]})
+    assert eventually(lambda: next_view(bus).wants == {"depth"})
+    bus.publish(next_view(bus), RGB, DEPTH)
+    frame = reader.frame()
+    assert (reader.depth(frame)[::-1] == DEPTH).all()
+    assert bus.statistics.colors_converted == 0
+
+
+def test_an_unchanged_scene_is_rendered_once(bus: splatbus_server.Bus, reader: Reader) -> None:
+    """[IMG-10]"""
+    publish(bus, reader, RGB, DEPTH)
+    with RawClient(bus.address.message_port) as mover:
+        mover.send(*[camera_pose(0.0)] * 50)
+        mover.viewport()
+        assert bus.next_view(0.05) is None
+        mover.send(camera_pose(1.0))
+        assert next_view(bus).poses.camera.position[0] == 1.0
+    assert bus.statistics.frames_published == 1
+
+
+def test_the_camera_of_a_frame_is_the_one_it_was_rendered_with(
+    bus: splatbus_server.Bus, reader: Reader
+) -> None:
+    """[IMG-5]: not the newest that has arrived since."""
+    view = next_view(bus)
+    with RawClient(bus.address.message_port) as mover:
+        mover.send(camera_pose(1.0))
+        assert eventually(lambda: next_view(bus).poses.camera.position[0] == 1.0)
+    bus.publish(view, RGB, DEPTH, time=2.5)
+    frame = reader.frame()
+    assert frame["camera"]["position"] == [0.0, 0.0, 0.0]
+    assert frame["time"] == 2.5
+    assert next_view(bus).poses.camera.position[0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("color", "depth", "message"),
+    [
+        (RGB[:-1], DEPTH, r"colour of shape \(4, 6, 3\) is neither"),
+        (RGB[..., :2], DEPTH, "colour of shape"),
+        (DEPTH, DEPTH, "colour of shape"),
+        (RGB, DEPTH.T, r"depth of shape \(6, 5\) is not \(5, 6\)"),
+        (RGB, None, "wants_depth"),
+    ],
+)
+def test_a_wrong_image_is_refused_and_the_next_is_published(
+    bus: splatbus_server.Bus, reader: Reader, color: Any, depth: Any, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        bus.publish(next_view(bus), color, depth)
+    publish(bus, reader, RGB, DEPTH)
+
+
+def test_another_size_reaches_the_reader(bus: splatbus_server.Bus, reader: Reader) -> None:
+    """[MEM-1, REQ-4]"""
+    publish(bus, reader, RGB, DEPTH)
+    stale = next_view(bus, contents_changed=True)
+    bus.resize(3, 2)
+    bus.publish(stale, RGB, DEPTH)
+    former = reader.init["generation"]
+    assert reader.open()["meta"]["w"] == 3
+    reader.send({"type": "closed", "generation": former})
+    view = next_view(bus)
+    assert (view.width, view.height) == (3, 2)
+    bus.publish(view, np.ones((2, 3, 3)), np.ones((2, 3)))
+    assert reader.color(reader.frame()).shape == (2, 3, 4)
+    with RawClient(bus.address.message_port) as client:
+        assert client.viewport() == [3, 2]
+
+
+@pytest.mark.parametrize("size", [(0, 1), (1, 32769)])
+def test_a_size_has_its_range(bus: splatbus_server.Bus, size: tuple[int, int]) -> None:
+    """[INI-2]"""
+    with pytest.raises(ValueError, match="32768"):
+        bus.resize(*size)
+    with pytest.raises(ValueError, match="32768"):
+        splatbus_server.serve(*size, ipc_port=0, message_port=0)
+
+
+def test_no_memory_is_left_behind() -> None:
+    """[OPN-9]"""
+    names = []
+    with (
+        splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0) as bus,
+        Reader(bus.address.ipc_port) as reader,
+    ):
+        names.append(reader.open()["memory"]["name"])
+        bus.resize(3, 2)
+        names.append(reader.open()["memory"]["name"])
+        assert all((Path("/dev/shm") / name).exists() for name in names)
+    assert not any((Path("/dev/shm") / name).exists() for name in names)
+
+
+def test_a_taken_port_is_named_and_nothing_is_left_open(bus: splatbus_server.Bus) -> None:
+    taken = bus.address.message_port
+    with pytest.raises(OSError, match=f"cannot listen on 127.0.0.1:{taken}"):
+        splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=taken)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_the_renderer_learns_that_nobody_serves_its_images(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def run(self: Service) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Service, "run", run)
+    bus = splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0)
+    with pytest.raises(RuntimeError, match="died"):
+        bus.next_view(10.0)
+    monkeypatch.undo()
+    bus._service._stopping = True
+    bus._service.run()
+    bus.close()

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from tests.server.raw_client import RawClient, Reader, camera_pose
+
+SECONDS = 30
+COMMAND = [sys.executable, "-m", "splatbus_server.cli"]
+READY = re.compile(
+    r"splatbus-server ready on (\S+): IPC port (\d+), message port (\d+), (\d+)x(\d+)\n"
+)
+ENVIRONMENT = {name: value for name, value in os.environ.items() if "SPLATBUS" not in name}
+
+
+class Running(NamedTuple):
+    process: subprocess.Popen[str]
+    ipc_port: int
+    message_port: int
+
+    def end(self, number: int) -> tuple[int, str]:
+        """Exit code and log."""
+        self.process.send_signal(number)
+        _, log = self.process.communicate(timeout=SECONDS)
+        return self.process.returncode, log
+
+
+@contextmanager
+def running(*options: str, **environment: str) -> Iterator[Running]:
+    ports = () if environment else ("--ipc-port", "0", "--msg-port", "0")
+    process = subprocess.Popen(
+        [*COMMAND, "--size", "32x24", *ports, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**ENVIRONMENT, **environment},
+    )
+    assert process.stdout is not None
+    try:
+        match = READY.fullmatch(line := process.stdout.readline())
+        assert match, line
+        yield Running(process, int(match[2]), int(match[3]))
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def refused(*options: str, **environment: str) -> tuple[int, str]:
+    """Exit code and message of a server that does not start."""
+    result = subprocess.run(
+        [*COMMAND, *options],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        env={**ENVIRONMENT, **environment},
+        check=False,
+    )
+    assert "Traceback" not in result.stderr
+    return result.returncode, result.stderr
+
+
+def test_help_teaches() -> None:
+    text = subprocess.run([*COMMAND, "--help"], capture_output=True, text=True, check=True).stdout
+    for word in ("examples:", "SPLATBUS_TOKEN", "what next:", "exit codes:", "--token-file"):
+        assert word in text
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_serves_the_scene_and_ends_cleanly(number: int) -> None:
+    """[OPN-9]"""
+    with running() as server:
+        with RawClient(server.message_port) as mover, Reader(server.ipc_port) as reader:
+            assert mover.viewport() == [32, 24]
+            name = reader.open()["memory"]["name"]
+            frame = reader.frame()
+            assert 0.0 < reader.color(frame).mean() < 1.0
+            assert reader.depth(frame).min() > 0.0
+            reader.release(frame)
+            mover.send(camera_pose(0.5))
+            assert reader.frame()["camera"]["position"] == [0.5, 0.0, 0.0]
+            code, log = server.end(number)
+            assert mover.receive() is None
+        assert code == 0, log
+        assert "stopped" in log
+        assert "Traceback" not in log
+    assert not (Path("/dev/shm") / name).exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system tidies up")
+def test_what_a_killed_server_leaves_is_swept_by_the_next() -> None:
+    """[OPN-9]"""
+    with running() as server:
+        with Reader(server.ipc_port) as reader:
+            path = Path("/dev/shm") / reader.open()["memory"]["name"]
+        server.process.kill()
+        server.process.wait(SECONDS)
+    assert path.exists()
+    with running():
+        assert not path.exists()
+
+
+def test_a_turntable_turns_without_anybody_moving_it() -> None:
+    options = ("--turntable", "90", "--fps", "200")
+    with running(*options) as server, Reader(server.ipc_port) as reader:
+        reader.open()
+        images = []
+        for _ in range(3):
+            frame = reader.frame()
+            images.append(reader.color(frame).copy())
+            reader.release(frame)
+    assert (images[0] != images[2]).any()
+
+
+def test_the_environment_says_where_to_listen() -> None:
+    environment = {"SPLATBUS_IPC_PORT": "0", "SPLATBUS_MSG_PORT": "0", "SPLATBUS_TOKEN": "secret"}
+    with running(**environment) as server, Reader(server.ipc_port, token="secret") as reader:
+        assert reader.open()
+
+
+def test_an_address_for_other_machines_needs_a_token() -> None:
+    """[NEG-17]"""
+    code, message = refused("--host", "0.0.0.0", "--ipc-port", "0", "--msg-port", "0")
+    assert code == 2
+    assert "--token-file" in message
+    assert "NEG-17" in message
+
+
+def test_a_token_file_that_others_can_read_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "token"
+    path.write_text("secret")
+    path.chmod(0o644)
+    code, message = refused("--token-file", str(path), "--ipc-port", "0", "--msg-port", "0")
+    assert code == 2
+    assert "chmod 600" in message
+    code, message = refused("--token-file", str(tmp_path / "none"))
+    assert code == 2
+    assert f"cannot read {tmp_path / 'none'}" in message
+
+
+def test_a_host_without_an_address_is_named() -> None:
+    code, message = refused("--host", "nowhere.invalid")
+    assert code == 1
+    assert "cannot resolve nowhere.invalid" in message
+
+
+def test_a_taken_port_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        code, message = refused("--ipc-port", "0", "--msg-port", port)
+    assert code == 1
+    assert port in message
+
+
+@pytest.mark.parametrize(
+    "options", [["--size", "huge"], ["--size", "0x3"], ["--fps", "0"], ["--ipc-port", "-1"]]
+)
+def test_a_wrong_option_is_wrong_usage(options: list[str]) -> None:
+    code, message = refused("--msg-port", "0", *options)
+    assert code == 2
+    assert message
