@@ -1,6 +1,6 @@
 """A trial: one check's dealings with the testee, from connecting to judgement."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn, TypeVar
 
@@ -24,6 +24,7 @@ EFFECT_SECONDS: float = LIMITS["close_seconds"]
 """How long a check waits for an effect; the time that spec 1.0 section 1.2 gives a close."""
 REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
+MANY_CONNECTIONS = 10
 
 
 class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
@@ -83,6 +84,16 @@ class Trial:
     def cases(self, strategy: SearchStrategy[T], quick: int, full: int) -> list[T]:
         """Cases drawn by Hypothesis, so many in each profile; the same ones for the same seed."""
         return draw(strategy, full if self.profile == "full" else quick, self.seed)
+
+    def affordable(self, cases: Iterable[T]) -> Iterator[T]:
+        """All cases; in the quick profile few of them once the testee needs many connections.
+
+        A client may close the connection on whatever is wrong, and each case then costs it a pause.
+        """
+        for number, case in enumerate(cases):
+            few = self.profile == "full" or len(self.peer.connections) < MANY_CONNECTIONS
+            if few or number % MANY_CONNECTIONS == 0:
+                yield case
 
     # Meeting the testee
 

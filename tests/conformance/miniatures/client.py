@@ -4,12 +4,15 @@ Standard library only. `python client.py 1.0` speaks 1.0, `python client.py 1.1`
 """
 
 import contextlib
+import itertools
 import json
+import mmap
 import os
 import socket
 import sys
 import threading
 import time
+from pathlib import Path
 
 HOST = os.environ.get("SPLATBUS_HOST", "127.0.0.1")
 IPC = int(os.environ.get("SPLATBUS_IPC_PORT", "6001"))
@@ -17,7 +20,7 @@ MSG = int(os.environ.get("SPLATBUS_MSG_PORT", "6000"))
 LIMIT = 1 << 20
 
 
-class Bad(Exception):
+class Bad(Exception):  # noqa: N818
     """The connection cannot go on."""
 
 
@@ -50,48 +53,90 @@ def refuse(spelling):
     raise ValueError(spelling)
 
 
+def finite(spelling):
+    if abs(float(spelling)) == float("inf"):
+        raise ValueError(spelling)
+    return float(spelling) if set(spelling) & set(".eE") else int(spelling)
+
+
+def depth(value):
+    inside = value.values() if isinstance(value, dict) else value
+    return 1 + max(map(depth, inside), default=0) if isinstance(value, dict | list) else 0
+
+
 def read(payload):
     """The object in a payload, or None."""
+    strict = {"object_pairs_hook": unique, "parse_constant": refuse}
     with contextlib.suppress(ValueError, RecursionError):
-        value = json.loads(payload.decode(), object_pairs_hook=unique, parse_constant=refuse)
-        return value if isinstance(value, dict) else None
+        value = json.loads(payload.decode(), parse_float=finite, parse_int=finite, **strict)
+        return value if isinstance(value, dict) and depth(value) <= 64 else None
     return None
 
 
-def whole(value, least):
-    return isinstance(value, int | float) and value == int(value) and least <= value <= 2**53 - 1
+def number(value):
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def problem(message):
-    """Why the memory of an init packet of 1.1 cannot be opened, or None."""
+def whole(value, least, most=2**53 - 1):
+    return number(value) and value == int(value) and least <= value <= most
+
+
+def multiple(value, unit, least=0):
+    return whole(value, least) and value % unit == 0
+
+
+def apart(ring, color, depth):
+    """No two slots overlap."""
+    slots = [(ring["colorOffset"] + k * ring["colorStride"], color) for k in range(ring["slots"])]
+    slots += [(ring["depthOffset"] + k * ring["depthStride"], depth) for k in range(ring["slots"])]
+    slots.sort()
+    return all(a + size <= b for (a, size), (b, _) in itertools.pairwise(slots))
+
+
+def opened(message):
+    """The memory of an init packet of 1.1, mapped; or why it cannot be."""
     try:
-        meta, ring, memory = message["meta"], message["ring"], message["memory"]
+        meta, ring, memory, means = (message[x] for x in ("meta", "ring", "memory", "semantics"))
         w, h, slots, size = meta["w"], meta["h"], ring["slots"], memory["bytes"]
         ok = (
             message["version"] == "1.1"
-            and whole(w, 1) and whole(h, 1) and max(w, h) <= 32768
+            and whole(w, 1, 32768) and whole(h, 1, 32768)
             and meta["fmtColor"] == "RGBA32F" and meta["fmtDepth"] == "R32F"
-            and meta["pitchColor"] == 16 * w and meta["pitchDepth"] == 4 * w
+            and number(meta["pitchColor"]) and meta["pitchColor"] == 16 * w
+            and number(meta["pitchDepth"]) and meta["pitchDepth"] == 4 * w
+            and multiple(meta.get("offsetColor", 0), 16) and multiple(meta.get("offsetDepth", 0), 4)
+            and whole(meta.get("device", 0), 0)
             and memory["kind"] == "host_shm"
             and 1 <= len(memory["name"]) <= 30
             and all(c.isascii() and (c.isalnum() or c in "._-") for c in memory["name"])
             and not memory["name"].startswith(".")
-            and whole(slots, 1) and slots <= 1024 and whole(size, 1)
-            and whole(ring["colorOffset"], 0) and ring["colorOffset"] % 16 == 0
-            and whole(ring["depthOffset"], 0) and ring["depthOffset"] % 16 == 0
-            and whole(ring["colorStride"], 16 * w * h) and ring["colorStride"] % 16 == 0
-            and whole(ring["depthStride"], 4 * w * h) and ring["depthStride"] % 16 == 0
+            and whole(slots, 1, 1024) and whole(size, 1)
+            and multiple(ring["colorOffset"], 16) and multiple(ring["depthOffset"], 16)
+            and multiple(ring["colorStride"], 16, 16 * w * h)
+            and multiple(ring["depthStride"], 16, 4 * w * h)
             and ring["colorOffset"] + (slots - 1) * ring["colorStride"] + 16 * w * h <= size
             and ring["depthOffset"] + (slots - 1) * ring["depthStride"] + 4 * w * h <= size
-            and message["semantics"]["rows"] == "bottom_up"
-            and message["semantics"]["alpha"] in ("straight", "premultiplied")
-        )
-        real = os.stat("/dev/shm/" + memory["name"]).st_size if ok else 0
+            and means["rows"] == "bottom_up"
+            and means["alpha"] in ("straight", "premultiplied")
+            and means["colorSpace"] in ("srgb", "linear")
+            and means["depth"]["kind"] in ("planar_z", "ray_distance")
+            and means["depth"]["estimator"] in ("harmonic", "expected", "median")
+            and (number(means["depth"]["empty"]) or means["depth"]["empty"] == "inf")
+            and (means["unitMetres"] is None or number(means["unitMetres"]))
+            and (means["unitMetres"] is None or means["unitMetres"] > 0)
+            and isinstance(means["origin"], list) and len(means["origin"]) == 3
+            and all(map(number, means["origin"]))
+        )  # fmt: skip
+        ring = {name: int(value) for name, value in ring.items() if number(value)}
+        ok = ok and apart(ring, 16 * w * h, 4 * w * h)
+        if not ok:
+            return "a rule is broken"
+        with Path("/dev/shm/" + memory["name"]).open("rb") as file:
+            if (real := os.fstat(file.fileno()).st_size) < size:
+                return f"{real} bytes, {size} announced"
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except (KeyError, TypeError, OSError, AttributeError) as error:
-        return repr(error)
-    if not ok:
-        return "a rule is broken"
-    return None if real >= size else f"{real} bytes, {size} announced"
+        return repr(error)[:200]
 
 
 def ipc(sock, version):
@@ -102,7 +147,7 @@ def ipc(sock, version):
     capabilities = ["host_shm", "frames", "reinit"]
     hello = {"type": "hello", "versions": ["1.1", "1.0"], "capabilities": capabilities}
     send(sock, hello | {"client": {"name": "miniature", "version": "1"}})
-    granted, current = None, None
+    granted, current, last, memory = None, None, 0, None
     for message in filter(None, map(read, packets(sock))):
         kind = message.get("type")
         if kind == "welcome" and granted is None:
@@ -111,19 +156,21 @@ def ipc(sock, version):
             granted = message.get("capabilities", [])
         elif kind is None and "meta" in message and granted is not None:
             generation = message.get("generation")
-            if not whole(generation, 1) or (current is not None and "reinit" not in granted):
+            if not whole(generation, last + 1) or (last and "reinit" not in granted):
                 continue
-            if why := problem(message):
-                send(sock, {"type": "open_failed", "generation": generation, "reason": why})
+            last, new = generation, opened(message)
+            if isinstance(new, str):
+                send(sock, {"type": "open_failed", "generation": generation, "reason": new})
                 continue
             send(sock, {"type": "opened", "generation": generation})
             if current is not None:
+                memory.close()
                 send(sock, {"type": "closed", "generation": current})
-            current, slots = generation, message["ring"]["slots"]
+            current, slots, memory = generation, message["ring"]["slots"], new
         elif kind == "frame" and current is not None and message.get("generation") == current:
-            if whole(message.get("slot"), 0) and message["slot"] < slots:
-                release = {"type": "release", "generation": current, "seq": message["seq"]}
-                send(sock, release)
+            if not whole(message.get("slot"), 0, slots - 1):
+                continue
+            send(sock, {"type": "release", "generation": current, "seq": message["seq"]})
 
 
 def msg(sock, version):
@@ -157,6 +204,7 @@ def keep(port, talk, version):
     while True:
         began = time.monotonic()
         with contextlib.suppress(OSError, Bad), socket.create_connection((HOST, port)) as sock:
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             talk(sock, version)
         time.sleep(max(0.0, 0.12 - (time.monotonic() - began)))
 

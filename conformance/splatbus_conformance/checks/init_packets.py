@@ -1,0 +1,195 @@
+"""Checks on what a client does with an init packet (spec 1.0 chapter 4)."""
+
+import secrets
+from collections.abc import Iterable
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.broken_packets import (
+    ROOM,
+    Breach,
+    breaches_of_1_0,
+    changed,
+    wrapping_in_32_bits,
+)
+from splatbus_conformance.checks import check
+from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.messages import Json, encode, init_packet_1_1
+from splatbus_conformance.packets import packet
+from splatbus_conformance.sound_packets import layouts, unusual_packets
+from splatbus_conformance.trial import Trial
+
+OPENS_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
+LISTENING_SECONDS = 0.3
+
+OTHERS: tuple[Json, ...] = (
+    {},
+    {"": {}},
+    {"type": None},
+    {"type": 5},
+    {"type": ["welcome"]},
+    {"type": {"type": "welcome"}},
+    {"type": ""},
+    {"type": "weather_report", "sunny": True, "meta": None},
+    {"type": "viewport_size", "viewport_size": [64, 48]},
+    {"viewport_size": [64, 48]},
+    {"position": [0, 0, 0], "rotation": [0, 0, 0, 1]},
+    {"mem_color": "", "mem_depth": "", "evt_done": ""},
+    {"w": 64, "h": 48, "fmtColor": "RGBA32F", "pitchColor": 1024},
+)
+"""JSON objects that are no init packets, nor messages of the server in 1.1."""
+
+
+def offer(trial: Trial, init_packet: Json) -> tuple[bool, int]:
+    """Offer memory in an init packet, its generation aside; whether it was opened, and which."""
+    connection = trial.for_init_packet()
+    generation = trial.role.init_packet(connection)["generation"]
+    connection.send(packet(encode(init_packet | {"generation": generation})))
+    return trial.opens(connection), generation
+
+
+def judge_breaches(trial: Trial, breaches: Iterable[Breach], kinder: dict[str, str]) -> None:
+    """Offer good memory in packets that break a rule each, and judge what becomes of each.
+
+    `kinder` renames outcomes that satisfy the sentence under a name of another version.
+    """
+    trial.role.offers_memory = False
+    with HostMemory(ROOM) as memory:
+        for breach in trial.affordable(breaches):
+            connection = trial.for_init_packet()
+            generation = trial.role.init_packet(connection)["generation"]
+            broken = packet(encode(breach.packet(memory.name, generation)))
+            outcome = trial.outcome_on_ipc(connection, broken)
+            what = f"an init packet with {breach.what} ({breach.requirement})"
+            trial.judge(kinder.get(outcome, outcome), what)
+
+
+@check(
+    "INI-8",
+    observable="the testee answers opened",
+    needs=OPENS_HOST_MEMORY,
+)
+def check_accepts_good_init_packets(trial: Trial) -> None:
+    """Sizes at both ends of their range, rings of any order and spacing, optional members, the
+    longest name, the last generation.
+    """
+    trial.role.offers_memory = False
+    long_name = f"-_AZaz.09-splatbus-{secrets.token_hex(6)}"[: LIMITS["max_shm_name_chars"]]
+    drawn = [
+        (f"the ring {case['ring']}", case) for case in trial.cases(layouts(), quick=25, full=400)
+    ]
+    with HostMemory(ROOM, long_name) as memory:
+        for what, case in trial.affordable([*unusual_packets(), *drawn]):
+            opened, _ = offer(trial, changed(case, {"memory/name": memory.name}))
+            trial.expect(opened, f"an init packet with {what} was not opened")
+            trial.delivered += 1
+    connection = trial.for_init_packet()
+    dealings = trial.role.with_(connection)
+    dealings.generation = LIMITS["max_safe_integer"] - 1
+    trial.role.offer(connection, trial.role.init_packet(connection))
+    trial.expect(trial.opens(connection), f"generation {dealings.generation} was not opened")
+
+
+@check(
+    "INI-9",
+    observable="the testee does not answer opened, and opens the good memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_refuses_broken_init_packets(trial: Trial) -> None:
+    """Each rule of INI-1 to INI-6 is broken in turn, in packets that name memory which is large
+    enough. Whoever answers `open_failed` has ignored the packet, and says so.
+    """
+    judge_breaches(trial, breaches_of_1_0(), {"declines": "ignores"})
+
+
+@check(
+    "INI-10",
+    observable="the testee does not answer opened, and opens the good memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_computes_in_64_bits(trial: Trial) -> None:
+    """Images, offsets, strides and sizes that exceed the memory, but not modulo 2³²."""
+    refused = dict.fromkeys(("declines", "ignores", "closes"), "conforms")
+    judge_breaches(trial, wrapping_in_32_bits(), refused)
+
+
+@check(
+    "INI-11",
+    observable="the testee keeps the connection and opens the memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_ignores_what_is_no_init_packet(trial: Trial) -> None:
+    """JSON objects of other shapes before, between and after init packets, one of the greatest
+    size that a packet may have.
+    """
+    names = st.text("abcdefghijklmnopqrstuvwxyz", min_size=9, max_size=20)
+    values = st.none() | st.booleans() | st.integers(-9, 9) | names
+    drawn = trial.cases(st.dictionaries(names, values | st.lists(values), max_size=5), 10, 200)
+    filler = "n" * (LIMITS["max_payload_bytes"] - len(encode({"note": ""})))
+    trial.role.offers_memory = False
+    for other in [*OTHERS, *drawn, {"note": filler}]:
+        connection = trial.for_init_packet()
+        outcome = trial.outcome_on_ipc(connection, packet(encode(other)))
+        shown = encode(other)[:80].decode("ascii", "replace")
+        trial.judge(outcome, f"the object {shown} on the IPC channel")
+
+
+@check(
+    "INI-12",
+    observable="whether the testee answers opened, and whether it goes on",
+    needs=(*OPENS_HOST_MEMORY, "capability:reinit"),
+)
+def check_takes_a_further_init_packet(trial: Trial) -> None:
+    """A second init packet with other memory, where the testee declares that it takes one."""
+    trial.role.offers_memory = False
+    for width in (64, 32):
+        with HostMemory(ROOM) as memory:
+            opened, generation = offer(trial, init_packet_1_1(memory.name, 0, width))
+        outcome = "accepts" if opened else trial.fate() or "absent"
+        trial.judge(outcome, f"init packet {generation} on the connection")
+        trial.delivered += 1
+
+
+@check(
+    "INI-13",
+    observable="the testee goes on, or connects again, after memory that is not there",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_goes_on_without_images(trial: Trial) -> None:
+    """Init packets that break no rule name shared memory that does not exist, or no longer."""
+    trial.role.offers_memory = False
+    with HostMemory(ROOM) as memory:
+        gone = memory.name
+    for name in (gone, "splatbus-check-never-was"):
+        connection = trial.for_init_packet()
+        generation = trial.role.init_packet(connection)["generation"]
+        absent = packet(encode(init_packet_1_1(name, generation)))
+        outcome = trial.outcome_on_ipc(connection, absent)
+        if outcome == "accepts":
+            trial.not_observable(f"it says that it opened memory that does not exist: {name}")
+        meaning = {"closes": "reconnects", "ignores": "waits", "declines": "waits"}
+        trial.judge(meaning.get(outcome, outcome), "memory that does not exist")
+
+
+@check(
+    "INI-13",
+    observable="the process lives, the IPC channel waits or returns, the message channel works",
+    needs=("ipc", "returns:ipc"),
+    may_crash=True,
+)
+def check_goes_on_without_a_device(trial: Trial) -> None:
+    """A 1.0 server's init packet with CUDA handles that no device knows."""
+    trial.role.speaks = "1.0"
+    connection = trial.connection("ipc")
+    ended = trial.ends(connection, LISTENING_SECONDS)
+    outcome = trial.fate() or ("reconnects" if ended else "waits")
+    trial.role.speaks = "1.1"
+    for channel in sorted(trial.facts.returns):
+        if not trial.comes_back(channel):
+            outcome = trial.fate() or "hangs"
+    trial.judge(outcome, "CUDA memory that no device knows")

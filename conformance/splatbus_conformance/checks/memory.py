@@ -1,0 +1,163 @@
+"""Checks on what a client does with memory of the host (spec 1.1 chapter 3)."""
+
+import mmap
+import secrets
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.broken_packets import ROOM, Breach, beyond_memory, breaches_of_1_1
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.init_packets import OPENS_HOST_MEMORY, judge_breaches
+from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.messages import Json, encode, init_packet_1_1, ring_bytes
+from splatbus_conformance.packets import packet
+from splatbus_conformance.trial import Trial
+
+PAGES = -(-ring_bytes(64, 48, 3) // mmap.ALLOCATIONGRANULARITY)
+WHOLE_PAGES = PAGES * mmap.ALLOCATIONGRANULARITY
+"""Bytes for a ring of 64x48 and 3 slots that no system rounds up."""
+
+
+@check(
+    "MEM-6",
+    observable="the testee answers open_failed, lives, and opens the good memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_measures_the_memory(trial: Trial) -> None:
+    """The memory is shorter than `bytes` by one byte, by its last slot, by all but a page, and
+    by all of it; or there is none.
+    """
+    trial.role.offers_memory = False
+    cases = (
+        ("one byte shorter than announced, after the ring", WHOLE_PAGES, WHOLE_PAGES + 1),
+        ("a page shorter than the ring", WHOLE_PAGES - mmap.ALLOCATIONGRANULARITY, WHOLE_PAGES),
+        ("one page long", mmap.ALLOCATIONGRANULARITY, WHOLE_PAGES),
+        ("empty", 0, WHOLE_PAGES),
+        ("missing", None, WHOLE_PAGES),
+    )
+    for what, real, announced in cases:
+        connection = trial.for_init_packet()
+        generation = trial.role.init_packet(connection)["generation"]
+        with HostMemory(real or 0) as memory:
+            name = "splatbus-check-never-was" if real is None else memory.name
+            offered = init_packet_1_1(name, generation)
+            offered["memory"]["bytes"] = announced
+            outcome = trial.outcome_on_ipc(connection, packet(encode(offered)))
+            trial.judge(outcome, f"memory that is {what}")
+
+
+def bad_names(held: ExitStack) -> Iterator[tuple[Any, str]]:
+    """Names that break the rule, with what is wrong.
+
+    Where the system permits, there is memory that a client without the rule would find.
+    """
+    token = secrets.token_hex(4)
+    real = held.enter_context(HostMemory(ROOM)).name
+    for path in (
+        f"../shm/{real}",
+        f"./{real}",
+        f"/{real}",
+        f"x/../{real}",
+        f"../../dev/shm/{real}",
+    ):
+        yield path, "a path"
+    for path in ("../../etc/passwd", "..", ".", "/", f"..\\{real}", f"Local\\{real}"):
+        yield path, "a path"
+    yield real + "\0", "NUL behind it"
+    yield f"{real}\0.splatbus", "NUL in it"
+    yield "", "no character"
+    yield "s" * 5000, "5,000 characters"
+    most: int = LIMITS["max_shm_name_chars"]
+    named = {
+        f"splatbus-{token}-".ljust(most + 1, "x"): f"{most + 1} characters",
+        f".splatbus-{token}": "a dot before it",
+        f"splatbus-{token}\n": "a line break behind it",
+        f"splatbus {token}": "a space in it",
+        f"splatbus:{token}": "a colon in it",
+        f"splatbus-{token}~": "a tilde behind it",
+        f"splatbus-é-{token}": "a letter beyond ASCII",
+        f"splatbus-٣-{token}": "a digit beyond ASCII",
+    }
+    for name, what in named.items():
+        try:
+            held.enter_context(HostMemory(ROOM, name))
+        except OSError:
+            what += ", and no memory of that name"
+        yield name, what
+    for value in (None, 5, True, [real], {"name": real}):
+        yield value, "no string"
+
+
+@check(
+    "MEM-7",
+    observable="the testee does not answer opened, and opens the good memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_refuses_bad_names(trial: Trial) -> None:
+    """Names of shared memory that break the rule, from paths to odd characters; behind most of
+    them there is memory, which a client that does not look would open.
+    """
+    trial.role.offers_memory = False
+    with ExitStack() as held:
+        for name, what in trial.affordable(bad_names(held)):
+            connection = trial.for_init_packet()
+            generation = trial.role.init_packet(connection)["generation"]
+            offered = init_packet_1_1("", generation)
+            offered["memory"]["name"] = name
+            outcome = trial.outcome_on_ipc(connection, packet(encode(offered)))
+            trial.judge(outcome, f"the name {str(name)[:60]!r} ({what})")
+
+
+@check(
+    "MEM-10",
+    observable="the testee does not answer opened, and opens the good memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_keeps_the_ring_within_the_memory(trial: Trial) -> None:
+    """Rings that end beyond `memory.bytes`, by a byte or by more than 64 bits hold; the memory
+    itself is larger than announced.
+    """
+    judge_breaches(trial, beyond_memory(), {})
+
+
+@check(
+    "MEM-11",
+    observable="the testee does not answer opened, and opens the good memory that follows",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_refuses_broken_members(trial: Trial) -> None:
+    """Each rule on `version`, `generation`, `memory`, `ring` and `semantics` is broken in turn, in
+    packets that name memory which is large enough.
+    """
+    judge_breaches(trial, breaches_of_1_1(), {})
+
+
+@check(
+    "MEM-11",
+    observable="the testee does not answer opened a second time",
+    needs=(*OPENS_HOST_MEMORY, "capability:reinit"),
+    may_crash=True,
+)
+def check_refuses_generations_that_do_not_grow(trial: Trial) -> None:
+    """After two init packets come others with the generation of the first and of the second."""
+    trial.role.offers_memory = False
+    connection = trial.for_init_packet()
+    good: list[Json] = []
+    for _ in range(2):
+        good.append(trial.role.init_packet(connection))
+        trial.role.offer(connection, good[-1])
+        if not trial.opens(connection):
+            trial.not_observable("the testee did not open good memory")
+    for stale in good:
+        if connection.ended:
+            break
+        breach = Breach("MEM-1", {"generation": stale["generation"]})
+        outcome = trial.outcome_on_ipc(connection, packet(encode(stale)))
+        trial.judge(outcome, f"an init packet with {breach.what} for the second time (MEM-1)")

@@ -1,0 +1,66 @@
+"""Init packets that break no rule, and yet are not what a server usually sends."""
+
+from typing import Any
+
+from hypothesis import strategies as st
+
+from splatbus_conformance.broken_packets import ROOM, changed
+from splatbus_conformance.messages import Json, init_packet_1_1
+
+
+@st.composite
+def layouts(draw: st.DrawFn) -> Json:
+    """Rings of any size, order and spacing that fit into `ROOM` bytes; name and generation open."""
+    width, height, slots = (
+        draw(st.integers(1, 48)),
+        draw(st.integers(1, 48)),
+        draw(st.integers(1, 6)),
+    )
+    packet = init_packet_1_1("", 0, width, height, slots)
+    color, depth = packet["ring"]["colorStride"], packet["ring"]["depthStride"]
+    gaps = st.integers(0, 8).map(lambda n: 16 * n)
+    first, between, after = draw(gaps), draw(gaps), draw(gaps)
+    order = draw(st.sampled_from(("color first", "depth first", "interleaved")))
+    if order == "interleaved":
+        stride = color + between + depth + after
+        begins = first, first + color + between
+        strides = stride, stride
+        end = first + slots * stride
+    else:
+        strides = color + between, depth + after
+        if order == "color first":
+            begins = first, first + slots * strides[0]
+            end = begins[1] + slots * strides[1]
+        else:
+            begins = first + slots * strides[1], first
+            end = begins[0] + slots * strides[0]
+    names = ("colorOffset", "depthOffset", "colorStride", "depthStride")
+    packet["ring"] |= dict(zip(names, (*begins, *strides), strict=True))
+    packet["memory"]["bytes"] = draw(st.sampled_from((end, end + 1, ROOM)))
+    return packet
+
+
+def unusual_packets() -> list[tuple[str, Json]]:
+    """Good init packets at the edges of the rules, with a word on each; name, generation open."""
+    ordinary = init_packet_1_1("", 0)
+    return [
+        ("one pixel in one slot", init_packet_1_1("", 0, 1, 1, 1)),
+        ("the widest image", init_packet_1_1("", 0, 32768, 1, 1)),
+        ("the highest image", init_packet_1_1("", 0, 1, 32768, 1)),
+        ("an odd size", init_packet_1_1("", 0, 3, 5)),
+        ("the most slots", init_packet_1_1("", 0, 1, 1, 1024)),
+        ("memory larger than its ring", changed(ordinary, {"memory/bytes": ROOM})),
+        ("offsets", changed(ordinary, {"meta/offsetColor": 0, "meta/offsetDepth": 0})),
+        ("a device", changed(ordinary, {"meta/device": 2**53 - 1})),
+    ]
+
+
+SEMANTICS: tuple[dict[str, Any], ...] = (
+    {"semantics/alpha": "premultiplied"},
+    {"semantics/colorSpace": "linear"},
+    {"semantics/depth/kind": "ray_distance"},
+    {"semantics/depth/estimator": "harmonic", "semantics/depth/empty": 100.0},
+    {"semantics/depth/estimator": "median", "semantics/depth/empty": 0},
+    {"semantics/unitMetres": 0.01, "semantics/origin": [1e6, -2.5, 3]},
+)
+"""Meanings of pixels that a client may show or decline (MEM-13)."""
