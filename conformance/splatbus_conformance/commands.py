@@ -10,6 +10,8 @@ from rich.console import Console
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import recording
+from splatbus_conformance.audit import audit as judge_recording
+from splatbus_conformance.audit import results as audit_results
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.host_memory import HostMemory, sweep
@@ -21,12 +23,13 @@ from splatbus_conformance.recording import Channel
 from splatbus_conformance.reports import json_report, junit_report
 from splatbus_conformance.role import Role
 from splatbus_conformance.running import Interrupted, run_checks
-from splatbus_conformance.terminal import Live, print_failures, summary
+from splatbus_conformance.terminal import Live, print_connections, print_failures, summary
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
     EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
+    EXIT_NOT_CONFORMING,
     EXIT_USAGE,
     exit_code,
 )
@@ -138,7 +141,40 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
 
 def audit(arguments: argparse.Namespace, out: Console) -> int:
     """Judge recorded sessions."""
-    raise NotImplementedError
+    peers = PEERS if arguments.peer == "both" else (arguments.peer,)
+    codes, reports = [], []
+    for name in arguments.files:
+        began = time.monotonic()
+        try:
+            judged = judge_recording(recording.load(Path(name)))
+        except (OSError, recording.RecordingError, UnicodeDecodeError) as error:
+            out.print(f"splatbus-conformance: {name}: {error}", markup=False)
+            return EXIT_USAGE
+        print_connections(out, name, judged)
+        for peer in peers:
+            results = audit_results(judged, peer)
+            print_failures(out, results, requirements("1.1"))
+            exercised = {f.requirement.id: f.requirement for f in judged.of(peer)}
+            sentence, verdicts = summary(results, exercised, "L0")
+            codes.append(exit_code(verdicts, strict=arguments.strict))
+            out.print(f"{peer}: {sentence}", markup=False)
+            reports.append(
+                json_report(
+                    f"the {peer} in {Path(name).name}",
+                    sentence,
+                    results,
+                    exercised,
+                    exit_code=codes[-1],
+                    delivered=0,
+                    seconds=time.monotonic() - began,
+                )
+            )
+        out.print()
+    if arguments.json:
+        Path(arguments.json).write_text(json.dumps(reports, indent=1) + "\n", "utf-8")
+    if EXIT_NOT_CONFORMING in codes:
+        return EXIT_NOT_CONFORMING
+    return EXIT_CONFORMING if EXIT_CONFORMING in codes else EXIT_NO_VERDICT
 
 
 def list_(arguments: argparse.Namespace, out: Console) -> int:

@@ -7,6 +7,7 @@ from rich.markup import escape
 from rich.text import Text
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.audit import Audit
 from splatbus_conformance.verdicts import Result, Verdict, by_requirement, worst
 
 STYLE = {
@@ -79,6 +80,14 @@ def print_failures(
         for line in result.evidence:
             console.print(Text(f"    {line}", "dim"), no_wrap=True, overflow="ellipsis")
     console.print()
+
+
+def print_connections(console: Console, name: str, judged: Audit) -> None:
+    """What a recording holds, before what is said of it."""
+    seen = ", ".join(f"{count} on {channel}" for channel, count in judged.connections.items())
+    console.print(f"[bold]{escape(name)}[/]  connections: {seen}")
+    for line in judged.left_over:
+        console.print(Text(f"  not judged: {line}", "dim"))
 
 
 def summary(
