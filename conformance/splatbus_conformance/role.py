@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from splatbus_conformance import messages
 from splatbus_conformance.host_memory import HostMemory
@@ -125,8 +126,8 @@ class Role:
         connection.send(packet(self.encode(message)))
 
     def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
-        generation = message.get("generation")
-        if not isinstance(generation, int):
+        generation = whole(message.get("generation"))
+        if generation is None:
             return
         kind = message.get("type")
         if kind == "opened":
@@ -138,5 +139,11 @@ class Role:
             dealings.failed.add(generation)
         elif kind == "closed":
             dealings.closed.add(generation)
-        elif kind == "release" and isinstance(message.get("seq"), int):
-            dealings.released.append(message["seq"])
+        elif kind == "release" and (seq := whole(message.get("seq"))) is not None:
+            dealings.released.append(seq)
+
+
+def whole(value: Any) -> int | None:
+    """The integer that a JSON number is, `7` and `7.0` alike (spec 1.0 section 4.1); else None."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return int(value) if number and value == value // 1 else None
