@@ -26,6 +26,10 @@ LONGEST_PLAIN = 40
 """Digits on either side of the point beyond which a number is written with an exponent."""
 
 
+class Plain(int):
+    """An integer that is always written in plain decimal digits, as REQ-3 asks."""
+
+
 def spelled(value: Any) -> SearchStrategy[str]:
     """Texts that all mean `value`."""
     return st.randoms(use_true_random=True).map(lambda random: spell(value, random))
@@ -76,6 +80,8 @@ def _character(character: str, random: Random) -> str:
 
 
 def _number(value: int | float, random: Random) -> str:
+    if isinstance(value, Plain):
+        return str(int(value))
     sign, figures, power = _decimal(value, random).as_tuple()
     assert isinstance(power, int)
     zeros = "0" * random.choice((0, 0, 0, 1, 12))

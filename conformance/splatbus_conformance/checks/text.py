@@ -1,0 +1,310 @@
+"""Checks on the text of payloads (spec 1.0 section 2.2)."""
+
+from collections.abc import Callable, Sequence
+from random import Random
+
+from hypothesis import strategies as st
+
+from splatbus_conformance.broken_packets import breaches_of_1_0, breaches_of_1_1
+from splatbus_conformance.broken_text import BrokenText, broken_texts
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.init_packets import OPENS_HOST_MEMORY
+from splatbus_conformance.lenient_json import shorten
+from splatbus_conformance.messages import Json, encode, init_packet_1_0
+from splatbus_conformance.packets import packet
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.spelling import Plain, spell
+from splatbus_conformance.trial import Trial
+from splatbus_conformance.unknown_members import with_unknown_members
+
+Writer = Callable[[Json, Random], bytes]
+CASES_ON_A_CONNECTION = 10
+PAUSE_SECONDS = 0.003
+"""Between payloads of a row, so that a close is seen before the next is sent."""
+
+ODD_MESSAGES: tuple[Json, ...] = (
+    {"type": "welcome"},
+    {"type": "welcome", "version": 1.1, "server": None, "capabilities": {}},
+    {"type": "frame"},
+    {"type": "frame", "generation": "1", "seq": None, "slot": {}, "camera": []},
+    {"type": "error"},
+    {"type": "error", "code": 5, "message": None, "pointer": []},
+    {"type": "error", "code": "\ud800", "message": "\ud800 is half a character"},
+    {"type": "error", "code": "internal", "message": "m" * 100_000},
+)
+"""Messages that break rules of their own; none of them announces memory."""
+
+
+def odd_spelling(message: Json, random: Random) -> bytes:
+    """The message, spelled as RFC 8259 allows; the size plainly, for REQ-3 asks for that."""
+    if "viewport_size" in message:
+        message = message | {"viewport_size": [Plain(n) for n in message["viewport_size"]]}
+    return spell(message, random).encode()
+
+
+def unknown_members(message: Json, random: Random) -> bytes:
+    """The message with members that nobody knows."""
+    return encode(with_unknown_members(message, random))
+
+
+def judge_writer_on_ipc(trial: Trial, writer: Writer, quick: int, full: int) -> None:
+    """Write welcome, init packets and frames so; each must have its effect."""
+    trial.role.offers_memory = False
+    seeds = trial.cases(st.integers(0, 2**32 - 1), quick, full)
+    for number, seed in enumerate(seeds):
+        random = Random(seed)
+        written: list[bytes] = []
+
+        def encode_and_keep(message: Json) -> bytes:
+            written.append(writer(message, random))  # noqa: B023 - the closures end with the round
+            return written[-1]  # noqa: B023
+
+        trial.role.encode = encode_and_keep
+        anew = number % CASES_ON_A_CONNECTION == 0
+        connection = trial.greeted("ipc") if anew else trial.for_init_packet()
+        dealings = trial.role.with_(connection)
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        taken = trial.opens(connection) and (
+            not dealings.frames or trial.releases(connection, dealings.frames)
+        )
+        outcome = (
+            "accepts" if taken else trial.fate() or "closes" if connection.ended else "ignores"
+        )
+        trial.judge(outcome, f"{shorten(written[-1].decode(), 400)} on the IPC channel")
+        trial.delivered += 1
+
+
+def judge_writer_on_msg(trial: Trial, writer: Writer, quick: int, full: int) -> None:
+    """Write welcome and replies so; the testee must go on."""
+    for seed in trial.cases(st.integers(0, 2**32 - 1), quick, full):
+        random = Random(seed)
+        trial.role.encode = lambda message: writer(message, random)  # noqa: B023
+        connection = trial.connection("msg")
+        trial.wait(lambda: connection.packets)  # noqa: B023
+        outcome = trial.outcome_on_msg(connection)
+        what = f"welcome and replies written with seed {seed}"
+        trial.judge("accepts" if outcome == "ignores" else outcome, what)
+
+
+@check(
+    "JSN-6",
+    observable="the testee opens memory and releases frames that are announced so",
+    needs=OPENS_HOST_MEMORY,
+)
+def check_takes_any_spelling_on_ipc(trial: Trial) -> None:
+    """welcome, init packets and frames with members in any order, white space between all tokens,
+    escapes in strings and names, numbers with fractions, exponents and many digits.
+    """
+    judge_writer_on_ipc(trial, odd_spelling, quick=40, full=1000)
+
+
+@check(
+    "JSN-6",
+    observable="the testee goes on after replies that are spelled so",
+    needs=("asks", "returns:msg"),
+)
+def check_takes_any_spelling_on_the_message_channel(trial: Trial) -> None:
+    """The same of welcome and of the replies to the first requests."""
+    judge_writer_on_msg(trial, odd_spelling, quick=3, full=60)
+
+
+@check(
+    "JSN-7",
+    observable="the testee opens memory and releases frames that are announced so",
+    needs=OPENS_HOST_MEMORY,
+)
+def check_ignores_unknown_members_on_ipc(trial: Trial) -> None:
+    """welcome, init packets and frames with unknown members at every level: odd names, names from
+    other levels, values nested to the limit, a decoy of the message itself.
+    """
+    judge_writer_on_ipc(trial, unknown_members, quick=40, full=1000)
+
+
+@check(
+    "JSN-7",
+    observable="the testee goes on after replies that have such members",
+    needs=("asks", "returns:msg"),
+)
+def check_ignores_unknown_members_on_the_message_channel(trial: Trial) -> None:
+    """The same of welcome and of the replies to the first requests."""
+    judge_writer_on_msg(trial, unknown_members, quick=3, full=60)
+
+
+@check(
+    "JSN-8",
+    observable="the testee does not open the memory that such a text announces",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_does_not_act_on_broken_text(trial: Trial) -> None:
+    """Init packets of good memory, whose text breaks JSN-1 to JSN-5 one at a time: whoever reads
+    them leniently opens it.
+    """
+    trial.role.offers_memory = False
+    count = len(broken_texts(trial.role.init_packet(trial.for_init_packet())))
+    for number in trial.affordable(range(count)):
+        connection = trial.for_init_packet()
+        broken = broken_texts(trial.role.init_packet(connection))[number]
+        outcome = trial.outcome_on_ipc(connection, packet(broken.payload))
+        trial.judge(outcome, f"an init packet with {broken.what} ({broken.requirement})")
+
+
+@check(
+    "JSN-9",
+    observable="the testee opens the memory that the next packet announces",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_handles_the_next_packet_on_ipc(trial: Trial) -> None:
+    """After each text that breaks a rule, and after three of them at once, comes a good init
+    packet; a testee that closes the connection instead has ignored nothing.
+    """
+    trial.role.offers_memory = False
+    texts = broken_texts({"type": "weather_report", "sunny": True})
+    rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
+    ignored = 0
+    for row in trial.affordable(rows):
+        script = b"".join(packet(text.payload) for text in row)
+        outcome = trial.outcome_on_ipc(trial.for_init_packet(), script)
+        if outcome != "closes":
+            trial.judge("accepts" if outcome == "ignores" else outcome, _named(row))
+            ignored += 1
+    if not ignored:
+        trial.not_observable("the testee closes the connection on all such texts: it ignores none")
+
+
+@check(
+    "JSN-9",
+    observable="the testee obeys NEG-16 on the packet that follows",
+    needs=("hello:msg", "returns:msg"),
+    may_crash=True,
+)
+def check_handles_the_next_packet_on_the_message_channel(trial: Trial) -> None:
+    """A text that breaks a rule is followed by a welcome with a version that nobody listed, on
+    which the testee must close the connection; it is first seen to do so without the text.
+    """
+    trial.role.welcomes = False
+    texts = broken_texts({"type": "weather_report", "sunny": True})
+    step = 1 if trial.profile == "full" else 30
+    ignored = 0
+    for row in [[], *([text] for text in texts[::step])]:
+        connection = trial.connection("msg")
+        trial.says_hello(connection)
+        for text in row:
+            connection.send(packet(text.payload))
+        if row and trial.ends(connection, 10 * PAUSE_SECONDS):
+            continue
+        trial.role.welcome(connection, version="9.9")
+        handled = trial.ends(connection)
+        if not row and not handled:
+            trial.not_observable("the testee does not close on a version that it did not list")
+        outcome = "accepts" if handled and not trial.fate() else trial.fate() or "ignores"
+        trial.judge(outcome, f"the packet after {_named(row)}")
+        trial.delivered += 1
+        ignored += len(row)
+    if not ignored:
+        trial.not_observable("the testee closes the connection on all such texts: it ignores none")
+
+
+@check(
+    "JSN-10",
+    observable="the process lives and opens the good memory that follows, or comes back for it",
+    needs=OPENS_HOST_MEMORY,
+    may_crash=True,
+)
+def check_survives_broken_payloads_on_ipc(trial: Trial) -> None:
+    """Broken texts, messages that miss or mistype members, and broken init packets."""
+    trial.role.offers_memory = False
+    name = trial.role.memory.name
+    breaches = [*breaches_of_1_0(), *breaches_of_1_1()]
+    payloads = [*broken_texts(trial.role.legacy_init_packet()), *_odd_messages()]
+    if trial.profile == "quick":
+        payloads, breaches = payloads[::2], breaches[::4]
+    for breach in breaches:
+        payloads.append(BrokenText(breach.requirement, breach.what, encode(breach.packet(name, 1))))
+    for broken in trial.affordable(payloads):
+        outcome = trial.outcome_on_ipc(trial.for_init_packet(), packet(broken.payload))
+        if outcome == "accepts":
+            outcome = trial.outcome_on_ipc(trial.for_init_packet())
+        what = f"a packet with {broken.what} ({broken.requirement})"
+        trial.judge("ignores" if outcome in ("accepts", "declines") else outcome, what)
+
+
+@check(
+    "JSN-10",
+    observable="the process lives, and the testee connects again when the harness closes",
+    needs=("ipc",),
+    may_crash=True,
+)
+def check_survives_broken_payloads_unheard(trial: Trial) -> None:
+    """Broken texts and broken 1.0 init packets for a testee that says nothing on the IPC channel.
+    That it connects again shows that what listens there is alive.
+    """
+    if trial.facts.speaks_1_1("ipc"):
+        trial.not_observable("the testee speaks on the IPC channel: another check sees more")
+    good = init_packet_1_0(trial.role.width, trial.role.height)
+    texts = broken_texts(good)
+    handles = ("", "A" * 88, good["mem_color"][:-1], "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88])
+    for member in ("mem_color", "mem_depth", "evt_done"):
+        for handle in handles:
+            texts.append(
+                BrokenText("INI-7", f"{member} {handle!r}", encode(good | {member: handle}))
+            )
+    for breach in breaches_of_1_0():
+        broken = good | {"meta": breach.packet("", 1).get("meta")}
+        texts.append(BrokenText(breach.requirement, breach.what, encode(broken)))
+    judge_rows(trial, "ipc", texts)
+
+
+@check(
+    "JSN-10",
+    observable="the process lives, and the testee goes on or connects again",
+    needs=("asks", "returns:msg"),
+    may_crash=True,
+)
+def check_survives_broken_payloads_on_the_message_channel(trial: Trial) -> None:
+    """Broken texts in place of a reply and after it, and messages that miss or mistype members."""
+    judge_rows(trial, "msg", [*broken_texts({"viewport_size": [64, 48]}), *_odd_messages()])
+
+
+def judge_rows(trial: Trial, channel: Channel, payloads: Sequence[BrokenText]) -> None:
+    """Send many payloads, and judge what becomes of the testee; if it suffers, one by one."""
+    outcome = outcome_of_row(trial, channel, payloads)
+    if outcome not in trial.requirement.acceptable:
+        for broken in payloads:
+            alone = outcome_of_row(trial, channel, [broken])
+            trial.judge(alone, f"{broken.what} ({broken.requirement}) on the {channel} channel")
+    trial.judge(outcome, f"{len(payloads)} broken payloads in a row on the {channel} channel")
+
+
+def outcome_of_row(trial: Trial, channel: Channel, payloads: Sequence[BrokenText]) -> str:
+    """Send payloads one after the other, again on a new connection when the testee closes one.
+
+    Returns `ignores` or `closes` if it goes on or comes back at the end, else how it fared.
+    """
+    connection = None
+    for broken in trial.affordable(payloads):
+        if connection is None or connection.ended:
+            connection = trial.asking() if channel == "msg" else trial.connection(channel)
+        connection.send(packet(broken.payload))
+        trial.ends(connection, PAUSE_SECONDS)
+        if fate := trial.fate():
+            return fate
+    assert connection is not None
+    if channel == "msg":
+        return trial.outcome_on_msg(connection)
+    if channel not in trial.facts.returns:
+        trial.not_observable("the testee lives, and whether it still listens is not to be seen")
+    outcome = "closes" if connection.ended else "ignores"
+    return outcome if trial.comes_back(channel) else trial.fate() or "hangs"
+
+
+def _odd_messages() -> list[BrokenText]:
+    return [
+        BrokenText("NEG-23", f"the message {shorten(str(message))}", encode(message))
+        for message in ODD_MESSAGES
+    ]
+
+
+def _named(row: Sequence[BrokenText]) -> str:
+    return " and ".join(f"{text.what} ({text.requirement})" for text in row)
