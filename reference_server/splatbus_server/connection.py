@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from splatbus_schemas import LIMITS, VERSIONS
@@ -32,6 +33,9 @@ REQUESTS = ("get_viewport_size", "get_camera_pose")
 LINGER_SECONDS = 1.0
 """How long a connection that the server ends is still read from, so that the last packet arrives:
 closing a socket with unread input resets it, and a reset discards what the peer has not read."""
+SHORT_BYTES = 256
+"""Payloads up to this long are decoded once while they repeat, as viewers do: the same request, the
+same pose fifty times a second. Longer ones are not kept, so that nobody can fill the memory."""
 
 
 class Terms(NamedTuple):
@@ -175,7 +179,8 @@ class Connection:
 
     def _understand(self, payload: bytes, now: float) -> Event:
         try:
-            message = decode_from_client(payload, self.channel, said_hello=self.welcome is not None)
+            decode = _decode_short if len(payload) <= SHORT_BYTES else _decode
+            message = decode(payload, self.channel, self.welcome is not None)
             if isinstance(message, Hello):
                 return self._greet(message, now)
         except ProtocolError as error:
@@ -216,6 +221,13 @@ class Connection:
         if self.welcome is not None:
             text = text[: LIMITS["max_message_chars"]]
             self.send(ErrorMessage(code, text, id=request, pointer=pointer))
+
+
+def _decode(payload: bytes, channel: Channel, said_hello: bool) -> ClientMessage:
+    return decode_from_client(payload, channel, said_hello=said_hello)
+
+
+_decode_short = lru_cache(maxsize=64)(_decode)
 
 
 def _type_and_id(payload: bytes) -> tuple[object, int | None]:

@@ -7,6 +7,7 @@ not read waits within limits, and whatever goes wrong with one connection ends t
 from __future__ import annotations
 
 import logging
+import math
 import selectors
 import socket
 import time
@@ -33,11 +34,20 @@ log = logging.getLogger("splatbus_server")
 
 @dataclass(eq=False)
 class Peer:
-    """A connection and its socket; `noted` counts what was refused, by the error's code."""
+    """A connection and its socket.
+
+    Attributes:
+        name: for the log.
+        awaits: what the selector looks out for.
+        noted: how often was refused what, by the error's code.
+        is_ending: the log says already why the connection ends.
+        is_shut: the client has been told that nothing more will come.
+    """
 
     name: str
     socket: socket.socket
     connection: Connection
+    awaits: int = selectors.EVENT_READ
     noted: Counter[str] = field(default_factory=Counter)
     is_shut: bool = False
     is_ending: bool = False
@@ -64,7 +74,7 @@ class Service:
         self._ringer.setblocking(False)
         self._rung = False
         self._stopping = False
-        self._accept_from = 0.0
+        self._accept_from = math.inf
         self._selector.register(self._bell, selectors.EVENT_READ, self._on_bell)
         self._accept_again()
 
@@ -96,30 +106,34 @@ class Service:
             self._ringer.close()
 
     def _turn(self) -> None:
-        deadline = min((p.connection.deadline for p in self._peers), default=float("inf"))
-        if self._accept_from:
-            deadline = min(deadline, self._accept_from)
-        wait = max(0.0, deadline - time.monotonic())
-        for key, _ in self._selector.select(None if wait == float("inf") else wait):
+        deadline = min([self._accept_from, *(p.connection.deadline for p in self._peers)])
+        wait = None if deadline == math.inf else max(0.0, deadline - time.monotonic())
+        for key, _ in self._selector.select(wait):
             key.data()
         now = time.monotonic()
-        if self._accept_from and now >= self._accept_from:
+        if now >= deadline:
+            self._meet_deadlines(now)
+        if self._session.has_news:
+            self._session.catch_up(now)
+        for peer in [p for p in self._peers if p.connection.unsent or p.connection.ending]:
+            self._flush(peer, now)
+
+    def _meet_deadlines(self, now: float) -> None:
+        if now >= self._accept_from:
             self._accept_again()
         for peer in self._peers:
             if now >= peer.connection.deadline:
                 peer.connection.expire(now)
-        self._session.catch_up(now)
-        for peer in self._peers[:]:
-            self._flush(peer, now)
 
     def _on_bell(self) -> None:
         with suppress(BlockingIOError):
             self._bell.recv(64)
         # Only now: a ring before this is in what was just read, one after it sends another byte.
         self._rung = False
+        self._session.has_news = True
 
     def _accept_again(self) -> None:
-        self._accept_from = 0.0
+        self._accept_from = math.inf
         for channel, listener in self._listeners.items():
             accept = self._accepting(channel, listener)
             self._selector.register(listener, selectors.EVENT_READ, accept)
@@ -223,9 +237,9 @@ class Service:
                 peer.socket.shutdown(socket.SHUT_WR)
         events = 0 if connection.input_ended else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.unsent else 0
-        key = self._selector.get_key(peer.socket)
-        if events and key.events != events:
-            self._selector.modify(peer.socket, events, key.data)
+        if events and events != peer.awaits:
+            peer.awaits = events
+            self._selector.modify(peer.socket, events, lambda: self._serve(peer))
 
     def _drop(self, peer: Peer) -> None:
         self._peers.remove(peer)

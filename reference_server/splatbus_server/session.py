@@ -34,6 +34,8 @@ from splatbus_server.exchange import BOTH, Exchange, Image
 from splatbus_server.memory import Memory
 from splatbus_server.statistics import Statistics
 
+News = CameraPose | PointCloudPose | Hello | Opened | OpenFailed | Closed | Release | Subscribe
+
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 """What this server can do on the IPC channel."""
 
@@ -58,7 +60,11 @@ class Reader:
 
 
 class Session:
-    """All connections of a server, and the one scene that they look at."""
+    """All connections of a server, and the one scene that they look at.
+
+    Attributes:
+        has_news: there is something for `catch_up` to pass on; a publisher says so too.
+    """
 
     def __init__(
         self,
@@ -81,14 +87,13 @@ class Session:
         self._statistics = statistics
         self._control = Control(exchange.poses)
         self._moves: Counter[type] = Counter()
+        self.has_news = False
         self._told_busy: set[Connection] = set()
         self._readers: dict[Connection, Reader] = {}
 
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
         """Does what the message asks for, or says why not."""
         match message:
-            case CameraPose() | PointCloudPose():
-                return self._move(connection, message)
             case GetViewportSize():
                 memory = self._exchange.memory
                 connection.send(ViewportSize(memory.width, memory.height, message.id))
@@ -97,6 +102,15 @@ class Session:
                 camera = self._cameras[message.cam_idx % len(self._cameras)]
                 connection.send(CameraReply(camera, message.id))
                 self._statistics.requests += 1
+            case _:
+                self.has_news = True
+                return self._take(connection, message, now)
+        return None
+
+    def _take(self, connection: Connection, message: News, now: float) -> Refusal | None:
+        match message:
+            case CameraPose() | PointCloudPose():
+                return self._move(connection, message)
             case Hello():
                 return self._greet(connection, now)
             case Opened() | OpenFailed() | Closed():
@@ -105,10 +119,10 @@ class Session:
                 return self._release(connection, message)
             case Subscribe(channels):
                 return self._subscribe(connection, channels)
-        return None
 
     def leave(self, connection: Connection) -> None:
         """Ends what a connection had: control of the camera [POS-11], its lease [IMG-17]."""
+        self.has_news = True
         self._told_busy.discard(connection)
         if self._control.leave(connection):
             self._moves[CameraPose] += 1
@@ -122,6 +136,7 @@ class Session:
 
         Once for all that arrived together, so that of many poses only the newest counts.
         """
+        self.has_news = False
         if self._moves:
             self._exchange.move(self._control.poses, self._moves)
             self._moves = Counter()
