@@ -32,6 +32,8 @@ class Connection:
         self.channel = channel
         self.number = number
         self.opened = time.monotonic()
+        self.testee_port: int = sock.getpeername()[1]
+        """The port that the testee connected from."""
         self.packets: list[Packet] = []
         self.ended: Literal["eof", "reset"] | None = None
         """How the testee ended its stream, if it did."""
