@@ -64,12 +64,14 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
         case "message", "point_cloud_pose":
             return PointCloudPose(*_pose_and_timestamp(message, or_strings=not said_hello))
         case "message", "get_viewport_size":
-            return GetViewportSize(_id(message) if said_hello else None, _timestamp(message))
+            return GetViewportSize(
+                _id(message.under("NEG-27")) if said_hello else None, _timestamp(message)
+            )
         case "message", "get_camera_pose":
             cam_idx = message.under("REQ-2").member("cam_idx")
             return GetCameraPose(
                 cam_idx.integer(-MAX_SAFE_INTEGER, MAX_SAFE_INTEGER),
-                _id(message) if said_hello else None,
+                _id(message.under("NEG-27")) if said_hello else None,
                 _timestamp(message),
             )
         case _, "hello":
@@ -158,16 +160,16 @@ def _timestamp(message: Field, *, or_string: bool = False) -> float | None:
 
 
 def _id(message: Field) -> int | None:
-    identifier = message.under("NEG-27").optional("id")
+    identifier = message.optional("id")
     return None if identifier is None else identifier.integer(0, MAX_SAFE_INTEGER)
 
 
 def _generation(message: Field) -> int:
-    return message.member("generation").under("MEM-1").integer(1, MAX_SAFE_INTEGER)
+    return message.member("generation").integer(1, MAX_SAFE_INTEGER)
 
 
 def _seq(message: Field) -> int:
-    return message.member("seq").under("IMG-1").integer(0, MAX_SAFE_INTEGER)
+    return message.member("seq").integer(0, MAX_SAFE_INTEGER)
 
 
 def _hello(hello: Field) -> Hello:
@@ -271,7 +273,7 @@ def _camera(message: Field) -> CameraReply:
 
 def _reply_id(message: Field) -> int | None:
     # Without `type` it is a reply of 1.0, which knows no `id` [JSN-7].
-    return _id(message) if "type" in message.value else None
+    return _id(message.under("NEG-28")) if "type" in message.value else None
 
 
 def _unknown_type(message: Field, requirement: str) -> ProtocolError:

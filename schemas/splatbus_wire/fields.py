@@ -136,9 +136,7 @@ def object_pose(message: Field, *, or_strings: bool = False) -> Pose:
     [POS-3].
     """
     position, rotation = message.member("position"), message.member("rotation")
-    x, y, z = (
-        position.member(axis).under("POS-2").coordinate(or_string=or_strings) for axis in "xyz"
-    )
+    x, y, z = (position.member(axis).coordinate(or_string=or_strings) for axis in "xyz")
     q = tuple(rotation.member(axis).number(or_string=or_strings) for axis in "xyzw")
     return _pose((x, y, z), q, rotation)
 

@@ -257,11 +257,12 @@ def _parse_handle(member: Field) -> bytes:
     handle = member.under("INI-7")
     text = handle.string(0, MAX_SAFE_INTEGER)
     try:
-        decoded = b64decode(text, validate=True)
+        decoded = b64decode(text)
     except ValueError:
-        raise handle.refused("is not base64 in the standard alphabet, padded") from None
+        decoded = b""
+    # Encoded again, because decoding skips what is not of the alphabet and ignores stray bits.
     if len(decoded) != _HANDLE_BYTES or _base64(decoded) != text:
-        raise handle.refused(f"is not {_HANDLE_BYTES} bytes in base64, but {len(decoded)}")
+        raise handle.refused(f"is not {_HANDLE_BYTES} bytes in base64, standard alphabet, padded")
     return decoded
 
 

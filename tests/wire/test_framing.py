@@ -121,10 +121,12 @@ def test_the_largest_payload_is_taken():
 
 def test_bytes_after_a_bad_header_are_not_kept():
     decoder = PacketDecoder()
-    decoder.receive(bytes(4))
+    decoder.receive(bytes(3))
+    decoder.receive(bytes(1) + b"junk")
     for _ in range(4):
         decoder.receive(bytes(MAX))
     assert held_bytes(decoder) == 0
+    assert not decoder.incomplete
 
 
 def test_a_promise_reserves_nothing():
