@@ -14,7 +14,7 @@ from splatbus_schemas import FRAMING
 
 from splatbus_client.poses import parse_look_at, parse_pose
 from splatbus_client.session import Session
-from splatbus_client.settings import read_token, settings
+from splatbus_client.settings import Settings, read_token, settings
 from splatbus_client.snapshot import snapshot
 from splatbus_client.steering import ServerRefusedError
 from splatbus_client.view import view
@@ -54,9 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"splatbus-client: {error}", file=sys.stderr)
         return 2
     try:
-        with Session(where) as session:
-            run: int = options.run(session, options)
-            return run
+        run: int = options.run(where, options)
+        return run
     except BrokenPipeError:  # whoever read our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -67,20 +66,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _view(session: Session, options: argparse.Namespace) -> int:
+def _view(where: Settings, options: argparse.Namespace) -> int:
     stopped = threading.Event()
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda *_: stopped.set())
-    view(session, rate=options.rate, seconds=options.seconds, stopped=stopped, out=sys.stdout)
+    with Session(where) as session:
+        view(session, rate=options.rate, seconds=options.seconds, stopped=stopped, out=sys.stdout)
     return 0
 
 
-def _snapshot(session: Session, options: argparse.Namespace) -> int:
-    pose = options.pose
-    if options.camera_index is not None:
-        pose = session.camera_pose(options.camera_index, options.timeout)
-    snapshot(session, options.path, pose, options.timeout)
+def _snapshot(where: Settings, options: argparse.Namespace) -> int:
+    with Session(where) as session:
+        pose = options.pose
+        if options.camera_index is not None:
+            pose = session.camera_pose(options.camera_index, options.timeout)
+        snapshot(session, options.path, pose, options.timeout)
     print(options.path)
     return 0
 

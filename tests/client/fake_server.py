@@ -68,7 +68,7 @@ def welcome(*capabilities, version="1.1"):
     }
 
 
-def init_packet(name="splatbus-none", generation=1, size=SIZE, **members):
+def init_packet(name="client-test-none", generation=1, size=SIZE, **members):
     pixels = WIDTH * HEIGHT
     return {
         "version": "1.1",
@@ -111,7 +111,8 @@ class Memory:
     """Shared memory as a server makes it, with recognisable images in its slots."""
 
     def __init__(self, size=SIZE):
-        self.name = f"splatbus-t-{secrets.token_hex(4)}"
+        # No name that a reference server would take for one of its own and tidy up.
+        self.name = f"client-test-{secrets.token_hex(4)}"
         self.path = Path("/dev/shm") / self.name
         with os.fdopen(os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600), "wb") as file:
             file.truncate(size)

@@ -85,6 +85,7 @@ def test_frames_hold_the_scene_as_the_camera_sees_it(session, pose):
 
 def test_a_picture_shows_what_a_frame_holds(server, session, tmp_path, monkeypatch):
     _, _, camera = frame_from(session, POSES[1])
+    frame_from(session, POSES[0])
     session.close()  # who steers first keeps the camera [POS-11]
     for name, value in zip(("HOST", "IPC_PORT", "MSG_PORT"), server, strict=True):
         monkeypatch.setenv(f"SPLATBUS_{name}", value)

@@ -70,8 +70,8 @@ def test_memory_that_does_not_fit_is_refused(memory, change, message):
 
 
 def test_memory_that_is_missing_is_refused_by_name():
-    with pytest.raises(CannotOpenError, match="splatbus-none"):
-        open_images("splatbus-none")
+    with pytest.raises(CannotOpenError, match="client-test-none"):
+        open_images("client-test-none")
 
 
 @linux

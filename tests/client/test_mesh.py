@@ -38,6 +38,18 @@ def test_every_point_lies_on_the_cylinder(drawn):
     assert np.abs(points @ _AXIS).max() <= 0.131 * radius
 
 
+def test_nothing_of_the_ring_is_before_what_is_seen_of_it(drawn):
+    middle, _, depth = drawn
+    hit = np.isfinite(depth)
+    radius = 0.45 * middle
+    z = depth[hit] * np.linspace(0.0, 0.999, 2000)[:, None]
+    points = z[..., None] * rays(CAMERA)[hit] - [0, 0, middle + 0.75 * radius]
+    height = points @ _AXIS
+    within = np.linalg.norm(points - height[..., None] * _AXIS, axis=-1) < radius
+    crossings = (within[1:] != within[:-1]) & (np.abs(height[1:]) < 0.125 * radius)
+    assert not crossings.any()
+
+
 def test_what_is_not_the_ring_is_infinitely_far_and_black(drawn):
     _, color, depth = drawn
     assert not color[np.isposinf(depth)].any()

@@ -156,7 +156,7 @@ def test_a_channel_that_was_not_subscribed_to_is_not_read(server, memory):
 @pytest.mark.parametrize(
     ("members", "reason"),
     [
-        ({"name": "splatbus-t-missing"}, "no shared memory"),
+        ({"name": "client-test-missing"}, "no shared memory"),
         ({"name": "../../etc/passwd"}, "MEM-7"),
         ({"name": "x" * 31}, "MEM-7"),
         ({"kind": "cuda_ipc"}, ""),

@@ -41,16 +41,12 @@ def viewer(server, *arguments):
         process.communicate()
 
 
-def answered(message):
-    """The messages up to the second question, both questions answered."""
-    seen = []
-    for kind, reply in (
-        ("get_camera_pose", {"type": "camera"} | CAMERA),
-        ("get_viewport_size", {"type": "viewport_size", "viewport_size": [WIDTH, HEIGHT]}),
-    ):
-        while not seen or seen[-1]["type"] != kind:
-            seen.append(message.receive())
-        message.send(reply | {"id": seen[-1]["id"]})
+def asked_for_camera(message):
+    """The messages up to the question where the camera is, which is answered."""
+    seen = [message.receive()]
+    while seen[-1]["type"] != "get_camera_pose":
+        seen.append(message.receive())
+    message.send({"type": "camera", "id": seen[-1]["id"]} | CAMERA)
     return seen
 
 
@@ -70,7 +66,7 @@ def test_it_asks_steers_around_the_scene_s_camera_and_asks_again_after_a_reconne
     with viewer(server, "--rate", "100"):
         for _ in range(2):
             message = server.message_1_1()
-            seen = answered(message)
+            seen = asked_for_camera(message)
             while seen[-1].get("position", {}).get("z", 0) < 4:
                 seen.append(message.receive())
             assert math.dist(list(seen[-1]["position"].values()), POSE.position) < 1
@@ -84,8 +80,7 @@ def test_it_asks_steers_around_the_scene_s_camera_and_asks_again_after_a_reconne
 def test_a_size_that_is_unknown_is_asked_for_until_it_is_known(server):
     with viewer(server):
         message = server.message_1_1((0, 0))
-        camera = message.receive_type("get_camera_pose")
-        message.send({"type": "camera", "id": camera["id"]} | CAMERA)
+        asked_for_camera(message)
         for size in ([0, 0], [0, 0], [WIDTH, HEIGHT]):
             request = message.receive_type("get_viewport_size")
             reply = {"type": "viewport_size", "id": request["id"], "viewport_size": size}
