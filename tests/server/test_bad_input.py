@@ -47,8 +47,8 @@ IGNORED = {
     "no position": (text({"type": "camera_pose", "rotation": IDENTITY["rotation"]}), "POS-1"),
     "no rotation": (text({"type": "camera_pose", "position": IDENTITY["position"]}), "POS-1"),
     "no y": (text(pose_with(position={"x": 9.0, "z": 0.0})), "POS-1"),
-    "null for x": (text(pose_with(position={"x": None, "y": 0, "z": 0})), "POS-2"),
-    "a word for x": (text(pose_with(position={"x": "far", "y": 0, "z": 0})), "POS-2"),
+    "null for x": (text(pose_with(position={"x": None, "y": 0, "z": 0})), "/position/x"),
+    "a word for x": (text(pose_with(position={"x": "far", "y": 0, "z": 0})), "/position/x"),
     "an array for position": (text(pose_with(position=[9.0, 0.0, 0.0])), "POS-1"),
     "a zero quaternion": (text(pose_with(rotation=dict.fromkeys("xyzw", 0.0))), "POS-3"),
     "a singular rotation": (
