@@ -1,0 +1,85 @@
+"""The wire against the examples that were written by hand from the prose."""
+
+import json
+
+import pytest
+from splatbus_schemas import VERSIONS, InvalidExample, ValidExample, examples, names
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.messages import (
+    Channel,
+    GetCameraPose,
+    GetViewportSize,
+    Message,
+    decode_from_client,
+    decode_from_server_ipc,
+    decode_from_server_message,
+)
+
+IPC_MESSAGES = {"hello", "opened", "open_failed", "closed", "release", "subscribe"}
+FROM_SERVER_IPC = {"init_packet", "welcome", "error", "frame"}
+REPLIES = {
+    "viewport_size": GetViewportSize,
+    "viewport_size_reply": GetViewportSize,
+    "camera": lambda identifier: GetCameraPose(0, identifier),
+    "camera_pose_reply": lambda identifier: GetCameraPose(0, identifier),
+}
+MESSAGES = [(name, version) for version in VERSIONS for name in names(version)]
+VALID = [(*message, example) for message in MESSAGES for example in examples(*message)[0]]
+INVALID = [(*message, example) for message in MESSAGES for example in examples(*message)[1]]
+
+
+def decode_example(name: str, message: object, *, said_hello: bool) -> Message:
+    payload = json.dumps(message).encode()
+    if name in FROM_SERVER_IPC:
+        return decode_from_server_ipc(payload)
+    if name in REPLIES:
+        identifier = message.get("id") if isinstance(message, dict) else None
+        return decode_from_server_message(payload, REPLIES[name](identifier))
+    channel: Channel = "ipc" if name in IPC_MESSAGES else "message"
+    return decode_from_client(payload, channel, said_hello=said_hello)
+
+
+def label(value: object) -> str | None:
+    return value.why if isinstance(value, ValidExample | InvalidExample) else None
+
+
+@pytest.mark.parametrize(("name", "version", "example"), VALID, ids=label)
+def test_valid_examples_are_taken(name, version, example):
+    if name == "init_packet" and version == "1.0" and "version" in example.message:
+        pytest.skip("to a receiver of 1.1 `version` is no unknown member")
+    decode_example(name, example.message, said_hello=version == "1.1")
+
+
+def wanted_refusal(name: str, example: InvalidExample) -> tuple[str, str]:
+    """What the wire says of an invalid example, which it meets without knowing what it is."""
+    message = example.message
+    if not isinstance(message, dict):
+        return "JSN-1", ""
+    if example.pointer == "/type" or (name == "init_packet" and "meta" not in message):
+        server = "INI-11" if name in FROM_SERVER_IPC else "NEG-9"
+        return server, "/type"
+    if name == "init_packet" and example.pointer == "/version" and "version" not in message:
+        return "INI-1", "/mem_color"  # it is an init packet of 1.0, which has handles
+    return example.requirement, example.pointer
+
+
+def is_borne(name: str, example: InvalidExample) -> bool:
+    """Whether a client takes it although no server may send it."""
+    if not isinstance(example.message, dict):
+        return False
+    found = example.message.get(example.pointer[1:])
+    if name == "error":  # NEG-24: whatever its code
+        return (example.pointer in ("/code", "/pointer") and isinstance(found, str)) or (
+            example.pointer == "/supported" and found is None
+        )
+    return name in REPLIES and example.pointer == "/type" and found is None
+
+
+@pytest.mark.parametrize(("name", "version", "example"), INVALID, ids=label)
+def test_invalid_examples_are_refused_where_and_why_the_example_says(name, version, example):
+    if is_borne(name, example):
+        decode_example(name, example.message, said_hello=True)
+        return
+    with pytest.raises(ProtocolError) as caught:
+        decode_example(name, example.message, said_hello=True)
+    assert (caught.value.requirement, caught.value.pointer) == wanted_refusal(name, example)
