@@ -100,12 +100,14 @@ class Trial:
     def connection(self, channel: Channel, seconds: float | None = None) -> Connection:
         """A connection of the testee on this channel that this trial has not used yet.
 
-        Closes those that it has used, so that the testee makes a new one. Skips the check if none
-        comes within the run's patience.
+        Closes those that it has used, so that the testee makes a new one, and starts it anew where
+        that does not help. Skips the check if none comes within the run's patience.
         """
         seconds = self.patience if seconds is None else seconds
         self.testee.ensure_running()
         found = self._next_connection(channel, seconds)
+        if found is None:
+            self.testee.stop()
         if found is None and self.testee.ensure_running():
             found = self._next_connection(channel, seconds)
         if found is None:

@@ -7,24 +7,54 @@ from splatbus_schemas import FRAMING, LIMITS
 from splatbus_conformance.checks import check
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import ring_bytes
-from splatbus_conformance.peer import CHANNELS
+from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.trial import SETTLE_SECONDS, Trial
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS, Trial
 
 BOTH_RETURN = ("returns:ipc", "returns:msg")
 JITTER_SECONDS = 0.03
 """How much closer two attempts may look than they were, since the harness sees them late."""
 
 
+def closing(trial: Trial, connection: Connection, seconds: float) -> str:
+    """`closes` if the testee ends this connection in time, also by an orderly exit; `dies` if it
+    ends the connection only because it crashed.
+    """
+    closed = trial.ends(connection, seconds)
+    trial.wait(trial.fate, REACTION_SECONDS)
+    if trial.fate() == "dies":
+        return "dies"
+    return "closes" if closed else "hangs"
+
+
 @check("CHN-2", observable="the testee connects to ports that it cannot have guessed")
 def check_host_and_ports_can_be_set(trial: Trial) -> None:
-    """The harness listens on ports other than the usual ones, and names them to the testee."""
-    usual = {channel["defaultPort"] for channel in FRAMING["channels"].values()}
-    if usual & set(trial.peer.ports.values()):
+    """The harness listens on ports other than the usual ones, and names them to the testee; for a
+    channel that it was never seen on, the usual port is listened on too.
+    """
+    usual: dict[Channel, int] = {
+        "ipc": FRAMING["channels"]["ipc"]["defaultPort"],
+        "msg": FRAMING["channels"]["message"]["defaultPort"],
+    }
+    if set(usual.values()) & set(trial.peer.ports.values()):
         trial.not_observable("the harness listens on the usual ports")
-    for channel in trial.facts.connects:
+    for channel in sorted(trial.facts.connects):
         trial.connection(channel)
         trial.delivered += 1
+    for channel in sorted(set(CHANNELS) - trial.facts.connects):
+        elsewhere = Peer(trial.peer.host, usual)
+        try:
+            elsewhere.listen(channel)
+            elsewhere.until(lambda: elsewhere.connections, LIMITS["reconnect_max_seconds"])  # noqa: B023
+            trial.expect(
+                not elsewhere.connections,
+                f"it connects to the {channel} channel on port {usual[channel]} although another "
+                "was named",
+            )
+        except OSError:
+            trial.not_observable(f"port {usual[channel]} is in use")
+        finally:
+            elsewhere.close()
 
 
 @check(
@@ -38,7 +68,10 @@ def check_either_channel_first(trial: Trial) -> None:
     for first, second in orders:
         trial.peer.clear()
         trial.peer.refuse(second)
-        trial.connection(first)
+        trial.testee.ensure_running()
+        came = trial.arrives(first, trial.patience)
+        outcome = "accepts" if came else trial.fate() or "hangs"
+        trial.judge(outcome, f"{second} refused its connection, and {first} would accept one")
         trial.rest(0.2)
         trial.peer.listen(second)
         came = trial.arrives(second, LIMITS["reconnect_max_seconds"] + 1.0)
@@ -91,8 +124,7 @@ def check_gives_up_a_reply(trial: Trial) -> None:
     trial.role.replies = False
     connection = trial.connection("msg")
     limit = LIMITS["reply_seconds"]
-    closed = trial.ends(connection, limit + LIMITS["close_seconds"])
-    outcome = "closes" if closed else trial.fate() or "waits"
+    outcome = closing(trial, connection, limit + LIMITS["close_seconds"])
     trial.judge(outcome, f"no reply within {limit} s")
     trial.delivered += 1
 
@@ -104,7 +136,7 @@ def check_closes_after_end_of_stream(trial: Trial) -> None:
         connection = trial.connection(channel)
         trial.rest(0.02)
         connection.end_stream()
-        outcome = "closes" if trial.ends(connection) else "hangs"
+        outcome = closing(trial, connection, EFFECT_SECONDS)
         trial.judge(outcome, f"the server ended the stream of the {channel} channel")
         trial.delivered += 1
 
@@ -123,7 +155,8 @@ def check_survives_losing_its_server(trial: Trial) -> None:
     for channel in sorted(trial.facts.connects):
         trial.peer.listen(channel)
     for channel in sorted(trial.facts.returns):
-        trial.connection(channel).reset()
+        if trial.arrives(channel, trial.patience):
+            trial.connection(channel).reset()
     outcome = trial.fate() or "waits"
     if outcome == "waits" and trial.facts.returns:
         came = all(trial.comes_back(channel) for channel in sorted(trial.facts.returns))

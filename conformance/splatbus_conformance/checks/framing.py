@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.checks.channels import closing
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.trial import Trial
@@ -80,8 +81,7 @@ def check_incomplete_packet_is_given_up(trial: Trial) -> None:
     connection = trial.connection("ipc")
     connection.send(packet(encode(trial.role.legacy_init_packet()))[:100])
     limit = LIMITS["packet_completion_seconds"]
-    closed = trial.ends(connection, limit + LIMITS["close_seconds"])
-    outcome = "closes" if closed else trial.fate() or "waits"
+    outcome = closing(trial, connection, limit + LIMITS["close_seconds"])
     trial.judge(outcome, f"a packet that stays incomplete for more than {limit} s")
 
 
