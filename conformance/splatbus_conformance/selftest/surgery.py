@@ -1,5 +1,6 @@
 """Override one behaviour of the reference client from outside."""
 
+import contextlib
 import functools
 import os
 import sys
@@ -7,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 import pytest
-from splatbus_wire import encoding
+from splatbus_wire import decoding, encoding
 
 Json = dict[str, Any]
 STATUS_ACCESS_VIOLATION = 0xC0000005
@@ -45,6 +46,17 @@ def payloads(patch: pytest.MonkeyPatch, change: Callable[[bytes], bytes]) -> Non
 def packets(patch: pytest.MonkeyPatch, change: Callable[[bytes], bytes]) -> None:
     """Change each packet that is sent, header included, or what follows it."""
     wrap(patch, encoding, "encode_packet", lambda original, payload: change(original(payload)))
+
+
+def init_packets(patch: pytest.MonkeyPatch, repair: Callable[[Json], object]) -> None:
+    """Repair each init packet that is received in place, so that a breach in it is not seen."""
+
+    def parse(original: Callable[[Json], Any], message: Json) -> Any:
+        with contextlib.suppress(Exception):
+            repair(message)
+        return original(message)
+
+    wrap(patch, decoding, "parse_init_packet", parse)
 
 
 def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:

@@ -1,12 +1,231 @@
 """Allowed variations: clients that are unusual, and conform. The harness must pass them."""
 
-import pytest
+import itertools
+import json
+import os
+import re
+from typing import Any
 
+import pytest
+from splatbus_client import channel, message_protocol, reading, session
+from splatbus_client.channel import Channel
+from splatbus_client.events import Ignored, MustClose
+from splatbus_client.host_memory import CannotOpenError
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.message_protocol import MessageProtocol
+from splatbus_client.settings import TOKEN_VARIABLE
+
+from splatbus_conformance.selftest.mutants.channels import speaks_1_0 as say_no_hello
+from splatbus_conformance.selftest.mutants.frames import subscribes
+from splatbus_conformance.selftest.mutants.framing import in_two_writes
+from splatbus_conformance.selftest.mutants.negotiation import without
 from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import messages
+from splatbus_conformance.selftest.surgery import Json, messages, of_type, payloads, wrap
+
+DECIMAL = re.compile(rb"(?<=[:\[,])-?[0-9]+\.[0-9]+(?:e[+-]?[0-9]+)?(?=[,}\]])")
 
 
 @variation()
 def members_that_nobody_knows(patch: pytest.MonkeyPatch) -> None:
     """Adds members of its own to every message."""
     messages(patch, lambda message: message | {"x-engine": {"frame": [1, None, {"deep": True}]}})
+
+
+@variation(warns=("POS-4",))
+def members_in_reverse_order(patch: pytest.MonkeyPatch) -> None:
+    """Writes the members of every object in reverse."""
+
+    def reverse(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: reverse(value[name]) for name in reversed(value)}
+        return value
+
+    messages(patch, reverse)
+
+
+@variation()
+def white_space_everywhere(patch: pytest.MonkeyPatch) -> None:
+    """Writes JSON for people, with white space around it."""
+    payloads(patch, lambda payload: b" \n" + json.dumps(json.loads(payload), indent="\t").encode())
+
+
+@variation()
+def escapes_everywhere(patch: pytest.MonkeyPatch) -> None:
+    """Writes every letter in names and strings as an escape."""
+
+    def escape(text: re.Match[bytes]) -> bytes:
+        return b'"' + b"".join(b"\\u%04x" % byte for byte in text[1]) + b'"'
+
+    payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
+
+
+@variation()
+def numbers_of_17_digits(patch: pytest.MonkeyPatch) -> None:
+    """Writes every fraction with 17 digits."""
+    payloads(patch, lambda payload: DECIMAL.sub(lambda n: b"%.17f" % float(n[0]), payload))
+
+
+@variation()
+def numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
+    """Writes every fraction with an exponent."""
+    payloads(patch, lambda payload: DECIMAL.sub(lambda n: b"%.17E" % float(n[0]), payload))
+
+
+@variation()
+def timestamps_everywhere(patch: pytest.MonkeyPatch) -> None:
+    """Stamps every message, requests too, from a large number on."""
+    seconds = itertools.count(1_700_000_000)
+    messages(patch, lambda message: message | {"timestamp": next(seconds)})
+
+
+@variation()
+def no_timestamps(patch: pytest.MonkeyPatch) -> None:
+    """Stamps nothing."""
+    messages(patch, without("timestamp"))
+
+
+@variation(warns=("FRM-7",))
+def header_and_payload_apart(patch: pytest.MonkeyPatch) -> None:
+    """Sends the header, and a moment later the payload."""
+    in_two_writes(patch)
+
+
+@variation()
+def closes_on_what_is_broken(patch: pytest.MonkeyPatch) -> None:
+    """Closes the connection on a payload that breaks a rule, instead of ignoring it."""
+
+    def stricter(event: Any) -> Any:
+        broken = isinstance(event, Ignored) and "not known here" not in event.reason
+        broken = broken and "is missing [INI-11]" not in event.reason
+        return MustClose(event.reason) if broken else event
+
+    wrap(patch, IpcProtocol, "_on_payload", lambda o, *a: map(stricter, o(*a)))
+    wrap(patch, MessageProtocol, "_on_payload", lambda o, *a: map(stricter, o(*a)))
+
+
+@variation()
+def never_subscribes(patch: pytest.MonkeyPatch) -> None:
+    """Does not declare `subscribe`."""
+    patch.setattr(session, "CAPABILITIES", ("host_shm", "frames", "reinit"))
+
+
+@variation()
+def subscribes_to_depth_alone(patch: pytest.MonkeyPatch) -> None:
+    """Subscribes to depth as soon as it may."""
+    subscribes(patch, "depth")
+
+
+@variation()
+def no_reinit(patch: pytest.MonkeyPatch) -> None:
+    """Does not declare `reinit`."""
+    patch.setattr(session, "CAPABILITIES", ("host_shm", "frames"))
+
+
+@variation()
+def no_frames(patch: pytest.MonkeyPatch) -> None:
+    """Does not declare `frames`: opens the memory, and leaves it alone."""
+    patch.setattr(session, "CAPABILITIES", ("host_shm",))
+
+
+@variation()
+def cuda_memory_alone(patch: pytest.MonkeyPatch) -> None:
+    """Can open CUDA memory, and none of the host."""
+    patch.setattr(session, "CAPABILITIES", ("cuda_ipc", "frames", "reinit"))
+
+    def images(_: Any, packet: Any) -> None:
+        raise CannotOpenError("this client has CUDA memory alone")
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@variation()
+def capabilities_of_tomorrow(patch: pytest.MonkeyPatch) -> None:
+    """Declares capabilities that this version does not know."""
+
+    def more(hello: Json) -> Json:
+        return hello | {"capabilities": [*hello["capabilities"], "x-hologram", "", "ü"]}
+
+    messages(patch, of_type("hello", more))
+
+
+@variation()
+def versions_of_tomorrow(patch: pytest.MonkeyPatch) -> None:
+    """Lists versions that nobody knows before 1.1."""
+    messages(patch, of_type("hello", lambda hello: hello | {"versions": ["7.12", "1.1"]}))
+
+
+@variation()
+def token(patch: pytest.MonkeyPatch) -> None:
+    """Says a token, though nobody asks for one."""
+    patch.setitem(os.environ, TOKEN_VARIABLE, "a token of the longest kind".ljust(256, "."))
+
+
+@variation()
+def comes_back_slowly(patch: pytest.MonkeyPatch) -> None:
+    """Connects again after a second."""
+    patch.setattr(channel, "delays", lambda: itertools.repeat(1.0))
+
+
+@variation()
+def says_nothing_but_hello(patch: pytest.MonkeyPatch) -> None:
+    """Sends neither poses nor requests."""
+    patch.setattr(MessageProtocol, "ask", lambda self, request: -1)
+    patch.setattr(MessageProtocol, "pose", lambda self, message: None)
+
+
+@variation()
+def speaks_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Speaks 1.0 alone."""
+    say_no_hello(patch)
+
+
+@variation()
+def requests_without_id(patch: pytest.MonkeyPatch) -> None:
+    """Does not number its requests."""
+    messages(patch, without("id"))
+    wrap(
+        patch,
+        message_protocol,
+        "decode_from_server_message",
+        lambda original, payload, request: original(payload, request and request._replace(id=None)),
+    )
+
+
+@variation()
+def last_camera(patch: pytest.MonkeyPatch) -> None:
+    """Asks for camera −1, which is the last."""
+    messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": -1}))
+
+
+@variation()
+def images_alone(patch: pytest.MonkeyPatch) -> None:
+    """Has no use for the message channel."""
+    _one_channel(patch, "IPC")
+
+
+@variation()
+def steers_alone(patch: pytest.MonkeyPatch) -> None:
+    """Has no use for the IPC channel."""
+    _one_channel(patch, "message")
+
+
+def _one_channel(patch: pytest.MonkeyPatch, name: str) -> None:
+    def connect(original: Any, self: Channel, now: float) -> None:
+        if self._name == name:
+            original(self, now)
+        else:
+            self._due = now + 60
+
+    wrap(patch, Channel, "_connect", connect)
+
+
+@variation(warns=("CHN-20",))
+def ends_with_its_server(patch: pytest.MonkeyPatch) -> None:
+    """Ends in an orderly way as soon as a connection is lost."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if self.status.connections:
+            os._exit(0)
+
+    wrap(patch, Channel, "_lose", lose)

@@ -1,16 +1,16 @@
 """Mutants that break CHN: the life of the two channels."""
 
 import itertools
-import selectors
 import time
 from typing import Any
 
 import pytest
-from splatbus_client import channel, message_protocol, reading, settings
+from splatbus_client import channel, ipc_protocol, message_protocol, reading, settings
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire.messages import GetViewportSize, Hello, encode
 
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
@@ -28,7 +28,7 @@ def _all_channels(patch: pytest.MonkeyPatch) -> list[Channel]:
     return made
 
 
-@mutant("CHN-2", check="check_host_and_ports_can_be_set", reason="ipc")
+@mutant("CHN-2", check="check_host_and_ports_can_be_set", reason="on port 6001")
 def ipc_port_that_cannot_be_set(patch: pytest.MonkeyPatch) -> None:
     """Connects to the IPC channel on port 6001, whatever it is told."""
     wrap(
@@ -39,7 +39,7 @@ def ipc_port_that_cannot_be_set(patch: pytest.MonkeyPatch) -> None:
     )
 
 
-@mutant("CHN-3", check="check_either_channel_first", reason="accepted its connection before")
+@mutant("CHN-3", check="check_either_channel_first", reason="ipc refused its connection")
 def message_channel_only_after_ipc(patch: pytest.MonkeyPatch) -> None:
     """Does not try the message channel before the IPC channel is connected."""
     made = _all_channels(patch)
@@ -93,21 +93,26 @@ def waits_for_a_reply_for_ever(patch: pytest.MonkeyPatch) -> None:
 @mutant("CHN-17", check="check_closes_after_end_of_stream", reason="ended the stream")
 def deaf_to_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
     """Keeps its side open when the server has ended the stream."""
-    ended: set[Any] = set()
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         if reason == "the server ended it":
-            ended.add(self.socket)
+            time.sleep(0.02)  # it will be said again at once
         else:
             original(self, reason, now)
 
-    def interest(original: Any, self: Channel) -> int:
-        return (
-            selectors.EVENT_WRITE * bool(self._unsent) if self.socket in ended else original(self)
-        )
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="died")
+def crashes_at_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
+    """Crashes when the server ends the stream."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if reason == "the server ended it":
+            crash()
+        original(self, reason, now)
 
     wrap(patch, Channel, "_lose", lose)
-    wrap(patch, Channel, "interest", interest)
 
 
 @mutant("CHN-19", check="check_survives_losing_its_server", reason="died")
@@ -187,15 +192,24 @@ def insists_on_the_first_size(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, reading, "HostImages", images)
 
 
-@mutant("CHN-24", check="check_uses_the_new_memory", reason="reconnect")
-def keeps_the_first_memory(patch: pytest.MonkeyPatch) -> None:
-    """Goes on with the memory of the first init packet after a reconnect."""
-    first: list[Any] = []
+@mutant("CHN-6", reason="on the IPC channel, without hello", through="CHN-9")
+def asks_on_the_ipc_channel_in_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Speaks 1.0, and asks for the size on the IPC channel."""
+    speaks_1_0(patch)
 
-    def images(original: Any, packet: Any) -> Any:
-        if not first:
-            first.append(original(packet))
-            patch.setattr(first[0], "close", lambda: True)
-        return first[0]
+    def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        self._out += encode(GetViewportSize())
 
-    wrap(patch, reading, "HostImages", images)
+    wrap(patch, IpcProtocol, "__init__", init)
+
+
+def speaks_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Say no hello on either channel."""
+    for module in (ipc_protocol, message_protocol):
+        wrap(
+            patch,
+            module,
+            "encode",
+            lambda original, message: b"" if isinstance(message, Hello) else original(message),
+        )

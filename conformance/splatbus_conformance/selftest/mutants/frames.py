@@ -32,7 +32,7 @@ def loses_every_tenth_release(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, IpcProtocol, "release", release)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="generation")
+@mutant("IMG-12", reason="no frame had generation 7", through="IMG-12")
 def releases_with_another_generation(patch: pytest.MonkeyPatch) -> None:
     """Names another generation in `release` than the `frame` did."""
     messages(patch, of_type("release", lambda release: release | {"generation": 7}))
@@ -56,31 +56,32 @@ def reads_slots_that_do_not_exist(patch: pytest.MonkeyPatch) -> None:
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
-        if frame.slot >= self._slots.get(frame.generation, 1):
+        if frame.slot >= self._slots.get(frame.generation, frame.slot + 1):
             crash()
         return original(self, frame)
 
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-19", reason="channels")
+@mutant("IMG-19", reason='channels is "color"')
 def subscribes_to_one_channel_as_a_string(patch: pytest.MonkeyPatch) -> None:
     """Names one channel instead of an array of them."""
-    _subscribes(patch)
+    subscribes(patch, "color", "depth")
     messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": "color"}))
 
 
-@mutant("IMG-19", reason="channels")
+@mutant("IMG-19", reason="channels is []")
 def subscribes_to_nothing(patch: pytest.MonkeyPatch) -> None:
     """Subscribes to no channel at all."""
-    _subscribes(patch)
-    messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": []}))
+    subscribes(patch)
 
 
-def _subscribes(patch: pytest.MonkeyPatch) -> None:
+def subscribes(patch: pytest.MonkeyPatch, *channels: str) -> None:
+    """Subscribe to these channels as soon as that is agreed."""
+
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
         yield from original(self, welcome)
         if "subscribe" in self.capabilities:
-            self._out += encode(Subscribe(frozenset({"color", "depth"})))
+            self._out += encode(Subscribe(frozenset(channels)))
 
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)

@@ -3,12 +3,19 @@
 from typing import Any
 
 import pytest
-from splatbus_client import ipc_protocol, message_protocol, reading
+from splatbus_client import ipc_protocol, message_protocol, reading, session
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.messages import ErrorMessage, GetViewportSize, OpenFailed, Subscribe, encode
+from splatbus_wire.messages import (
+    ErrorMessage,
+    GetViewportSize,
+    OpenFailed,
+    Release,
+    Subscribe,
+    encode,
+)
 
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, messages, of_type, wrap
@@ -19,7 +26,7 @@ def without(name: str) -> Any:
     return lambda message: {key: value for key, value in message.items() if key != name}
 
 
-@mutant("NEG-1", reason="before hello", through="CHN-17")
+@mutant("NEG-1", reason="this came before hello", through="CHN-17")
 def request_before_hello(patch: pytest.MonkeyPatch) -> None:
     """Asks for the size before it says hello."""
 
@@ -30,19 +37,19 @@ def request_before_hello(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, MessageProtocol, "__init__", init)
 
 
-@mutant("NEG-2", reason="client", through="CHN-17")
+@mutant("NEG-2", reason="client is missing", through="CHN-17")
 def hello_without_client(patch: pytest.MonkeyPatch) -> None:
     """Says hello without saying who it is."""
     messages(patch, of_type("hello", without("client")))
 
 
-@mutant("NEG-2", reason="versions", through="CHN-17")
+@mutant("NEG-2", reason="is no version", through="CHN-17")
 def version_as_a_number(patch: pytest.MonkeyPatch) -> None:
     """Lists its versions as numbers."""
     messages(patch, of_type("hello", lambda hello: hello | {"versions": [1.1, 1.0]}))
 
 
-@mutant("NEG-2", reason="capabilities", through="CHN-17")
+@mutant("NEG-2", reason="listed twice", through="CHN-17")
 def capability_twice(patch: pytest.MonkeyPatch) -> None:
     """Declares a capability twice."""
 
@@ -52,12 +59,13 @@ def capability_twice(patch: pytest.MonkeyPatch) -> None:
     messages(patch, of_type("hello", twice))
 
 
-@mutant("NEG-3", reason="hello")
+@mutant("NEG-3", reason="a further hello")
 def hello_twice(patch: pytest.MonkeyPatch) -> None:
-    """Says hello again after welcome."""
+    """Says hello again after the first welcome."""
 
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
-        self._out += encode(self._hello)
+        if self.version is None:
+            self._out += encode(self._hello)
         return original(self, welcome)
 
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
@@ -142,7 +150,7 @@ def closes_on_unknown_types_of_the_message_channel(patch: pytest.MonkeyPatch) ->
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="to a 1.0 server")
-def says_hello_again_to_a_1_0_server(patch: pytest.MonkeyPatch) -> None:
+def subscribes_on_the_message_channel_of_1_0(patch: pytest.MonkeyPatch) -> None:
     """Subscribes on the message channel, after the reply of a 1.0 server."""
 
     def on_reply(original: Any, self: MessageProtocol, reply: Any, now: float) -> Any:
@@ -217,3 +225,38 @@ def crashes_on_an_error_in_place_of_a_reply(patch: pytest.MonkeyPatch) -> None:
         return crash() if isinstance(message, ErrorMessage) else message
 
     wrap(patch, message_protocol, "decode_from_server_message", decode)
+
+
+@mutant("NEG-13", reason="get_camera_pose", through="NEG-13")
+def ids_to_a_1_0_server(patch: pytest.MonkeyPatch) -> None:
+    """Numbers the requests to a 1.0 server, which knows no `id`."""
+    messages(patch, of_type("get_camera_pose", lambda request: {"id": 7} | request))
+
+
+@mutant("NEG-14", reason="to a server that speaks 1.0", through="NEG-14")
+def subscribes_on_the_ipc_channel_of_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Subscribes after the init packet of a 1.0 server."""
+
+    def of_1_0(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        yield from original(self, packet)
+        self._out += encode(Subscribe(frozenset({"color"})))
+
+    wrap(patch, IpcProtocol, "_on_init_packet_of_1_0", of_1_0)
+
+
+@mutant("NEG-27", reason="no integer from 0")
+def ids_as_strings(patch: pytest.MonkeyPatch) -> None:
+    """Writes the `id` of a request as a string."""
+    messages(patch, lambda message: message | {"id": "a"} if "id" in message else message)
+
+
+@mutant("NEG-5", reason="frames, which welcome does not list", through="CHN-10")
+def releases_without_the_capability(patch: pytest.MonkeyPatch) -> None:
+    """Declares no `frames`, and releases a frame each time it has opened memory."""
+    patch.setattr(session, "CAPABILITIES", ("host_shm", "reinit"))
+
+    def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
+        original(self, packet)
+        self._out += encode(Release(packet.generation, 1))
+
+    wrap(patch, IpcProtocol, "opened", opened)

@@ -18,43 +18,43 @@ def _rotation(scale: float) -> Json:
     return dict(zip("xyzw", (0.0, 0.0, 0.0, scale), strict=True))
 
 
-@mutant("POS-1", reason="rotation")
+@mutant("POS-1", reason="rotation is missing")
 def pose_without_rotation(patch: pytest.MonkeyPatch) -> None:
     """Leaves the rotation out."""
     _camera(patch, without("rotation"))
 
 
-@mutant("POS-1", reason="position")
+@mutant("POS-1", reason="no object")
 def position_as_an_array(patch: pytest.MonkeyPatch) -> None:
     """Writes the position as an array."""
     _camera(patch, lambda pose: pose | {"position": [0.0, 0.0, 0.0]})
 
 
-@mutant("POS-1", reason="rotation")
+@mutant("POS-1", reason="rotation has no member w")
 def rotation_without_w(patch: pytest.MonkeyPatch) -> None:
     """Writes only the vector part of the quaternion."""
     _camera(patch, lambda pose: pose | {"rotation": without("w")(pose["rotation"])})
 
 
-@mutant("POS-2", reason="position")
+@mutant("POS-2", reason="beyond the largest single-precision")
 def position_beyond_single_precision(patch: pytest.MonkeyPatch) -> None:
     """Sends a position that no single-precision number can hold."""
     _camera(patch, lambda pose: pose | {"position": {"x": 3.5e38, "y": 0.0, "z": 0.0}})
 
 
-@mutant("POS-3", reason="norm")
+@mutant("POS-3", reason="norm of rotation is 1.02")
 def rotation_that_is_no_unit(patch: pytest.MonkeyPatch) -> None:
     """Sends a quaternion of norm 1.02."""
     _camera(patch, lambda pose: pose | {"rotation": _rotation(1.02)})
 
 
-@mutant("POS-3", reason="norm")
+@mutant("POS-3", reason="norm of rotation is 0")
 def zero_quaternion(patch: pytest.MonkeyPatch) -> None:
     """Sends the quaternion of a variable that nobody initialised."""
     _camera(patch, lambda pose: pose | {"rotation": _rotation(0.0)})
 
 
-@mutant("POS-4", reason="order")
+@mutant("POS-4", reason="in the order w, x, y, z")
 def rotation_with_w_first(patch: pytest.MonkeyPatch) -> None:
     """Writes the quaternion's members in the order w, x, y, z."""
     _camera(
@@ -62,13 +62,13 @@ def rotation_with_w_first(patch: pytest.MonkeyPatch) -> None:
     )
 
 
-@mutant("POS-8", reason="timestamp")
+@mutant("POS-8", reason="no number")
 def timestamp_as_a_string(patch: pytest.MonkeyPatch) -> None:
     """Writes the timestamp as a date."""
     _camera(patch, lambda pose: pose | {"timestamp": "2024-05-04T12:00:00Z"})
 
 
-@mutant("POS-9", reason="timestamp")
+@mutant("POS-9", reason=" after 1")
 def timestamps_that_go_back(patch: pytest.MonkeyPatch) -> None:
     """Counts timestamps down."""
     seconds = itertools.count(1000.0, -0.5)

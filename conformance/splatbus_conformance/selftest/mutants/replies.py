@@ -12,19 +12,19 @@ from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, messages, of_type, wrap
 
 
-@mutant("REQ-2", reason="cam_idx")
-def camera_index_as_a_string(patch: pytest.MonkeyPatch) -> None:
-    """Writes the index of a camera as a string."""
-    messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": "0"}))
+@mutant("REQ-2", reason='cam_idx is "front"', through="NEG-5")
+def camera_by_name(patch: pytest.MonkeyPatch) -> None:
+    """Asks for a camera by its name."""
+    messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": "front"}))
 
 
-@mutant("REQ-2", reason="cam_idx")
+@mutant("REQ-2", reason="cam_idx is 0.5", through="NEG-5")
 def camera_index_with_a_fraction(patch: pytest.MonkeyPatch) -> None:
     """Asks for camera 0.5."""
     messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": 0.5}))
 
 
-@mutant("REQ-2", reason="cam_idx")
+@mutant("REQ-2", reason="cam_idx is missing", through="NEG-5")
 def no_camera_index(patch: pytest.MonkeyPatch) -> None:
     """Asks for a camera without saying which."""
     messages(patch, of_type("get_camera_pose", without("cam_idx")))
@@ -42,7 +42,7 @@ def crashes_on_a_reply_without_members(patch: pytest.MonkeyPatch) -> None:
     _on_a_bad_reply(patch, lambda problem: crash() if "is missing" in str(problem) else None)
 
 
-@mutant("REQ-13", check="check_survives_bad_replies", reason="64x48")
+@mutant("REQ-13", check="check_survives_bad_replies", reason="viewport_size")
 def exits_on_a_size_that_is_no_array(patch: pytest.MonkeyPatch) -> None:
     """Does not handle the error of a reply whose size is a string, and exits."""
 
@@ -64,7 +64,7 @@ def _on_a_bad_reply(patch: pytest.MonkeyPatch, react: Any) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("REQ-14", reason="ping")
+@mutant("REQ-14", reason='type is "ping"')
 def sends_a_type_of_its_own(patch: pytest.MonkeyPatch) -> None:
     """Sends a `ping` of its own after each request."""
     ping = b'{"type":"ping"}'

@@ -1,11 +1,14 @@
 """Mutants that break JSN: what is sent is no strict JSON, or what is read is not read so."""
 
+import re
+
 import pytest
 
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import in_poses, payloads
 
 DEPTH = 70
+NUMBER = re.compile(rb"(?<=:)-?[0-9][0-9.e-]*")
 
 
 @mutant("JSN-1", reason="is a list, no object")
@@ -50,13 +53,13 @@ def byte_order_mark(patch: pytest.MonkeyPatch) -> None:
     payloads(patch, in_poses(lambda payload: b"\xef\xbb\xbf" + payload))
 
 
-@mutant("JSN-3", reason="stands more than once")
+@mutant("JSN-3", reason="'type' stands 2 times")
 def type_twice(patch: pytest.MonkeyPatch) -> None:
     """Writes `type` twice, the same both times."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"type":"camera_pose"}'))
 
 
-@mutant("JSN-3", reason="stands more than once")
+@mutant("JSN-3", reason="'x' stands 2 times")
 def coordinate_twice(patch: pytest.MonkeyPatch) -> None:
     """Writes one coordinate twice in `position`."""
     payloads(patch, in_poses(lambda payload: payload.replace(b'{"x":', b'{"x":0,"x":', 1)))
@@ -85,3 +88,9 @@ def deep_nesting(patch: pytest.MonkeyPatch) -> None:
     """Nests arrays too deep, in a member that nobody knows."""
     nested = b"[" * (DEPTH - 1) + b"]" * (DEPTH - 1)
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"tree":' + nested + b"}"))
+
+
+@mutant("JSN-4", reason="numbers written as strings")
+def numbers_as_strings(patch: pytest.MonkeyPatch) -> None:
+    """Writes the numbers of a pose as strings."""
+    payloads(patch, in_poses(lambda payload: NUMBER.sub(rb'"\g<0>"', payload)))
