@@ -174,7 +174,6 @@ class IpcProtocol:
                 self.subscribe(self._wanted)
             for packet in self._before_welcome:
                 yield from self._on_init_packet(packet)
-            self._before_welcome.clear()
 
     def _on_init_packet_of_1_0(self, packet: InitPacket) -> Iterator[IpcEvent]:
         if self.version == "1.1":

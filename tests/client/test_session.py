@@ -4,6 +4,7 @@ import logging
 import selectors
 import socket
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -83,6 +84,17 @@ def test_a_lease_ends_with_its_connection_but_its_memory_stays_readable(server, 
         server.ipc_1_1()
         assert not lease.intact
         np.testing.assert_array_equal(lease.color, color)
+
+
+def test_a_frame_that_nobody_took_is_gone_with_its_connection(server, session, memory):
+    ipc = opened(server, memory)
+    ipc.send(frame(7))
+    while session._reading.lent is None:
+        time.sleep(0.01)
+    ipc.close()
+    server.ipc_1_1()
+    with pytest.raises(TimeoutError, match="no images yet"):
+        session.next_frame(0.2)
 
 
 def test_memory_is_neither_removed_nor_written(server, memory):
