@@ -99,7 +99,7 @@ class Reading:
 
     def sweep(self) -> None:
         """Unmap retired memory that nobody reads any more, and tell the server so [OPN-5]."""
-        self._retired = [mapped for mapped in self._retired if not _unmap(mapped)]
+        self._retired = [mapped for mapped in self._retired if not self._unmap(mapped)]
 
     @property
     def open(self) -> bool:
@@ -144,10 +144,11 @@ class Reading:
             self._mapped = None
         self.sweep()
 
-
-def _unmap(mapped: Mapped) -> bool:
-    """Whether the memory could be unmapped: not while arrays of it are still there."""
-    if not mapped.images.close():
-        return False
-    mapped.machine.closed(mapped.images.generation)
-    return True
+    def _unmap(self, mapped: Mapped) -> bool:
+        """Whether the memory could be unmapped: not while arrays of it are still there."""
+        # A reader lets go of its arrays a moment before it releases, and `closed` comes last.
+        still_held = self.held is not None and self.held.mapped == mapped
+        if still_held or not mapped.images.close():
+            return False
+        mapped.machine.closed(mapped.images.generation)
+        return True

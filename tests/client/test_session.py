@@ -129,6 +129,22 @@ def test_new_memory_replaces_old_once_the_old_is_read_no_more(server, session, m
         larger.remove()
 
 
+def test_closed_never_overtakes_the_release_of_a_reader_that_let_go(server, session, memory):
+    ipc = opened(server, memory)
+    ipc.send(frame(7))
+    lease = session.next_frame(5)
+    ipc.send(init_packet(memory.name, generation=2))
+    assert ipc.receive() == {"type": "opened", "generation": 2}
+    lease._color = lease._depth = None
+    ipc.send(init_packet(memory.name, generation=3))
+    assert [ipc.receive() for _ in range(2)] == [
+        {"type": "opened", "generation": 3},
+        {"type": "closed", "generation": 2},
+    ]
+    lease.release()
+    assert [ipc.receive()["type"] for _ in range(2)] == ["release", "closed"]
+
+
 def test_closed_waits_for_arrays_that_outlived_their_frame(server, session, memory):
     ipc = opened(server, memory)
     ipc.send(frame(7))
