@@ -70,7 +70,9 @@ def judge_writer_on_ipc(trial: Trial, writer: Writer, quick: int, full: int) -> 
         outcome = (
             "accepts" if taken else trial.fate() or "closes" if connection.ended else "ignores"
         )
-        trial.judge(outcome, f"{shorten(written[-1].decode(), 400)} on the IPC channel")
+        trial.judge(
+            outcome, f"the message {shorten(written[-1].decode(), 400)!r} on the IPC channel"
+        )
         trial.delivered += 1
 
 
