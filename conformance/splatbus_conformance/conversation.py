@@ -60,12 +60,12 @@ class Conversation:
     @property
     def hello(self) -> Message | None:
         """The first readable `hello`, if there is one."""
-        return next((m for m in self.sent_by("client") if m.type == "hello"), None)
+        return next((m for m in self.sent_by("client") if m.kind == "hello"), None)
 
     @property
     def welcome(self) -> Message | None:
         """The first readable `welcome`, if there is one."""
-        return next((m for m in self.sent_by("server") if m.type == "welcome"), None)
+        return next((m for m in self.sent_by("server") if m.kind == "welcome"), None)
 
 
 class Placed(NamedTuple):
@@ -81,9 +81,9 @@ def placed(conversation: Conversation) -> Iterator[Placed]:
     hello = welcome = None
     for message in conversation.messages:
         yield Placed(message, hello, welcome)
-        if message.sender == "client" and message.type == "hello":
+        if message.kind == "hello":
             hello = hello or message
-        elif message.sender == "server" and message.type == "welcome":
+        elif message.kind == "welcome":
             welcome = welcome or message
 
 

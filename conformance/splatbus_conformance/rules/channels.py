@@ -56,7 +56,7 @@ def one_init_packet(conversation: Conversation) -> Iterator[Sighting]:
 def host_memory_only_for_those_who_ask(conversation: Conversation) -> Iterator[Sighting]:
     """CHN-5, NEG-11: memory of the host is announced only to a `hello` that lists it."""
     for message, hello, _ in placed(conversation):
-        if message.kind != "init_packet" or kind_of_memory(message) != "host_shm":
+        if kind_of_memory(message) != "host_shm":
             continue
         if hello is not None:
             listed = capabilities(hello)

@@ -96,7 +96,7 @@ def capabilities(message: Message | None) -> frozenset[str] | None:
 
 def kind_of_memory(message: Message) -> object:
     """The kind of memory that an init packet announces, whatever that is."""
-    memory = (message.value or {}).get("memory")
+    memory = (message.value or {}).get("memory") if message.kind == "init_packet" else None
     return memory.get("kind") if isinstance(memory, dict) else None
 
 

@@ -23,7 +23,7 @@ MAX_CHARS: int = LIMITS["max_name_chars"]
 def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-1, NEG-3: `hello` comes first, and once."""
     sent = [message for message in conversation.sent_by("client") if message.value is not None]
-    hellos = [message for message in sent if message.type == "hello"]
+    hellos = [message for message in sent if message.kind == "hello"]
     if hellos:
         text = "this came before hello"
         yield about(conversation, sent[0], "NEG-1", None if sent[0] is hellos[0] else text)

@@ -1,5 +1,6 @@
 """Rules on opening and closing (spec 1.1 chapter 4)."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 
@@ -31,6 +32,10 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
             known.append(coming.pop(0))
         elif welcome is not None and message.kind in (*ANSWERS, "closed"):
             yield from _answer(conversation, message, known, answered)
+    heard = max((m.packet.ended for m in conversation.sent_by("client")), default=-math.inf)
+    for i, packet in enumerate(known):
+        if _to_be_ignored(known, i) and not answered[i] and packet.message.packet.ended < heard:
+            yield about(conversation, packet.message, "OPN-6", peer="client")
     ended = conversation.ended
     if "c2s" in ended and ended["c2s"] <= ended.get("s2c", ended["c2s"]):
         for i, packet in enumerate(known):

@@ -54,7 +54,7 @@ def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
     for message in conversation.messages:
         if message.sender == "server" and message.packet.offset in unknown:
             told = message.packet.ended
-        elif message.type == "get_viewport_size" and told is not None:
+        elif message.kind == "get_viewport_size" and told is not None:
             waited = message.packet.began - told
             soon = waited < LIMITS["ask_again_min_seconds"]
             text = f"asked again {1000 * waited:.1f} ms after the size was told to be [0,0]"

@@ -37,7 +37,7 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
     for message, greeted, welcome in placed(conversation):
         if greeted is None or welcome is not None or message.sender == "client":
             continue
-        if message.type == "welcome":
+        if message.kind == "welcome":
             yield from judged(conversation, message, _welcome(message.value or {}, offered))
         elif _code(message) == "unsupported_version":
             supported = strings((message.value or {}).get("supported")) or []
@@ -50,7 +50,7 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
 def capabilities_of_both(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-7: `welcome` lists capabilities of this channel that `hello` listed, and no others."""
     for message, hello, welcome in placed(conversation):
-        if message.type == "welcome" and hello is not None and welcome is None:
+        if message.kind == "welcome" and hello is not None and welcome is None:
             granted = _granted(message, capabilities(hello), conversation.channel)
             yield from judged(conversation, message, granted)
 
@@ -69,7 +69,7 @@ def unsupported_version_ends(conversation: Conversation) -> Iterator[Sighting]:
 @rule("NEG-18")
 def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-18: a client that is told `unauthorized` is told nothing else."""
-    hellos = [m for m in conversation.sent_by("client") if m.type == "hello"]
+    hellos = [m for m in conversation.sent_by("client") if m.kind == "hello"]
     for message, _ in _errors(conversation):
         if _code(message) == "unauthorized" and len(hellos) == 1:
             others = [m for m in conversation.sent_by("server") if m is not message]

@@ -1,0 +1,105 @@
+"""Every rule on what a client asks, kept and broken."""
+
+import pytest
+from splatbus_conformance.recording import Entry
+
+from tests.conformance.talk import (
+    ASK_CAMERA,
+    ASK_SIZE,
+    CAMERA,
+    CLIENT_ENDS,
+    GREETING,
+    POSE,
+    SIZE,
+    Case,
+    Step,
+    breaches,
+    changed,
+    check,
+    client,
+    first_breach,
+    hello,
+    server,
+    talk,
+    welcome,
+)
+
+UNKNOWN_YET = {"viewport_size": [0, 0]}
+
+
+def asks(*messages: dict | bytes) -> list[Entry]:
+    return talk("msg", *(client(message) for message in messages))
+
+
+def asks_size(*after: Step) -> list[Entry]:
+    return talk("msg", client(ASK_SIZE), server(UNKNOWN_YET), *after)
+
+
+KEPT = asks(ASK_SIZE, ASK_CAMERA)
+
+CASES = [
+    Case("REQ-1", "client", KEPT, asks({"type": "getViewportSize"})),
+    Case("REQ-2", "client", KEPT, asks(changed(ASK_CAMERA, "/cam_idx"))),
+    Case("REQ-14", "client", KEPT, asks(ASK_SIZE, {"type": "ping"})),
+    Case(
+        "REQ-12",
+        "client",
+        asks_size(client(ASK_SIZE, pause=0.12)),
+        asks_size(client(ASK_SIZE, pause=0.05)),
+    ),
+    Case(
+        "CHN-15",
+        "client",
+        talk("msg", client(ASK_SIZE), CLIENT_ENDS),
+        talk("msg", client(ASK_SIZE), client(POSE), client(POSE, pause=16.0), client(POSE)),
+    ),
+]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.requirement)
+def test_each_requirement(case: Case) -> None:
+    check(case)
+
+
+@pytest.mark.parametrize("index", [..., 0.5, None, True, [], "first", 2**53, -(2**53), 1e300])
+def test_req_2_wants_a_safe_integer(index: object) -> None:
+    broken = asks(changed(ASK_CAMERA, "/cam_idx", index))
+    assert breaches(broken) == {("client", "REQ-2"): 1}
+    assert first_breach(broken).pointer == "/cam_idx"
+
+
+@pytest.mark.parametrize("index", [-1, 5.0, 2**53 - 1, -(2**53 - 1)])
+def test_req_2_takes_every_safe_integer(index: object) -> None:
+    assert breaches(asks(changed(ASK_CAMERA, "/cam_idx", index))) == {}
+
+
+def test_an_index_as_a_string_breaks_jsn_4_alone() -> None:
+    assert breaches(asks(changed(ASK_CAMERA, "/cam_idx", "0"))) == {("client", "JSN-4"): 1}
+
+
+def test_an_index_without_a_type_is_meant_as_a_request() -> None:
+    assert breaches(asks({"cam_idx": 0})) == {("client", "REQ-2"): 1}
+
+
+@pytest.mark.parametrize("message", [{}, {"type": 5}, {"type": "get_viewport"}, {"type": None}])
+def test_a_type_that_nothing_defines_breaks_req_14(message: dict) -> None:
+    assert breaches(asks(message)) == {("client", "REQ-14"): 1}
+
+
+def test_types_of_a_version_unknown_to_the_harness_are_not_judged() -> None:
+    future = {**hello(), "versions": ["2.0", "1.1"]}
+    greeted = talk("msg", client(future), server({**welcome(), "version": "2.0"}))
+    assert breaches([*greeted, *talk("msg", client({"type": "ping"}), start=2.0)[1:]]) == {}
+    strict = talk("msg", *GREETING, client({"type": "ping"}))
+    assert breaches(strict) == {("client", "REQ-14"): 1}
+
+
+def test_a_client_that_waits_less_than_the_limit_is_not_blamed() -> None:
+    assert breaches(talk("msg", client(ASK_SIZE), client(POSE, pause=14.0))) == {}
+
+
+def test_a_client_whose_reply_came_late_or_spoiled_is_not_blamed_for_the_rest() -> None:
+    spoiled = talk("msg", client(ASK_SIZE), server(b"{"), client(POSE, pause=20.0))
+    assert breaches(spoiled) == {("server", "JSN-1"): 1}
+    pipelined = talk("msg", client(ASK_SIZE), client(ASK_CAMERA), server(SIZE), server(CAMERA))
+    assert breaches(pipelined) == {}
