@@ -1,6 +1,7 @@
 """A viewer without a window: steers along an orbit, reads every frame, says how it goes."""
 
 import math
+import shutil
 import statistics
 import threading
 import time
@@ -20,6 +21,7 @@ from splatbus_client.steering import ServerRefusedError
 ORBIT_SECONDS = 8.0
 ORBIT_RADIUS = 0.25
 OBJECT_SECONDS = 2.0
+PATIENCE_SECONDS = 0.25
 TERMINAL_SECONDS = 0.5
 LINE_SECONDS = 5.0
 _LONGEST_WAIT = 0.25
@@ -32,23 +34,26 @@ def view(
 
     Args:
         session: with any server, or none yet.
-        rate: camera poses to send, per second.
+        rate: camera poses to send, per second; fewer where images come more slowly [POS-12].
         seconds: how long to run; may be infinite.
         stopped: set by somebody else to end it.
         out: where the status goes: one line that is rewritten if a terminal, else plain lines.
     """
     questions, frames, report = _Questions(session), _Frames(), _Report(out)
     start = next_pose = next_object = time.monotonic()
+    shown = -1  # images, when the last pose was sent
     while not stopped.is_set() and (now := time.monotonic()) < start + seconds:
         if now >= next_object:
             session.send_object(IDENTITY)
             next_object = now + OBJECT_SECONDS
-        if now >= next_pose:
+        if now >= next_pose and (frames.count != shown or now >= next_pose + PATIENCE_SECONDS):
+            shown = frames.count or -1
             pose = orbit(questions.camera, now - start)
             frames.asked_for(pose, now)
             session.send_camera(pose)
-            next_pose = max(next_pose + 1 / rate, now)
-        _read_one(session, frames, until=min(next_pose, start + seconds, now + _LONGEST_WAIT))
+            next_pose = max(next_pose, now - 1 / rate) + 1 / rate
+        until = next_pose if now < next_pose else next_pose + PATIENCE_SECONDS
+        _read_one(session, frames, min(until, start + seconds, now + _LONGEST_WAIT))
         questions.follow()
         report.update(session.status, frames, questions.size)
     report.end(session.status, frames, questions.size)
@@ -175,7 +180,11 @@ class _Report:
             self._out.write("\n")
 
     def _write(self, line: str) -> None:
-        self._out.write(f"\r\x1b[K{line}" if self._terminal else f"{line}\n")
+        if self._terminal:
+            fitting = line[: shutil.get_terminal_size().columns - 1]
+            self._out.write(f"\r\x1b[K{fitting}")
+        else:
+            self._out.write(f"{line}\n")
         self._out.flush()
 
 

@@ -100,6 +100,22 @@ def test_every_frame_is_read_and_released(server, memory):
         assert "5 frames" in out.splitlines()[-1]
 
 
+def test_poses_wait_for_the_images_of_the_former(server, memory):
+    with viewer(server, "--rate", "200"):
+        ipc, message = server.ipc_1_1(), server.message_1_1()
+        asked_for_camera(message)
+        ipc.send(init_packet(memory.name))
+        ipc.receive_type("opened")
+        ipc.send(frame(0))
+        ipc.receive_type("release")
+        message.receive_type("camera_pose")
+        for seq in range(1, 9):
+            times = [message.receive_type("camera_pose")["timestamp"] for _ in range(3)]
+            ipc.send(frame(seq))
+            ipc.receive_type("release")
+        assert times[2] - times[1] > 0.2, "without an image, patience and then another pose"
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_it_in_order(server, name):
