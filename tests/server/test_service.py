@@ -10,7 +10,7 @@ import pytest
 import splatbus_server
 from splatbus_schemas import LIMITS
 from splatbus_server import connection as connection_module
-from splatbus_server.service import MOST_CONNECTIONS
+from splatbus_server.service import MOST_CONNECTIONS, Peer, Service
 from splatbus_server.session import Session
 from splatbus_wire.messages import GetViewportSize
 
@@ -211,6 +211,40 @@ def test_a_defect_costs_one_connection_only(
         assert first.ask({"type": "get_viewport_size", "timestamp": 13.0}) is None
         assert other.viewport() == list(SIZE)
     assert "ZeroDivisionError" in caplog.text
+
+
+def test_small_packets_are_sent_at_once(bus: splatbus_server.Bus) -> None:
+    """[FRM-8]"""
+    with RawClient(bus.address.message_port) as client:
+        client.viewport()
+        (peer,) = bus._service._peers
+        assert peer.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+def test_nobody_is_kept_busy_by_a_client_that_ended_its_stream_and_does_not_read(
+    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An ended stream is always readable; only when it can be written to is it looked at again."""
+    bus._service._listeners["message"].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    looked_at: list[Peer] = []
+    serve = Service._serve
+
+    def counting(self: Service, peer: Peer) -> None:
+        looked_at.append(peer)
+        serve(self, peer)
+
+    with RawClient(bus.address.message_port) as full, RawClient(bus.address.message_port) as other:
+        full.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        full.send(*[{"type": "get_camera_pose", "cam_idx": 0}] * 4000)
+        full.socket.shutdown(socket.SHUT_WR)
+        assert eventually(lambda: any(p.connection.input_ended for p in bus._service._peers))
+        (peer,) = (p for p in bus._service._peers if p.connection.input_ended)
+        assert peer.connection.unsent
+        monkeypatch.setattr(Service, "_serve", counting)
+        for _ in range(50):
+            other.viewport()
+        assert looked_at.count(peer) <= 1
+        assert len(looked_at) >= 50
 
 
 def test_everything_is_closed_at_the_end(bus_closed: tuple[RawClient, splatbus_server.Bus]) -> None:
