@@ -1,14 +1,28 @@
-"""Mutants that break OPN: the answers to init packets."""
+"""Mutants that break OPN: the answers to init packets, and the memory."""
 
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
 from typing import Any
 
 import pytest
+from splatbus_client.events import Announced, MustClose
+from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.reading import Reading
+from splatbus_wire.init_packet import HostMemory, InitPacket
 from splatbus_wire.messages import Closed, Opened, encode
 
+from splatbus_conformance.selftest.mutants.memory import says_opened
 from splatbus_conformance.selftest.mutants.negotiation import without
 from splatbus_conformance.selftest.specimen import mutant
-from splatbus_conformance.selftest.surgery import messages, of_type, wrap
+from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
+
+ONCE = "check_answers_each_init_packet_once"
+FORMER = "check_closes_the_former_memory"
+ALONE = "check_leaves_the_memory_alone"
+
+KEPT: list[Any] = []
+"""What a mutant does not let go."""
 
 
 @mutant("OPN-1", reason="is answered a second time")
@@ -64,3 +78,162 @@ def counts_generations_from_zero(patch: pytest.MonkeyPatch) -> None:
     messages(
         patch, of_type("opened", lambda opened: opened | {"generation": opened["generation"] - 1})
     )
+
+
+@mutant("OPN-1", check=ONCE, reason="no answer to")
+def answers_success_alone(patch: pytest.MonkeyPatch) -> None:
+    """Says nothing when memory cannot be opened."""
+    patch.setattr(IpcProtocol, "open_failed", lambda *_: None)
+
+
+@mutant("OPN-1", check=ONCE, reason="no answer to")
+def answers_the_last_of_several(patch: pytest.MonkeyPatch) -> None:
+    """Of several init packets that come at once, opens and answers the last alone."""
+
+    def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
+        events = list(original(self, data, now))
+        announced = [event for event in events if isinstance(event, Announced)]
+        return [event for event in events if event not in announced[:-1]]
+
+    wrap(patch, IpcProtocol, "receive", receive)
+
+
+@mutant("OPN-1", check=ONCE, reason="answers more than one")
+def says_opened_after_open_failed(patch: pytest.MonkeyPatch) -> None:
+    """Answers `opened` after `open_failed`, for the same generation."""
+
+    def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
+        original(self, packet, reason)
+        self._out += encode(Opened(packet.generation))
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+
+
+@mutant("OPN-2", check="check_maps_before_it_says_so", reason="does not exist")
+def says_opened_of_what_is_not_there(patch: pytest.MonkeyPatch) -> None:
+    """Answers `opened` although there is no such memory."""
+    says_opened(patch, "no shared memory")
+
+
+@mutant("OPN-2", check="check_maps_before_it_says_so", reason="had not mapped the memory")
+def maps_when_the_first_frame_comes(patch: pytest.MonkeyPatch) -> None:
+    """Answers `opened` at once, and maps the memory when it is needed."""
+
+    def opens(original: Any, self: Reading, packet: Any) -> None:
+        assert self._machine is not None
+        self._machine.opened(packet)
+
+    wrap(patch, Reading, "_open", opens)
+
+
+@mutant("OPN-3", check="check_says_why_it_failed", reason="1 to 1024 are asked for")
+def quotes_what_it_was_sent(patch: pytest.MonkeyPatch) -> None:
+    """Quotes the whole init packet in the reason."""
+
+    def longer(failed: Json) -> Json:
+        return failed | {"reason": failed["reason"] + 2000 * "."}
+
+    messages(patch, of_type("open_failed", longer))
+
+
+@mutant("OPN-4", check="check_keeps_the_connection_after_failing", reason="after open_failed")
+def closes_after_failing(patch: pytest.MonkeyPatch) -> None:
+    """Closes the connection after `open_failed`."""
+    failed: set[IpcProtocol] = set()
+
+    def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
+        original(self, packet, reason)
+        failed.add(self)
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    wrap(patch, IpcProtocol, "deadline", lambda o, self: 0.0 if self in failed else o(self))
+    wrap(
+        patch,
+        IpcProtocol,
+        "expire",
+        lambda o, self, now: [MustClose("failed")] if self in failed else o(self, now),
+    )
+
+
+@mutant("OPN-5", check=FORMER, reason="was not closed after")
+def never_says_closed(patch: pytest.MonkeyPatch) -> None:
+    """Unmaps the former memory, and does not say so."""
+    patch.setattr(IpcProtocol, "closed", lambda *_: None)
+
+
+@mutant("OPN-5", check=FORMER, reason="still has its memory")
+def says_closed_and_keeps_the_memory(patch: pytest.MonkeyPatch) -> None:
+    """Says that the former memory is closed, and keeps it mapped."""
+
+    def close(self: HostImages) -> bool:
+        KEPT.append(self._map)
+        return True
+
+    patch.setattr(HostImages, "close", close)
+
+
+@mutant("OPN-5", check=FORMER, reason="closed was sent")
+def says_closed_twice(patch: pytest.MonkeyPatch) -> None:
+    """Says twice that memory is closed."""
+
+    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+        if generation in self._retired:
+            self._out += encode(Closed(generation))
+        original(self, generation)
+
+    wrap(patch, IpcProtocol, "closed", closed)
+
+
+@mutant("OPN-6", check="check_ignores_what_it_was_not_granted", reason="took it as valid")
+def takes_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
+    """Opens further init packets whether `welcome` lists `reinit` or not."""
+
+    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+        yield from original(self, welcome)
+        self.capabilities |= {"reinit"}
+
+    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+
+
+@mutant("OPN-10", check=ALONE, reason="it wrote to the memory while")
+def writes_to_the_memory(patch: pytest.MonkeyPatch) -> None:
+    """Marks in the memory that it was here."""
+
+    def images(original: Any, self: HostImages, packet: InitPacket) -> None:
+        original(self, packet)
+        assert isinstance(packet.memory, HostMemory)
+        with Path("/dev/shm", packet.memory.name).open("r+b") as memory:
+            memory.write(b"here")
+
+    wrap(patch, HostImages, "__init__", images)
+
+
+@mutant("OPN-10", check=ALONE, reason="it removed the memory")
+def removes_the_memory(patch: pytest.MonkeyPatch) -> None:
+    """Removes the memory when the connection ends."""
+    names: list[str] = []
+
+    def images(original: Any, self: HostImages, packet: InitPacket) -> None:
+        original(self, packet)
+        assert isinstance(packet.memory, HostMemory)
+        names.append(packet.memory.name)
+
+    def end(original: Any, self: Reading) -> None:
+        original(self)
+        for name in names:
+            Path("/dev/shm", name).unlink(missing_ok=True)
+
+    wrap(patch, HostImages, "__init__", images)
+    wrap(patch, Reading, "end", end)
+
+
+@mutant("OPN-10", check=ALONE, reason="the memory was removed when the testee ended")
+def tracks_the_memory_as_its_own(patch: pytest.MonkeyPatch) -> None:
+    """Opens the memory with a library that removes it when the process ends."""
+
+    def images(original: Any, self: HostImages, packet: InitPacket) -> None:
+        original(self, packet)
+        assert isinstance(packet.memory, HostMemory)
+        KEPT.append(SharedMemory(packet.memory.name))
+
+    wrap(patch, HostImages, "__init__", images)
