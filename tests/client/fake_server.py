@@ -40,6 +40,8 @@ META = {
     "fmtDepth": "R32F",
     "pitchDepth": 4 * WIDTH,
 }
+POSITION, ROTATION = (1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703)
+CAMERA_REPLY = {"position": list(POSITION), "rotation": list(ROTATION)}
 IPC_CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 HANDLE = "A" * 86 + "=="
 
@@ -105,6 +107,12 @@ def frame(seq, slot=0, generation=1, **members):
         "time": 0.0,
         "renderedAt": 1.0,
     } | members
+
+
+def image(seed):
+    """Top-down colour and depth that no other seed has."""
+    values = np.random.default_rng(seed).random((HEIGHT, WIDTH, 5), np.float32)
+    return values[..., :4], values[..., 4] + 1
 
 
 class Memory:
@@ -208,6 +216,13 @@ class FakeServer:
         peer = self.ipc()
         peer.hello = peer.receive()
         peer.send(welcome(*(capabilities or IPC_CAPABILITIES)))
+        return peer
+
+    def ipc_opened(self, memory, generation=1):
+        """An IPC connection on which the client has opened the memory."""
+        peer = self.ipc_1_1()
+        peer.send(init_packet(memory.name, generation))
+        assert peer.receive() == {"type": "opened", "generation": generation}
         return peer
 
     def message_1_1(self, size=(WIDTH, HEIGHT)):

@@ -29,11 +29,10 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 
-from tests.client.fake_server import packet, packets, welcome
+from tests.client.fake_server import CAMERA_REPLY, POSITION, ROTATION, packet, packets, welcome
 
 HELLO = Hello(("1.1", "1.0"), Program("test", "0"), ())
-POSE = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
-CAMERA = {"position": list(POSE.position), "rotation": list(POSE.rotation)}
+POSE = Pose(POSITION, ROTATION)
 SIZE = {"viewport_size": [320, 240]}
 BROKEN = [
     b"\xff",
@@ -121,7 +120,7 @@ def test_requests_go_one_at_a_time_and_each_gets_its_own_reply(machine):
     assert request["cam_idx"] == 0
     assert machine.data_to_send(0.0) == b""
     typed = {"type": "camera", "id": first} if machine.version == "1.1" else {}
-    assert receive(machine, packet(typed | CAMERA), 0.0) == [
+    assert receive(machine, packet(typed | CAMERA_REPLY), 0.0) == [
         Replied(first, CameraReply(POSE, typed.get("id")))
     ]
     (request,) = packets(machine.data_to_send(0.0))
@@ -135,7 +134,7 @@ def test_an_equal_request_that_is_unanswered_is_shared():
     assert machine.ask(GetCameraPose(4)) == ticket
     machine.data_to_send(0.0)
     assert machine.ask(GetCameraPose(4)) == ticket
-    receive(machine, packet({"type": "camera", "id": ticket} | CAMERA), 0.0)
+    receive(machine, packet({"type": "camera", "id": ticket} | CAMERA_REPLY), 0.0)
     assert machine.ask(GetCameraPose(4)) != ticket
 
 
@@ -153,7 +152,7 @@ def test_a_broken_reply_never_makes_the_next_one_answer_another_request():
     machine.ask(GetCameraPose(0))
     machine.ask(GetCameraPose(1))
     machine.data_to_send(0.0)
-    (event,) = receive(machine, packet(CAMERA | {"rotation": [0, 0, 0, 1.5]}), 0.0)
+    (event,) = receive(machine, packet(CAMERA_REPLY | {"rotation": [0, 0, 0, 1.5]}), 0.0)
     assert isinstance(event, Ignored)
     assert machine.data_to_send(0.0) == b"", "another request went out while one has no answer"
 
@@ -209,7 +208,7 @@ def test_a_size_that_is_not_known_is_asked_for_again_but_not_at_once():
     camera = machine.ask(GetCameraPose(0))
     (request,) = packets(machine.data_to_send(1.0))
     assert request["type"] == "get_camera_pose", "another request need not wait"
-    assert receive(machine, packet(CAMERA), 1.0) == [Replied(camera, CameraReply(POSE))]
+    assert receive(machine, packet(CAMERA_REPLY), 1.0) == [Replied(camera, CameraReply(POSE))]
     assert machine.data_to_send(1.0 + LIMITS["ask_again_min_seconds"]) == b""
     due = machine.deadline()
     assert packets(machine.data_to_send(due)) == [{"type": "get_viewport_size"}]
@@ -287,7 +286,7 @@ def conversation():
         {"type": "viewport_size", "viewport_size": [320, 240]},
         {"type": "new in 1.2"},
         {"type": "error", "code": "busy", "message": "not you"},
-        {"type": "camera", "id": 1} | CAMERA,
+        {"type": "camera", "id": 1} | CAMERA_REPLY,
     ]
 
 

@@ -14,10 +14,18 @@ from splatbus_client.channel import ChannelStatus
 from splatbus_client.view import ORBIT_SECONDS, _Frames, _Report, orbit
 from splatbus_wire.rotations import rotation_matrix
 
-from tests.client.fake_server import HEIGHT, WIDTH, FakeServer, frame, init_packet
+from tests.client.fake_server import (
+    CAMERA_REPLY,
+    HEIGHT,
+    POSITION,
+    ROTATION,
+    WIDTH,
+    FakeServer,
+    frame,
+    init_packet,
+)
 
-POSE = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
-CAMERA = {"position": list(POSE.position), "rotation": list(POSE.rotation)}
+POSE = Pose(POSITION, ROTATION)
 
 
 @contextmanager
@@ -46,7 +54,7 @@ def asked_for_camera(message):
     seen = [message.receive()]
     while seen[-1]["type"] != "get_camera_pose":
         seen.append(message.receive())
-    message.send({"type": "camera", "id": seen[-1]["id"]} | CAMERA)
+    message.send({"type": "camera", "id": seen[-1]["id"]} | CAMERA_REPLY)
     return seen
 
 
