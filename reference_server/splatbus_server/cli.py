@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 
 from splatbus_server.api import serve
-from splatbus_server.demo import render_until
+from splatbus_server.demo import FPS, render_until
 from splatbus_server.settings import read_token
 
 EPILOG = """\
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--size", type=_size, default=(320, 240), metavar="WxH", help="of the image"
     )
-    parser.add_argument("--fps", type=_rate, default=60.0, help="most images a second (60)")
+    parser.add_argument("--fps", type=_rate, default=FPS, help=f"most images a second ({FPS:g})")
     parser.add_argument(
         "--turntable", type=float, default=0.0, metavar="DEGREES", help="turn by as much a second"
     )

@@ -14,9 +14,12 @@ from splatbus_server.raycast import Raycaster
 from splatbus_server.scene import Camera, Matrix, ObjectPose, default_scene, multiply
 from splatbus_server.view import View
 
+FPS = 120.0
+"""Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
+
 
 def render_until(
-    stop: threading.Event, bus: Bus, fps: float = 60.0, degrees_per_second: float = 0.0
+    stop: threading.Event, bus: Bus, fps: float = FPS, degrees_per_second: float = 0.0
 ) -> None:
     """Renders what is asked for, at most `fps` times a second.
 
@@ -30,10 +33,10 @@ def render_until(
     raycaster, size = Raycaster(1, 1), (1, 1)
     start = time.monotonic()
     while not stop.is_set():
-        began = time.monotonic()
         view = bus.next_view(timeout=0.1, contents_changed=degrees_per_second != 0.0)
         if view is None:
             continue
+        began = time.monotonic()
         if size != (view.width, view.height):
             raycaster, size = Raycaster(view.width, view.height), (view.width, view.height)
         scene_time = time.monotonic() - start
