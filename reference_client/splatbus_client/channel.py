@@ -78,12 +78,17 @@ class Channel:
         self.status = ChannelStatus()
         self._name, self._where = name, f"{host}:{port}"
         self._owner = owner
-        self._addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        try:
+            self._addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except socket.gaierror as error:
+            raise OSError(f"cannot find the host {host!r}: {error.strerror}") from None
         self._machine: Machine | None = None
         self._unsent = memoryview(b"")
         self._delays = delays()
         self._due = 0.0  # while there is no connection: when to begin, or to give up, an attempt
         self._connected_at = 0.0
+        self._welcome = False  # whether the last that was heard, if anything, was no complaint
+        self._said = ""
 
     def interest(self) -> int:
         """Return what to wait for on `socket`: a mask of `selectors`, 0 if there is none."""
@@ -174,6 +179,7 @@ class Channel:
             return
         self._unsent = memoryview(b"")
         self._connected_at = now
+        self._welcome = False
         self._machine = self._owner.begin()
         self.status = ChannelStatus(True, self.status.connections + 1)
         log.info("%s channel connected to %s", self._name, self._where)
@@ -199,17 +205,17 @@ class Channel:
                     self._lose(reason, now)
                     return
                 case Ignored(reason):
-                    log.warning("%s channel: ignored a packet: %s", self._name, reason)
+                    self._warn(f"ignored a packet: {reason}")
                     continue
                 case ServerError(error):
-                    problem = f"{error.code}: {error.message}"
+                    self._welcome = False
+                    problem = f"the server says {error.code}: {error.message}"
                     self.status = self.status._replace(problem=problem)
-                    log.warning("%s channel: the server says %s", self._name, problem)
+                    self._warn(problem)
                     continue
                 case Negotiated(version, server, _):
                     self.status = self.status._replace(version=version, server=server)
-            # It is understood: what went wrong before is over.
-            self._delays = delays()
+            self._welcome = True
             self._owner.handle(event)
 
     def _lose(self, reason: str, now: float) -> None:
@@ -219,26 +225,25 @@ class Channel:
             with contextlib.suppress(OSError):
                 connection.close()
         if machine is None:
-            self._say_unreachable(reason)
+            self._warn(
+                f"cannot connect to {self._where}: {reason}; trying again until a server runs"
+                " there (start one with: splatbus-server)"
+            )
         else:
-            if now - self._connected_at >= LONGEST:
+            if self._welcome or now - self._connected_at >= LONGEST:
                 self._delays = delays()
-            reason = self.status.problem or reason
-            log.warning("%s channel: connection lost: %s", self._name, reason)
+            if self.status.problem is not None:
+                reason = f"{reason}; {self.status.problem}"
+            self._warn(f"connection lost: {reason}")
             self._owner.end()
         self._due = now + next(self._delays)
         self.status = ChannelStatus(False, self.status.connections, problem=reason)
 
-    def _say_unreachable(self, reason: str) -> None:
-        level = logging.DEBUG if self.status.problem == reason else logging.WARNING
-        log.log(
-            level,
-            "%s channel: cannot connect to %s: %s; trying again until a server runs there"
-            " (start one with: splatbus-server)",
-            self._name,
-            self._where,
-            reason,
-        )
+    def _warn(self, message: str) -> None:
+        """Log a warning, unless it only repeats the one before: some come with every pose."""
+        level = logging.DEBUG if message == self._said else logging.WARNING
+        log.log(level, "%s channel: %s", self._name, message)
+        self._said = message
 
 
 def _reason(error: OSError) -> str:

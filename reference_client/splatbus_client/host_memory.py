@@ -34,7 +34,7 @@ class HostImages:
         self.generation = packet.generation or 0
         self.semantics: Semantics = semantics
         self._ring: Ring = ring
-        self._height, self._width = packet.height, packet.width
+        self.size = packet.width, packet.height
         try:
             self._map = _map(memory, packet)
         except FileNotFoundError:
@@ -47,12 +47,12 @@ class HostImages:
     def color(self, slot: int) -> Image:
         """Return (h, w, 4) float32, RGBA, rows top-down: a view of the memory [BUF-1]."""
         rows = self._rows(self._ring.color_offset + slot * self._ring.color_stride, 4)
-        return rows.reshape(self._height, self._width, 4)[::-1]
+        return rows[::-1]
 
     def depth(self, slot: int) -> Image:
         """Return (h, w) float32, rows top-down: a view of the memory [BUF-1]."""
         rows = self._rows(self._ring.depth_offset + slot * self._ring.depth_stride, 1)
-        return rows.reshape(self._height, self._width)[::-1]
+        return rows[::-1, :, 0]
 
     def close(self) -> bool:
         """Unmap, and return True; or False while somebody still keeps an array of it."""
@@ -63,8 +63,10 @@ class HostImages:
         return True
 
     def _rows(self, offset: int, numbers: int) -> Image:
-        count = self._width * self._height * numbers
-        return np.frombuffer(self._map, np.dtype("<f4"), count, offset)
+        """The rows from a byte on as they lie in memory, so many numbers a pixel."""
+        width, height = self.size
+        flat = np.frombuffer(self._map, np.dtype("<f4"), width * height * numbers, offset)
+        return flat.reshape(height, width, numbers)
 
 
 if sys.platform == "win32":

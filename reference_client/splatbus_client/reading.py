@@ -76,7 +76,7 @@ class Reading:
         self._retire()
 
     def hold(self) -> Loan:
-        """Hand out the frame that is lent; there is one, and none is held."""
+        """Hand out the frame that is lent; see `may_hold`."""
         assert self.lent is not None
         self.held, self.lent = self.lent, None
         return self.held
@@ -100,6 +100,11 @@ class Reading:
     def sweep(self) -> None:
         """Unmap retired memory that nobody reads any more, and tell the server so [OPN-5]."""
         self._retired = [mapped for mapped in self._retired if not self._unmap(mapped)]
+
+    @property
+    def may_hold(self) -> bool:
+        """Whether a frame waits to be read, and none is being read."""
+        return self.lent is not None and self.held is None
 
     @property
     def open(self) -> bool:
@@ -131,6 +136,11 @@ class Reading:
 
     def _lend(self, frame: Frame, channels: frozenset[str]) -> None:
         assert self._mapped is not None
+        size = frame.camera.width, frame.camera.height
+        if size != self._mapped.images.size:
+            log.warning("a frame's camera has %s pixels, its memory another size [IMG-1]", size)
+            self._mapped.machine.release(frame)
+            return
         if self.lent is not None:  # two at a time, against IMG-2: the newer one is worth more
             self.lent.mapped.machine.release(self.lent.frame)
         self.lent = Loan(frame, channels, self._mapped)

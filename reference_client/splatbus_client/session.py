@@ -155,9 +155,9 @@ class Session:
         with self._changed:
             if self._reading.held is not None:
                 raise RuntimeError("release the former frame first: one is lent at a time [IMG-2]")
-            self._changed.wait_for(lambda: self._reading.lent or self._closed, timeout)
+            self._changed.wait_for(lambda: self._reading.may_hold or self._closed, timeout)
             self._require_open()
-            if self._reading.lent is None:
+            if not self._reading.may_hold:
                 raise TimeoutError(f"no frame came in time: {self._why_no_frame()}")
             return self._lease(self._reading.hold())
 

@@ -137,6 +137,28 @@ def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener):
     assert waits == sorted(set(waits))
 
 
+def test_a_server_that_turns_us_away_after_a_welcome_is_no_different(listener):
+    events = [Negotiated("1.1", None, frozenset()), ServerError(ErrorMessage("busy", "no"))]
+    waits = lose_again_and_again(listener, Owner(events), 4)
+    assert waits == sorted(set(waits))
+
+
+def test_what_a_server_says_again_and_again_is_logged_once(listener, accept, caplog):
+    error = ServerError(ErrorMessage("busy", "another client steers"))
+    channel = channel_to(listener, Owner([error, error, error]))
+    step(channel, 0.0)
+    connection = accept()
+    connection.send(b"x")
+    step(channel, 0.0)
+    channel.close()
+    assert caplog.text.count("another client steers") == 1
+
+
+def test_an_unknown_host_is_named():
+    with pytest.raises(OSError, match=r"no\.such\.host\.invalid"):
+        Channel("test", "no.such.host.invalid", 6001, Owner())
+
+
 def test_a_connection_that_lasted_in_silence_begins_the_schedule_anew(listener):
     waits = lose_again_and_again(listener, Owner(), 4, lasting=LIMITS["reconnect_max_seconds"])
     assert len({round(wait, 6) for wait in waits}) == 1

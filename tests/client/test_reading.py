@@ -8,6 +8,7 @@ import pytest
 from splatbus_client import connect
 
 from tests.client.fake_server import (
+    CAMERA,
     HEIGHT,
     SIZE,
     WIDTH,
@@ -42,6 +43,15 @@ def test_a_frame_is_released_even_if_its_reader_fails(server, session, memory):
     with pytest.raises(ZeroDivisionError), session.next_frame(5):
         _ = 1 / 0
     assert ipc.receive()["type"] == "release"
+
+
+def test_a_frame_of_another_size_than_its_memory_is_given_back_unread(server, session, memory):
+    ipc = server.ipc_opened(memory)
+    ipc.send(frame(7, camera=CAMERA | {"width": 100}))
+    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
+    ipc.send(frame(8))
+    with session.next_frame(5) as lease:
+        assert lease.seq == 8
 
 
 def test_one_frame_is_borrowed_at_a_time(server, session, memory):
