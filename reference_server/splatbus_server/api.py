@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
-from copy import deepcopy
+from dataclasses import replace
 from importlib.metadata import version
 from types import TracebackType
 from typing import Literal, NamedTuple
@@ -130,7 +130,7 @@ class Bus:
     @property
     def statistics(self) -> Statistics:
         """A copy of the counts so far."""
-        return deepcopy(self._statistics)
+        return replace(self._statistics, refused=self._statistics.refused.copy())
 
     def next_view(self, timeout: float = 0.1, *, contents_changed: bool = False) -> View | None:
         """The view to render next, or None if for `timeout` seconds there is nothing to do.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import weakref
+
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_schemas import LIMITS
@@ -61,12 +64,13 @@ class Memory:
         self._last_seq = last_seq
         self.publisher = Publisher(width, height)
         layout, size = host_ring(width, height, self.ring.slots)
-        self._segment = shared_memory.create(size)
-        memory = HostMemory(self._segment.name, size)
+        segment = shared_memory.create(size)
+        self._remove = weakref.finalize(self, _remove_if_owner, segment, os.getpid())
+        memory = HostMemory(segment.name, size)
         self.init_packet = InitPacket(
             width, height, None, VERSION, generation, memory, layout, semantics
         )
-        everything = np.frombuffer(self._segment.buffer, np.float32)
+        everything = np.frombuffer(segment.buffer, np.float32)
         self._colors = _slots(
             everything, layout.color_offset, layout.color_stride, layout.slots, (height, width, 4)
         )
@@ -88,10 +92,18 @@ class Memory:
         return self._depths[slot]
 
     def close(self) -> None:
-        """Removes the memory from the system; who has it mapped keeps it until unmapped."""
+        """Removes the memory from the system, as the end of the program does [OPN-9].
+
+        Who has it mapped keeps it until it is unmapped.
+        """
         self._colors.clear()
         self._depths.clear()
-        self._segment.close()
+        self._remove()
+
+
+def _remove_if_owner(segment: shared_memory.Segment, owner: int) -> None:
+    if os.getpid() == owner:  # a forked child ends too, and has not made it
+        segment.close()
 
 
 def _slots(

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import mmap
+import os
 import socket
 import struct
-from pathlib import Path
+import sys
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+LINGER = "hh" if sys.platform == "win32" else "ii"
 CAPABILITIES = ["host_shm", "frames", "reinit", "subscribe"]
 IDENTITY = {"position": {"x": 0, "y": 0, "z": 0}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}
 
@@ -61,7 +63,7 @@ class RawClient:
 
     def reset(self) -> None:
         """Closes with a reset in place of an end of stream."""
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack(LINGER, 1, 0))
         self.socket.close()
 
     def send(self, *messages: Any) -> None:
@@ -159,5 +161,16 @@ class Reader(RawClient):
 
 
 def map_memory(init: dict[str, Any]) -> mmap.mmap:
-    with (Path("/dev/shm") / init["memory"]["name"]).open("rb") as file:
-        return mmap.mmap(file.fileno(), init["memory"]["bytes"], access=mmap.ACCESS_READ)
+    name, size = init["memory"]["name"], init["memory"]["bytes"]
+    if sys.platform == "win32":
+        return mmap.mmap(-1, size, tagname=f"Local\\{name}", access=mmap.ACCESS_READ)
+    if sys.platform == "linux":
+        file = os.open(f"/dev/shm/{name}", os.O_RDONLY)
+    else:
+        from _posixshmem import shm_open
+
+        file = shm_open(f"/{name}", os.O_RDONLY, 0)
+    try:
+        return mmap.mmap(file, size, access=mmap.ACCESS_READ)
+    finally:
+        os.close(file)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -181,6 +183,27 @@ def test_a_size_has_its_range(bus: splatbus_server.Bus, size: tuple[int, int]) -
         splatbus_server.serve(*size, ipc_port=0, message_port=0)
 
 
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it cannot be listed")
+
+
+@on_linux
+@pytest.mark.parametrize("end", ["", "os.fork() or exit()\nos.wait()\nassert os.path.exists(path)"])
+def test_a_program_that_ends_without_closing_leaves_no_memory(end: str) -> None:
+    """[OPN-9]; nor does a child that it forked take the memory away."""
+    program = f"""
+import os, splatbus_server
+bus = splatbus_server.serve(4, 4, ipc_port=0, message_port=0)
+path = "/dev/shm/" + bus._exchange.memory.init_packet.memory.name
+assert os.path.exists(path)
+print(path)
+{end}
+"""
+    command = [sys.executable, "-W", "ignore", "-c", program]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert not Path(result.stdout.splitlines()[0]).exists()
+
+
+@on_linux
 def test_no_memory_is_left_behind() -> None:
     """[OPN-9]"""
     names = []

@@ -9,12 +9,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import splatbus_server
 
 from tests.server.leased_reader import COLOR_STEP
 
+ROOT = Path(__file__).parents[2]
 WIDTH, HEIGHT = 32, 8
 READS = 100_000
 FAST_READERS = 4
@@ -59,7 +61,10 @@ def publishing() -> Iterator[splatbus_server.Bus]:
 def reader_process(port: int, reads: int, hold_seconds: float) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "tests.server.leased_reader"]
     return subprocess.Popen(
-        [*command, str(port), str(reads), str(hold_seconds)], stdout=subprocess.PIPE, text=True
+        [*command, str(port), str(reads), str(hold_seconds)],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
     )
 
 
