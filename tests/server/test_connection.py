@@ -4,6 +4,8 @@ import json
 import math
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 from splatbus_server.connection import LINGER_SECONDS, Connection, Event, Refusal, Terms
 from splatbus_wire.messages import CameraPose, GetViewportSize, Hello, Opened, Program, ViewportSize
@@ -48,6 +50,80 @@ def test_messages_come_out_however_the_bytes_come_in() -> None:
     found = [event for byte in stream for event in events(connection, bytes([byte]))]
     assert [type(event) for event in found] == [GetViewportSize, CameraPose, GetViewportSize]
     assert events(connection, stream) == found
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_no_division_of_the_stream_changes_what_is_understood(data: st.DataObject) -> None:
+    """[FRM-4]"""
+    messages = [
+        {"type": "get_viewport_size"},
+        camera_pose(2.0),
+        hello(),
+        {"type": "nope"},
+        {"type": "get_camera_pose", "cam_idx": 1, "id": 3},
+        b"[]",
+    ]
+    chosen = data.draw(st.lists(st.sampled_from(messages), max_size=8))
+    stream = b"".join(map(packet, chosen))
+    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=8).map(sorted))
+    whole, divided = (Connection("message", OPEN, 0.0) for _ in range(2))
+    found = []
+    for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
+        if start < end:
+            found += events(divided, stream[start:end])
+    assert found == (events(whole, stream) if stream else [])
+    assert divided.unsent == whole.unsent
+    assert divided.ending == whole.ending
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(["x", "y", "z", "w", "id"]) | st.text(), inner, max_size=5
+        )
+    ),
+    max_leaves=12,
+)
+TYPES = [
+    *("camera_pose", "point_cloud_pose", "get_viewport_size", "get_camera_pose", "hello"),
+    *("opened", "open_failed", "closed", "release", "subscribe", "welcome", "frame"),
+]
+MEMBERS = [
+    *("position", "rotation", "timestamp", "cam_idx", "versions", "client", "capabilities"),
+    *("token", "generation", "seq", "reason", "channels", "id"),
+]
+objects = st.builds(
+    lambda kind, members: text_of({"type": kind, **members}),
+    st.sampled_from(TYPES),
+    st.dictionaries(st.sampled_from(MEMBERS), json_values, max_size=6),
+)
+
+
+def text_of(message: object) -> bytes:
+    return json.dumps(message).encode("utf-8", "surrogatepass")
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    st.sampled_from(["ipc", "message"]),
+    st.booleans(),
+    st.lists(
+        objects | st.binary(min_size=1, max_size=40) | json_values.map(text_of),
+        min_size=1,
+        max_size=5,
+    ),
+)
+def test_no_payload_is_a_surprise(channel: str, greets: bool, payloads: list[bytes]) -> None:
+    """[JSN-10, CHN-7, NEG-22, NEG-26]: what arrives is understood, or refused."""
+    connection = greeted(channel, "frames") if greets else Connection(channel, OPEN, 0.0)
+    events(connection, b"".join(map(packet, payloads)))
+    codes = [message.get("code", "welcome") for message in sent(connection)]
+    if channel == "ipc" or greets:
+        assert (connection.ending is not None) == ("unsupported_version" in codes)
+    assert greets or codes[:1] in ([], ["welcome"], ["unsupported_version"])
 
 
 def test_hello_is_answered_before_what_follows_it() -> None:

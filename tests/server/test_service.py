@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import logging
 import socket
 import threading
@@ -12,6 +13,7 @@ from splatbus_schemas import LIMITS
 from splatbus_server import connection as connection_module
 from splatbus_server.service import MOST_CONNECTIONS, Peer, Service
 from splatbus_server.session import Session
+from splatbus_server.statistics import Statistics
 from splatbus_wire.messages import GetViewportSize
 
 from tests.server.conftest import SIZE
@@ -211,6 +213,35 @@ def test_a_defect_costs_one_connection_only(
         assert first.ask({"type": "get_viewport_size", "timestamp": 13.0}) is None
         assert other.viewport() == list(SIZE)
     assert "ZeroDivisionError" in caplog.text
+
+
+class Exhausted:
+    """A listener of a process that has too many files open."""
+
+    def accept(self) -> object:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+
+def test_a_connection_that_the_system_will_not_accept_is_tried_again_later(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """In between the thread must not spin, though the listener is ready all the while."""
+    bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0)
+    bus.close()
+    listeners = {name: socket.create_server(("127.0.0.1", 0)) for name in ("ipc", "message")}
+    with listeners["ipc"], listeners["message"]:
+        service = Service(listeners, bus._service._session, bus._service._terms, Statistics())
+        service._accept("ipc", Exhausted())  # type: ignore[arg-type]
+        assert "Too many open files" in caplog.text
+        assert all(listener not in registered(service) for listener in listeners.values())
+        service._meet_deadlines(service._accept_from)
+        assert all(listener in registered(service) for listener in listeners.values())
+        service._stopping = True
+        service.run()
+
+
+def registered(service: Service) -> list[object]:
+    return [key.fileobj for key in service._selector.get_map().values()]
 
 
 def test_small_packets_are_sent_at_once(bus: splatbus_server.Bus) -> None:
