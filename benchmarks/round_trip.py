@@ -170,10 +170,10 @@ def main() -> None:
             times[state] += ours
     rows = []
     for state in STATES:
-        echo, ours = summary(floors[state]), summary(times[state])
-        ratio = round(ours["p50_ms"] / echo["p50_ms"], 2)
-        rows.append({"rendering": state, "echo": echo, "server": ours, "ratio_p50": ratio})
-        print(f"{state}: server {ours}, echo {echo}, p50 {ratio} times (goal {GOAL})")
+        echo, answers = summary(floors[state]), summary(times[state])
+        ratio = round(answers["p50_ms"] / echo["p50_ms"], 2)
+        rows.append({"rendering": state, "echo": echo, "server": answers, "ratio_p50": ratio})
+        print(f"{state}: server {answers}, echo {echo}, p50 {ratio} times (goal {GOAL})")
     report = {
         "command": f"python -m benchmarks round_trip --seconds {options.seconds}"
         f" --rounds {options.rounds}",

@@ -59,7 +59,7 @@ def test_colour_of_every_layout(
 ) -> None:
     """[BUF-1, BUF-5]"""
     rgba = np.concatenate([RGB, np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)], axis=2)
-    given = rgba[..., :channels].astype(dtype).transpose(order)
+    given: Any = rgba[..., :channels].astype(dtype).transpose(order)
     color, depth = publish(bus, reader, given, DEPTH)
     assert (color[..., :3] == RGB).all()
     assert (color[..., 3] == (0.5 if channels == 4 else 1.0)).all()

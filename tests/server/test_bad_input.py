@@ -89,7 +89,7 @@ class Neighbours:
         frame = self.reader.frame()
         seen = float(self.reader.depth(frame)[0, 0])
         self.reader.release(frame)
-        return seen == 1.0 + self._x == 1.0 + frame["camera"]["position"][0]
+        return bool(seen == 1.0 + self._x == 1.0 + frame["camera"]["position"][0])
 
     def close(self) -> None:
         self.mover.close()

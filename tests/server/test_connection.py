@@ -8,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 from splatbus_server.connection import LINGER_SECONDS, Connection, Event, Refusal, Terms
-from splatbus_wire.messages import CameraPose, GetViewportSize, Hello, Opened, Program, ViewportSize
+from splatbus_wire.messages import (
+    CameraPose,
+    Channel,
+    GetViewportSize,
+    Hello,
+    Opened,
+    Program,
+    ViewportSize,
+)
 
 from tests.server.raw_client import camera_pose, hello, packet
 
@@ -36,7 +44,7 @@ def sent(connection: Connection) -> list[dict[str, object]]:
     return messages
 
 
-def greeted(channel: str = "message", *capabilities: str) -> Connection:
+def greeted(channel: Channel = "message", *capabilities: str) -> Connection:
     connection = Connection(channel, OPEN, 0.0)
     events(connection, packet(hello(*capabilities)))
     sent(connection)
@@ -116,7 +124,7 @@ def text_of(message: object) -> bytes:
         max_size=5,
     ),
 )
-def test_no_payload_is_a_surprise(channel: str, greets: bool, payloads: list[bytes]) -> None:
+def test_no_payload_is_a_surprise(channel: Channel, greets: bool, payloads: list[bytes]) -> None:
     """[JSN-10, CHN-7, NEG-22, NEG-26]: what arrives is understood, or refused."""
     connection = greeted(channel, "frames") if greets else Connection(channel, OPEN, 0.0)
     events(connection, b"".join(map(packet, payloads)))
@@ -152,7 +160,7 @@ def test_a_server_names_what_it_supports_and_closes() -> None:
 
 @pytest.mark.parametrize("channel", ["ipc", "message"])
 @pytest.mark.parametrize("token", [{}, {"token": "wrong"}, {"token": "secret "}])
-def test_a_wrong_token_is_refused(channel: str, token: dict[str, str]) -> None:
+def test_a_wrong_token_is_refused(channel: Channel, token: dict[str, str]) -> None:
     """[NEG-18]"""
     connection = Connection(channel, GUARDED, 0.0)
     stream = packet(hello(**token)) + packet(hello(token="secret")) + REQUEST

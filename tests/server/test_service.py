@@ -14,7 +14,7 @@ from splatbus_server import connection as connection_module
 from splatbus_server.service import MOST_CONNECTIONS, Peer, Service
 from splatbus_server.session import Session
 from splatbus_server.statistics import Statistics
-from splatbus_wire.messages import GetViewportSize
+from splatbus_wire.messages import Channel, GetViewportSize
 
 from tests.server.conftest import SIZE
 from tests.server.raw_client import RawClient, Reader, camera_pose, hello, packet
@@ -228,8 +228,9 @@ def test_a_connection_that_the_system_will_not_accept_is_tried_again_later(
     """In between the thread must not spin, though the listener is ready all the while."""
     bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0)
     bus.close()
-    listeners = {name: socket.create_server(("127.0.0.1", 0)) for name in ("ipc", "message")}
-    with listeners["ipc"], listeners["message"]:
+    ipc, message = (socket.create_server(("127.0.0.1", 0)) for _ in range(2))
+    listeners: dict[Channel, socket.socket] = {"ipc": ipc, "message": message}
+    with ipc, message:
         service = Service(listeners, bus._service._session, bus._service._terms, Statistics())
         service._accept("ipc", Exhausted())  # type: ignore[arg-type]
         assert "Too many open files" in caplog.text
