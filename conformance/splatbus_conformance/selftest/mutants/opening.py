@@ -10,7 +10,7 @@ from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
 from splatbus_wire.init_packet import HostMemory, InitPacket
-from splatbus_wire.messages import Closed, Opened, encode
+from splatbus_wire.messages import Closed, Opened, OpenFailed, encode
 
 from splatbus_conformance.selftest.mutants.memory import says_opened
 from splatbus_conformance.selftest.mutants.negotiation import without
@@ -193,6 +193,18 @@ def takes_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
         self.capabilities |= {"reinit"}
 
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+
+
+@mutant("OPN-6", reason="although welcome does not list reinit", through="OPN-6")
+def declines_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
+    """Answers `open_failed` to a further init packet, where `welcome` does not list `reinit`."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if self._last_generation and "reinit" not in self.capabilities:
+            self._out += encode(OpenFailed(packet.generation, "not agreed"))
+        return original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
 
 
 @mutant("OPN-10", check=ALONE, reason="it wrote to the memory while")

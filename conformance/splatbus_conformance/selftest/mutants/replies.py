@@ -12,6 +12,12 @@ from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, messages, of_type, wrap
 
 
+@mutant("REQ-1", reason='type is "getViewportSize" in what is else a request')
+def types_in_camel_case(patch: pytest.MonkeyPatch) -> None:
+    """Writes the type of a request in camel case."""
+    messages(patch, of_type("get_viewport_size", lambda it: it | {"type": "getViewportSize"}))
+
+
 @mutant("REQ-2", reason='cam_idx is "front"', through="NEG-5")
 def camera_by_name(patch: pytest.MonkeyPatch) -> None:
     """Asks for a camera by its name."""
@@ -34,6 +40,12 @@ def no_camera_index(patch: pytest.MonkeyPatch) -> None:
 def asks_again_at_once(patch: pytest.MonkeyPatch) -> None:
     """Asks for the size again as soon as it is told that there is none."""
     patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", 0.0)
+
+
+@mutant("REQ-12", reason="after the size was told to be [0,0]", through="REQ-12")
+def asks_again_too_soon(patch: pytest.MonkeyPatch) -> None:
+    """Asks for the size again after 20 milliseconds."""
+    patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", 0.02)
 
 
 @mutant("REQ-13", check="check_survives_bad_replies", reason="the reply {}: the testee died")

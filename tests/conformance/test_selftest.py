@@ -1,0 +1,172 @@
+"""The selftest: its zoo fits the checks, its verdicts can go wrong, a few specimens run for real."""
+
+import argparse
+import importlib
+import inspect
+import json
+import pkgutil
+from collections import Counter
+
+import pytest
+from rich.console import Console
+from splatbus_conformance import checks, rules
+from splatbus_conformance.coverage import check_functions, judges
+from splatbus_conformance.selftest import command, matrix, trials
+from splatbus_conformance.selftest.specimen import RULE, Mutant
+from splatbus_conformance.selftest.trials import Cell, Fate, Row, fate_of
+from splatbus_conformance.selftest.zoo import mutants, variations
+from splatbus_schemas.requirements import requirements
+
+MUTANTS = {mutant.name: mutant for mutant in mutants()}
+VARIATIONS = {variation.name: variation for variation in variations()}
+JUDGES = judges("client")
+WITHOUT_A_MUTANT = {"INI-12"}
+"""Permissions cannot be broken."""
+
+
+def judged_by(mutant: Mutant) -> set[str]:
+    """The checks, or the rules, that can kill this mutant."""
+    if mutant.check != RULE:
+        return {mutant.check}
+    return {judge.name for judge in JUDGES[mutant.requirement] if judge.level == "L0"}
+
+
+def families(package):
+    """Each module of a package with the names of the functions in it."""
+    for found in pkgutil.iter_modules(package.__path__):
+        module = importlib.import_module(f"{package.__name__}.{found.name}")
+        functions = inspect.getmembers(module, inspect.isfunction)
+        yield found.name, {name for name, f in functions if f.__module__ == module.__name__}
+
+
+def test_every_specimen_has_a_name_of_its_own():
+    names = Counter([trials.REFERENCE, *(m.name for m in (*mutants(), *variations()))])
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+@pytest.mark.parametrize("mutant", MUTANTS.values(), ids=MUTANTS)
+def test_a_mutant_names_a_requirement_and_who_judges_it(mutant):
+    assert "client" in requirements("1.1")[mutant.requirement].binds
+    known = {(j.name if j.level == "L1" else RULE) for j in JUDGES[mutant.requirement]}
+    assert mutant.check in known
+    assert mutant.reason
+
+
+@pytest.mark.parametrize("mutant", MUTANTS.values(), ids=MUTANTS)
+def test_a_mutant_runs_through_a_requirement_that_has_a_check(mutant):
+    assert mutant.through in {function.check.requirement for function in check_functions()}
+    assert mutant.check == RULE or mutant.through == mutant.requirement
+
+
+@pytest.mark.parametrize(
+    "specimen", [*MUTANTS.values(), *VARIATIONS.values()], ids=[*MUTANTS, *VARIATIONS]
+)
+def test_a_specimen_can_be_made_of_the_client_as_it_is(specimen):
+    with pytest.MonkeyPatch.context() as patch:
+        specimen.alter(patch)
+
+
+def test_the_advice_that_a_variation_breaks_is_advice():
+    levels = {requirements("1.1")[name].level for v in variations() for name in v.warns}
+    assert levels <= {"SHOULD", "SHOULD NOT"}
+
+
+def test_every_family_of_checks_has_a_mutant():
+    killers = {killer for mutant in mutants() for killer in judged_by(mutant)}
+    judging = {judge.name for each in JUDGES.values() for judge in each}
+    for package in (checks, rules):
+        for family, functions in families(package):
+            assert functions & killers or not functions & judging, (
+                f"no mutant for {package.__name__}.{family}"
+            )
+
+
+def test_every_requirement_that_is_judged_has_a_mutant():
+    assert {m.requirement for m in mutants()} == set(JUDGES) - WITHOUT_A_MUTANT
+
+
+def test_every_check_has_a_mutant():
+    here = {(m.requirement, m.check) for m in mutants()}
+    there = {(f.check.requirement, f.__name__) for f in check_functions()}
+    assert {name for name, _ in there - here} == WITHOUT_A_MUTANT
+
+
+MUTANT = Mutant("m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too long", "FRM-3")
+
+
+@pytest.mark.parametrize(
+    ("cell", "fate"),
+    [
+        (Cell("FRM-3", "check_it", "fail", "that is too long"), Fate.KILLED),
+        (Cell("FRM-3", "check_it", "warn", "that is too long"), Fate.KILLED),
+        (Cell("FRM-3", "check_it", "fail", "its process ended"), Fate.MISTAKEN),
+        (Cell("FRM-3", "check_other", "fail", "that is too long"), Fate.MISTAKEN),
+        (Cell("FRM-3", "check_it", "pass", "that is too long"), Fate.SURVIVED),
+        (Cell("FRM-3", "check_it", "skip", "that is too long"), Fate.SURVIVED),
+        (Cell("FRM-4", "check_it", "fail", "that is too long"), Fate.SURVIVED),
+    ],
+)
+def test_a_mutant_is_killed_by_its_check_for_its_reason_alone(cell, fate):
+    assert fate_of(MUTANT, [cell]) is fate
+
+
+@pytest.fixture
+def out():
+    return Console(record=True, width=200, force_terminal=False)
+
+
+def run_selftest(monkeypatch, out, rows, only="", path=None):
+    trials_ = {row.name: lambda row=row: row for row in rows}
+    monkeypatch.setattr(command, "every_trial", lambda: iter(trials_.items()))
+    return command.selftest(argparse.Namespace(only=only, json=path), out)
+
+
+def row(name, fate, kind="mutant"):
+    return Row(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a | reason")
+
+
+def test_the_selftest_fails_when_a_mutant_survives(monkeypatch, out):
+    rows = [row("killed-one", Fate.KILLED), row("other-one", Fate.SURVIVED)]
+    assert run_selftest(monkeypatch, out, rows) == 1
+    text = out.export_text()
+    assert "1 of 2 mutants killed" in text
+    assert "SURVIVED  other-one" in text
+
+
+def test_the_selftest_passes_when_all_is_as_it_must_be(monkeypatch, out):
+    rows = [row("killed-one", Fate.KILLED), row("usual", Fate.ALLOWED, "variation")]
+    assert run_selftest(monkeypatch, out, rows) == 0
+
+
+def test_a_name_that_nobody_has_is_a_usage_error(monkeypatch, out):
+    assert run_selftest(monkeypatch, out, [row("it", Fate.KILLED)], only="it,nobody") == 2
+
+
+def test_the_matrix_is_stored_for_programs_and_people(monkeypatch, out, tmp_path):
+    rows = [row("b", Fate.KILLED), row("a", Fate.MISTAKEN), row("v", Fate.ALLOWED, "variation")]
+    run_selftest(monkeypatch, out, rows, path=str(tmp_path / "MATRIX.json"))
+    stored = json.loads((tmp_path / "MATRIX.json").read_text("utf-8"))
+    assert [each["fate"] for each in stored["rows"]] == [each.fate for each in rows]
+    page = (tmp_path / "MATRIX.md").read_text("utf-8")
+    assert page == matrix.markdown(rows)
+    assert "| FRM-3 | `b` | breaks it | `check_it` | killed | “a ∣ reason” |" in page
+
+
+@pytest.mark.parametrize("name", ["byte-order-mark", "empty-packets-are-skipped", "releases-twice"])
+def test_a_mutant_dies(name):
+    judged = trials.judge_mutant(MUTANTS[name])
+    assert judged.fate is Fate.KILLED, judged
+
+
+def test_a_variation_lives():
+    report, status, last_words = trials.run_harness("numbers-of-17-digits", "CHN-10", 60.0)
+    assert status == 0, last_words
+    assert not any(cell.condemns for cell in trials.cells_of(report))
+
+
+def test_a_mutant_that_no_check_looks_at_survives():
+    unseen = MUTANTS["releases-twice"]
+    elsewhere = Mutant(
+        unseen.name, unseen.does, unseen.alter, "FRM-3", "check_bad_length_closes_ipc", "x", "FRM-3"
+    )
+    assert trials.judge_mutant(elsewhere).fate is Fate.SURVIVED
