@@ -7,7 +7,7 @@ an image, as one that draws it does.
 
     python -m benchmarks host_publish [--size 1920x1080] [--rounds 60]
 
-writes `benchmarks/results/host_publish.json`.
+writes `benchmarks/results/host_publish.json` and `host_publish.png`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import platform
 import statistics
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,26 @@ def timed(work: Callable[..., None], *arguments: Any, **named: Any) -> float:
     start = time.perf_counter()
     work(*arguments, **named)
     return (time.perf_counter() - start) * 1e3
+
+
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(8, 3.5))
+    for offset, name in enumerate(("copyto_ms", "publish_ms")):
+        places = [row + 0.4 * (offset - 0.5) for row in range(len(rows))]
+        label = name.removesuffix("_ms")
+        bars = axis.bar(places, [row[name] for row in rows], width=0.38, label=label)
+        axis.bar_label(bars, fmt="%.3g", fontsize=8)
+    labels = [f"{row['image']}\n×{row['ratio']}" for row in rows]
+    axis.set_xticks(range(len(rows)), labels, fontsize=8)
+    axis.set_ylabel("median (ms)")
+    axis.legend()
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
 
 
 def main() -> None:
@@ -87,6 +108,7 @@ def main() -> None:
         "cpu_count": os.cpu_count(),
         "rows": rows,
     }
+    draw(rows, RESULTS / "host_publish.png")
     (RESULTS / "host_publish.json").write_text(json.dumps(report, indent=1) + "\n", "utf-8")
 
 

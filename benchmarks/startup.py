@@ -7,7 +7,7 @@ connect to the copy of its first frame.
 
     python -m benchmarks startup [--rounds 10]
 
-writes `benchmarks/results/startup.json`.
+writes `benchmarks/results/startup.json` and `startup.png`.
 """
 
 from __future__ import annotations
@@ -77,6 +77,22 @@ def measure() -> dict[str, float]:
     }
 
 
+def draw(milliseconds: dict[str, dict[str, float]], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(8, 2.5))
+    names = [name.replace("_", " ") for name in reversed(milliseconds)]
+    bars = axis.barh(names, [times["median"] for times in reversed(milliseconds.values())])
+    axis.bar_label(bars, fmt="%.4g ms", fontsize=8)
+    axis.set_xlabel("median (ms)")
+    axis.margins(x=0.12)
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=10)
@@ -104,6 +120,7 @@ def main() -> None:
         "start_to_first_frame_read_over_floor": round(ratio, 2),
     }
     (RESULTS / "startup.json").write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+    draw(milliseconds, RESULTS / "startup.png")
     print(json.dumps(report, indent=1))
 
 
