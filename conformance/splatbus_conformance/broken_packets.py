@@ -206,7 +206,13 @@ def beyond_memory() -> list[Breach]:
         {"ring/colorStride": quarter, "ring/depthStride": quarter, "ring/slots": 5},
         {"ring/colorStride": whole, "ring/depthStride": whole},
     )
-    return [Breach("MEM-9", change) for change in changes]
+    # Within the integers of JSON only the most slots at the greatest stride exceed 2⁶³.
+    most = BEYOND - 16
+    furthest = {
+        f"ring/{plane}{what}": most for plane in ("color", "depth") for what in ("Offset", "Stride")
+    }
+    overflowing = Breach("MEM-9", {**furthest, "memory/bytes": ROOM}, 64, 64, LIMITS["max_slots"])
+    return [*(Breach("MEM-9", change) for change in changes), overflowing]
 
 
 def wrapping_in_32_bits() -> list[Breach]:

@@ -20,6 +20,8 @@ from splatbus_conformance.trial import REACTION_SECONDS, Trial
 
 NOWHERE = "splatbus-check-never-was"
 TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit")
+SETTLE_SECONDS = 0.05
+"""Between the end of a connection and the end of a process that died."""
 ANSWERS = ("opened", "open_failed")
 
 
@@ -157,16 +159,16 @@ def check_keeps_the_connection_after_failing(trial: Trial) -> None:
     for _ in range(2 if further else 1):
         generation = trial.role.init_packet(connection)["generation"]
         trial.role.offer(connection, init_packet_1_1(NOWHERE, generation))
-        awaits_answer(trial, connection, generation)
-        if connection.ended and dealings.failed:
+        if not awaits_answer(trial, connection, generation):
             break
-        if generation not in dealings.failed:
-            trial.not_observable("the testee answered no open_failed to memory that does not exist")
+    if not dealings.failed:
+        trial.not_observable("the testee answered no open_failed to memory that does not exist")
     if further:
         trial.role.offer(connection, trial.role.init_packet(connection))
         waited = trial.opens(connection)
     else:
         waited = not trial.ends(connection, REACTION_SECONDS)
+    trial.rest(SETTLE_SECONDS if connection.ended else 0.0)
     ended = trial.fate() or ("closes" if connection.ended else "hangs")
     trial.judge("waits" if waited else ended, "after open_failed")
     trial.delivered += 1
