@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
+from splatbus_conformance.audit import audit
 from splatbus_conformance.data import read_json
 from splatbus_conformance.recording import (
     Entry,
@@ -102,6 +103,16 @@ def test_lines_that_are_wrong(line: Any, validator: Draft202012Validator) -> Non
 def test_lines_that_are_no_json(line: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         from_line(line)
+
+
+def test_the_example_of_the_description_is_a_recording(validator: Draft202012Validator) -> None:
+    text = (Path(__file__).parents[2] / "conformance" / "RECORDING.md").read_text("utf-8")
+    lines = text.split("```")[1].strip().splitlines()
+    for line in lines:
+        validator.validate(json.loads(line))
+    judged = audit(map(from_line, lines))
+    assert [f.requirement.id for f in judged.findings if f.broken] == []
+    assert "REQ-7" in {f.requirement.id for f in judged.of("server")}
 
 
 @pytest.mark.parametrize("path", sorted(DATA.glob("*.jsonl")), ids=lambda path: path.stem)

@@ -11,6 +11,7 @@ from tests.conformance.talk import (
     POSE,
     SIZE,
     Step,
+    breaches,
     client,
     error,
     server,
@@ -62,6 +63,18 @@ def test_an_error_with_an_id_answers_that_request() -> None:
     asked = {**ASK_SIZE, "id": 1}
     found = matched(*GREETING, client(asked), server(error("internal", id=1)))
     assert not found.unanswered
+
+
+def test_an_error_with_an_id_keeps_to_the_order_too() -> None:
+    first, second = {**ASK_SIZE, "id": 1}, {**ASK_SIZE, "id": 2}
+    overtaken = (*GREETING, client(first), client(second), server(error("internal", id=2)))
+    assert [p.late for p in matched(*overtaken).pairs] == [1]
+    assert breaches(talk("msg", *overtaken)) == {("server", "NEG-29"): 1}
+
+
+def test_an_id_may_have_a_fraction_of_zero() -> None:
+    asked = client({**ASK_SIZE, "id": 3.0})
+    assert breaches(talk("msg", *GREETING, asked, server({**TYPED_SIZE, "id": 3}))) == {}
 
 
 def test_an_error_without_id_may_be_the_answer_of_what_is_passed_over() -> None:

@@ -2,19 +2,23 @@
 
 Replies of 1.0 carry neither type nor id, so they are matched by order (REQ-7) and by what they
 hold; after `welcome` also by id. An `error` without id may answer any request, or a pose: it is
-kept in hand, and taken for the answer of a request that is passed over.
+kept in hand, and taken for the answer of a request that is passed over. Each step costs the same
+however many requests wait.
 """
 
-from collections.abc import Iterator
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from splatbus_conformance.conversation import Conversation, Message, placed
 from splatbus_conformance.kinds import REPLIES, REQUESTS
 from splatbus_conformance.rules import Judgement
-from splatbus_conformance.values import SAFE, integer_in, is_number, show
+from splatbus_conformance.values import SAFE, integer_in, is_number, show, whole
 
 REPLY_TO = dict(zip(REQUESTS, REPLIES, strict=True))
+Id = int | str | None
+ANY = "any"
 
 
 class Pair(NamedTuple):
@@ -47,22 +51,62 @@ class Exchanges:
     """Valid requests without an answer."""
 
 
-@dataclass
-class _Pending:
+class _Pending(NamedTuple):
+    """A request that waits for its answer."""
+
     question: Message
     certain: bool
-    """The request breaks nothing, so that it must be answered."""
+    """It breaks nothing, so that it must be answered."""
     after_hello: bool
-    blamed: bool = False
-    """A breach for this request has been found already."""
 
-    def is_answered_by(self, answer: Message) -> bool:
-        """It is a reply of the kind that was asked for."""
-        return answer.kind == REPLY_TO[self.question.kind or ""]
+    @property
+    def kind(self) -> str:
+        """The kind of reply that it asks for."""
+        return REPLY_TO[self.question.kind or ""]
 
-    def has_the_id_of(self, answer: Message) -> bool:
-        """Both have the same id, or none."""
-        return (self.question.value or {}).get("id") == (answer.value or {}).get("id")
+    @property
+    def id(self) -> Id:
+        """Its id."""
+        return _id(self.question)
+
+
+@dataclass
+class _Queue:
+    """The requests that wait, in order, and those that a later one's answer has overtaken."""
+
+    waiting: deque[_Pending] = field(default_factory=deque)
+    count: Counter[tuple[str, Id]] = field(default_factory=Counter)
+    """How many wait, by kind of reply and id; by kind alone, with "any" for an id; by id alone."""
+    overtaken: dict[tuple[str, Id], deque[_Pending]] = field(default_factory=dict)
+
+    def add(self, pending: _Pending) -> None:
+        self.waiting.append(pending)
+        self.count.update(_names(pending))
+
+    def reach(self, name: tuple[str, Id]) -> tuple[_Pending, list[_Pending]] | None:
+        """Take the first that has this name, and those before it; None if none has."""
+        if not self.count[name]:
+            return None
+        passed = []
+        while name not in _names(self.waiting[0]):
+            passed.append(self.next())
+        return self.next(), passed
+
+    def next(self) -> _Pending:
+        """Take the first."""
+        first = self.waiting.popleft()
+        self.count.subtract(_names(first))
+        return first
+
+    def overtake(self, passed: Iterable[_Pending]) -> None:
+        """Keep these in case that their answers come late."""
+        for each in passed:
+            self.overtaken.setdefault((each.kind, each.id), deque()).append(each)
+
+    def late(self, answer: Message) -> _Pending | None:
+        """Take the one that has been overtaken and that this answers."""
+        found = self.overtaken.get((answer.kind or "", _id(answer)))
+        return found.popleft() if found else None
 
 
 def request(message: Message) -> Iterator[Judgement]:
@@ -93,68 +137,68 @@ def exchanges(conversation: Conversation) -> Exchanges:
     found = Exchanges()
     if conversation.channel != "msg":
         return found
-    pending: list[_Pending] = []
+    queue = _Queue()
     errors = 0
     cause: Message | None = None
     for message, hello, welcome in placed(conversation):
         if message.sender == "client":
             cause = message
             if valid_request(message):
-                pending.append(_Pending(message, _certain(message), hello is not None))
-        elif message.value is None:
-            if pending:
-                spoiled = pending.pop(0)
-                found.pairs.append(_pair(spoiled, message, 0, welcome))
+                queue.add(_Pending(message, _certain(message), hello is not None))
+            continue
+        if message.kind == "error" and hello is None:
+            continue
+        asked = _asked(queue, message)
+        if asked is not None:
+            pending, passed = asked
+            owed = [each for each in passed if each.certain]
+            forgiven = len(owed) <= errors
+            errors -= len(owed) if forgiven else 0
+            queue.overtake(() if forgiven else owed)
+            late = 0 if forgiven else len(owed)
+            after_hello, welcomed = pending.after_hello, welcome is not None
+            found.pairs.append(Pair(pending.question, message, late, after_hello, welcomed))
         elif message.kind == "error":
-            errors += hello is not None and not _take_by_id(pending, message)
-        elif message.kind not in REPLIES and message.type is not None:
-            if hello is None:
-                found.extra.append(Extra(message, None))
-        elif (index := _asked(pending, message)) is None:
-            found.extra.append(Extra(message, cause))
-            if pending:
-                pending[0].blamed = True
-        else:
-            passed = [p for p in pending[:index] if p.certain and not p.blamed]
-            forgiven = len(passed) <= errors
-            errors -= len(passed) if forgiven else 0
-            found.pairs.append(
-                _pair(pending[index], message, 0 if forgiven else len(passed), welcome)
-            )
-            for each in passed:
-                each.blamed = True
-            kept = [] if forgiven else [p for p in pending[:index] if p.certain]
-            pending[: index + 1] = kept
-    left = [p.question for p in pending if p.certain and not p.blamed]
+            errors += 1
+        elif message.kind in REPLIES or message.type is None:
+            if message.value is not None:
+                found.extra.append(Extra(message, cause))
+                queue.overtake([queue.next()] if queue.waiting else ())
+        elif hello is None:
+            found.extra.append(Extra(message, None))
+    left = [each.question for each in queue.waiting if each.certain]
     found.unanswered = left[errors:]
     return found
 
 
-def _pair(asked: _Pending, answer: Message, late: int, welcome: Message | None) -> Pair:
-    return Pair(asked.question, answer, late, asked.after_hello, welcome is not None)
+def _asked(queue: _Queue, answer: Message) -> tuple[_Pending, list[_Pending]] | None:
+    """The request that a packet answers, and those before it that it passes over.
+
+    A reply answers the first request of its kind, that with its id if there is one. What has no
+    sign of any reply is a broken reply to the first request, and so is what cannot be read.
+    """
+    if answer.kind == "error":
+        return queue.reach(("", _id(answer))) if "id" in (answer.value or {}) else None
+    if answer.kind in REPLIES:
+        name = str(answer.kind)
+        reached = queue.reach((name, _id(answer))) or queue.reach((name, ANY))
+        if reached is None and (late := queue.late(answer)) is not None:
+            return late, []
+        return reached
+    return (queue.next(), []) if answer.type is None and queue.waiting else None
+
+
+def _names(pending: _Pending) -> tuple[tuple[str, Id], ...]:
+    return (pending.kind, pending.id), (pending.kind, ANY), ("", pending.id)
+
+
+def _id(message: Message) -> Id:
+    """The id of a message, 3.0 being the same as 3 (JSN-6); None if it has none."""
+    value = message.value or {}
+    number = whole(value.get("id"))
+    return show(value["id"]) if number is None and "id" in value else number
 
 
 def _certain(message: Message) -> bool:
     value = message.value or {}
     return is_number(value.get("timestamp", 0)) and integer_in(value.get("id", 0), 0)
-
-
-def _asked(pending: list[_Pending], answer: Message) -> int | None:
-    """Which pending request a reply answers: of its kind, and with its id where one has it.
-
-    What has no sign of any reply is a broken reply to the first.
-    """
-    if answer.kind not in REPLIES:
-        return next((i for i, p in enumerate(pending) if not p.blamed), None)
-    of_kind = [i for i, p in enumerate(pending) if p.is_answered_by(answer)]
-    of_id = [i for i in of_kind if pending[i].has_the_id_of(answer)]
-    return next(iter([*of_id, *of_kind]), None)
-
-
-def _take_by_id(pending: list[_Pending], error: Message) -> bool:
-    if "id" in (error.value or {}):
-        for i, each in enumerate(pending):
-            if each.has_the_id_of(error):
-                del pending[i]
-                return True
-    return False

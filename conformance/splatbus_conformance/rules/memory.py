@@ -42,20 +42,12 @@ class Announced(NamedTuple):
     """An init packet, and what it shows."""
 
     message: Message
-    layout: tuple[Judgement, ...]
-    """What it shows of chapter 4 of 1.0."""
     additions: tuple[Judgement, ...]
     """What it shows of chapter 3 of 1.1."""
     granted: frozenset[str] | None
     """The capabilities of a `welcome` before it; None without one, or where they are unreadable."""
-    welcomed: bool
-    """A `welcome` came before it."""
-
-    @property
-    def breaks_no_rule(self) -> bool:
-        """Neither the packet nor its text breaks anything."""
-        judgements = self.layout + self.additions
-        return not self.message.faults and all(j.breach is None for j in judgements)
+    breaks_no_rule: bool
+    """Neither the packet nor its text breaks anything."""
 
     @property
     def generation(self) -> object:
@@ -84,7 +76,8 @@ def announced(conversation: Conversation) -> list[Announced]:
             added = tuple(additions(message.value, newest, granted or frozenset()))
             newest = whole(message.value.get("generation"), 1) or newest
         shown = tuple(layout(message.value))
-        found.append(Announced(message, shown, added, granted, welcome is not None))
+        sound = not message.faults and all(j.breach is None for j in shown + added)
+        found.append(Announced(message, added, granted, sound))
     return found
 
 

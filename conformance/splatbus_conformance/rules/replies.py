@@ -41,7 +41,7 @@ class Size(NamedTuple):
 def well_formed_reply(conversation: Conversation) -> Iterator[Sighting]:
     """REQ-3, REQ-5: the members of a reply, their numbers, and the camera's rotation."""
     for question, answer, *_ in exchanges(conversation).pairs:
-        if answer.value is not None:
+        if answer.value is not None and answer.kind != "error":
             asked_size = question.kind == "get_viewport_size"
             content = viewport_size(answer.value) if asked_size else camera(answer.value)
             yield from judged(conversation, answer, content)
@@ -124,7 +124,8 @@ def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
 def typed_replies(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-28: after `welcome`, a reply has its type and the id of its request."""
     for pair in exchanges(conversation).pairs:
-        if pair.welcomed and pair.answer.value is not None:
+        spoiled = pair.answer.value is None or pair.answer.kind == "error"
+        if pair.welcomed and not spoiled:
             yield from judged(
                 conversation, pair.answer, _typed(pair.question.value or {}, pair.answer)
             )

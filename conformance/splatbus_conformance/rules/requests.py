@@ -29,10 +29,10 @@ def defined_types(conversation: Conversation) -> Iterator[Sighting]:
 
     What a client that speaks a version unknown to this harness may send, is not judged.
     """
+    if conversation.channel == "ipc" and conversation.hello is None:
+        return
     for message, hello, _ in placed(conversation):
         if message.sender == "server" or message.value is None:
-            continue
-        if conversation.channel == "ipc" and conversation.hello is None:
             continue
         versions = strings((hello.value or {}).get("versions")) if hello else ["1.0"]
         if versions is not None and set(versions) <= KNOWN_VERSIONS:
