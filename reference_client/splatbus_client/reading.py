@@ -111,11 +111,6 @@ class Reading:
         """Whether there is memory to read from."""
         return self._mapped is not None
 
-    @property
-    def to_sweep(self) -> bool:
-        """Whether retired memory is still being read."""
-        return bool(self._retired)
-
     def _open(self, packet: InitPacket) -> None:
         assert self._machine is not None
         try:

@@ -33,7 +33,7 @@ from splatbus_client.reading import CAPABILITIES, Loan, Reading
 from splatbus_client.settings import Settings, settings
 from splatbus_client.steering import Steering
 
-_SWEEP_SECONDS = 0.5
+_NAP_SECONDS = 0.5
 # They need no object of the system, unlike epoll and kqueue, and the former takes any descriptor.
 _Selector = getattr(selectors, "PollSelector", selectors.SelectSelector)
 
@@ -83,6 +83,7 @@ class Session:
         self._started = time.monotonic()
         self._changed = threading.Condition()
         self._closed = False
+        self._wakes_at = 0.0  # when the thread looks after deadlines next, if nothing comes before
         self._reading = Reading(hello, _known(channels))
         self._steering = Steering(hello._replace(capabilities=()))
         self._ipc = Channel("IPC", where.host, where.ipc_port, self._reading)
@@ -255,10 +256,12 @@ class Session:
     def _sending(self, channel: Channel) -> Iterator[None]:
         """Send at once what the block gives the channel to send, and have its deadline kept."""
         with self._changed:
-            before = channel.interest(), channel.deadline()
+            before = channel.interest()
             yield
             channel.flush(time.monotonic())
-            if (channel.interest(), channel.deadline()) != before and not self._closed:
+            due = channel.deadline()
+            too_late = due is not None and due < self._wakes_at
+            if (too_late or channel.interest() != before) and not self._closed:
                 self._wake()
 
     def _wake(self) -> None:
@@ -278,7 +281,8 @@ class Session:
                     for channel in channels:
                         channel.advance(now)
                     self._changed.notify_all()
-                    selector, timeout = self._selector(), self._timeout(now)
+                    selector, self._wakes_at = self._selector(), self._next_deadline(now)
+                    timeout = max(0.0, self._wakes_at - now)
                 ready = selector.select(timeout)
                 with self._changed:
                     now = time.monotonic()
@@ -307,12 +311,10 @@ class Session:
                 selector.register(channel.socket, channel.interest(), channel)
         return selector
 
-    def _timeout(self, now: float) -> float | None:
-        deadlines = [channel.deadline() for channel in (self._ipc, self._message)]
-        if self._reading.to_sweep:
-            deadlines.append(now + _SWEEP_SECONDS)
-        first = min((deadline for deadline in deadlines if deadline is not None), default=None)
-        return None if first is None else max(0.0, first - now)
+    def _next_deadline(self, now: float) -> float:
+        # Waking now and then for nothing spares a wake for every request, whose time is long.
+        deadlines = [self._ipc.deadline(), self._message.deadline(), now + _NAP_SECONDS]
+        return min(deadline for deadline in deadlines if deadline is not None)
 
 
 def _known(channels: Iterable[str]) -> frozenset[str]:
