@@ -36,6 +36,8 @@ examples:
   splatbus-client snapshot out.png                  one picture of what it shows now
   splatbus-client snapshot out.png --camera-index 2 the same from the scene's third camera
   splatbus-client snapshot out.png --look-at "0,-1,-2, 0,0,4"
+
+exit status: 0 done, 1 it could not be done (standard error says why), 2 wrong usage
 """
 
 
@@ -102,8 +104,8 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="splatbus-client",
-        description="The reference client of the SplatBus protocol: watches a Gaussian-splatting"
-        " renderer, steers its camera, and takes pictures.",
+        description="The reference client of the SplatBus protocol: watches a Gaussian-splatting\n"
+        "renderer, steers its camera, and takes pictures.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
