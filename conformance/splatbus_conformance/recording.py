@@ -81,7 +81,10 @@ def _is_number(value: object) -> TypeGuard[int | float]:
 
 def load(path: Path) -> list[Entry]:
     """Read a recording; RecordingError for a line that breaks the format, OSError for the file."""
-    return list(_entries(path.read_text("utf-8").splitlines(), path.name))
+    try:
+        return list(_entries(path.read_text("utf-8").split("\n"), path.name))
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path.name}: byte {error.start} is not UTF-8") from None
 
 
 def save(entries: Iterable[Entry], path: Path) -> None:

@@ -57,6 +57,18 @@ def test_a_file_that_breaks_the_format_is_named_with_its_line(tmp_path: Path) ->
         load(tmp_path / "bad.jsonl")
 
 
+def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
+    (tmp_path / "bad.jsonl").write_bytes(b"\x1c\x00\xff")
+    with pytest.raises(RecordingError, match=r"bad\.jsonl: byte 2 is not UTF-8"):
+        load(tmp_path / "bad.jsonl")
+
+
+def test_only_line_breaks_part_lines(tmp_path: Path) -> None:
+    odd = json.dumps({**BYTES, "note": "a\u2028b"}, ensure_ascii=False)
+    (tmp_path / "odd.jsonl").write_bytes(f"{odd}\r\n{json.dumps(EOF)}\r\n".encode())
+    assert len(load(tmp_path / "odd.jsonl")) == 2
+
+
 @pytest.mark.parametrize(
     "line", [BYTES, OPEN, EOF, {**OPEN, "dir": "c2s"}, {**BYTES, "hex": "", "note": "odd"}]
 )
