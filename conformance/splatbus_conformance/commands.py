@@ -83,6 +83,7 @@ def client(arguments: argparse.Namespace, out: Console) -> int:
             )
         facts = introduce(peer, role, testee, patience)
         run = Run(peer, role, testee, facts, patience, live)
+        run.recordings.append(list(peer.entries))
         run.profile, run.seed = arguments.profile, arguments.seed
         run.allow_crash = arguments.allow_crash
         run.select = select

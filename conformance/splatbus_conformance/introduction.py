@@ -6,10 +6,13 @@ Checks ask no more of it than it has shown here.
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Testee
+from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 from splatbus_conformance.trial import Facts
 
 SETTLE_SECONDS = 1.0
 RETURN_SECONDS = 5.0
+REQUESTS = 2
+"""Kinds of request that there are."""
 
 
 class NothingConnects(Exception):  # noqa: N818 - a finding, no error of ours
@@ -21,7 +24,6 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Facts:
 
     Raises NothingConnects if no connection comes within `patience` seconds.
     """
-    facts = Facts()
     peer.clear()
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
     testee.ensure_running()
@@ -29,7 +31,21 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Facts:
     if not peer.connections:
         raise NothingConnects(_why_nothing(peer, testee, patience))
     peer.until(lambda: {c.channel for c in peer.connections} == set(CHANNELS), SETTLE_SECONDS)
-    peer.pump(SETTLE_SECONDS)
+    peer.until(lambda: _everything(_shown(peer, role)), SETTLE_SECONDS)
+    facts = _shown(peer, role)
+    peer.close_all()
+    met = list(peer.connections)
+    peer.until(
+        lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,
+        RETURN_SECONDS,
+    )
+    facts.returns = {c.channel for c in peer.connections if c not in met}
+    peer.pump(TRIAL_SETTLE_SECONDS)
+    return facts
+
+
+def _shown(peer: Peer, role: Role) -> Facts:
+    facts = Facts()
     for connection in peer.connections:
         dealings = role.with_(connection)
         facts.connects.add(connection.channel)
@@ -39,15 +55,12 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Facts:
             if kind.startswith("get_"):
                 facts.asks.add(kind)
             facts.poses = facts.poses or kind in ("camera_pose", "point_cloud_pose")
-    for connection in peer.connections:
-        connection.close()
-    met = list(peer.connections)
-    peer.until(
-        lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,
-        RETURN_SECONDS,
-    )
-    facts.returns = {c.channel for c in peer.connections if c not in met}
     return facts
+
+
+def _everything(facts: Facts) -> bool:
+    """There is nothing more to wait for."""
+    return all(facts.hello.values()) and len(facts.asks) == REQUESTS and facts.poses
 
 
 def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
