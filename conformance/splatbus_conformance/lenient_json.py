@@ -7,6 +7,7 @@ import json
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
@@ -15,6 +16,7 @@ from splatbus_conformance.kinds import NUMBER, Shape
 
 LONG_NUMBER = 300
 """Digits from which an integer may overflow double precision."""
+_HALF_A_PAIR = re.compile("[\ud800-\udfff]")
 _JSON_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 
 
@@ -77,10 +79,24 @@ def read(payload: bytes) -> Reading:
         )
     except ValueError as error:
         return Reading(None, (*faults, Fault("JSN-1", f"no JSON: {error}")))
+    if "\\u" in text and any(_HALF_A_PAIR.search(each) for each in _strings(value)):
+        faults.append(Fault("JSN-1", "a string holds an escape of half a pair of surrogates"))
     if not isinstance(value, dict):
         kind = type(value).__name__
         return Reading(None, (*faults, Fault("JSN-1", f"the payload is a {kind}, no object")))
     return Reading(value, tuple(faults))
+
+
+def _strings(value: Any) -> Iterator[str]:
+    """Every string and name in a JSON value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        yield from value
+        yield from _strings(list(value.values()))
+    elif isinstance(value, list):
+        for each in value:
+            yield from _strings(each)
 
 
 def take_numbers(value: dict[str, Any], shape: Shape) -> Reading:

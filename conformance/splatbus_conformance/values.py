@@ -13,7 +13,8 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.lenient_json import shorten
 
 SAFE: int = LIMITS["max_safe_integer"]
-_VERSION = re.compile(r"[0-9]+\.[0-9]+")
+MAX_CHARS: int = LIMITS["max_name_chars"]
+_VERSION = re.compile(r"(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)")
 _HANDLE = re.compile(r"[A-Za-z0-9+/]{86}==")
 
 
@@ -53,8 +54,10 @@ def text_of(value: object, low: int, high: int) -> bool:
 
 
 def is_version(value: object) -> bool:
-    """Two integers joined by a dot."""
-    return isinstance(value, str) and _VERSION.fullmatch(value) is not None
+    """Two decimal integers without sign or leading zeros, joined by a dot; up to 64 characters."""
+    return (
+        isinstance(value, str) and len(value) <= MAX_CHARS and _VERSION.fullmatch(value) is not None
+    )
 
 
 def is_handle(value: object) -> bool:

@@ -170,7 +170,7 @@ UUID = "GPU-01234567-89ab-cdef-0123-456789abcdef"
 CUDA_INIT: Json = {
     **ADDED,
     **INIT,
-    "memory": {"kind": "cuda_ipc", "deviceUuid": UUID, "bytes": 184320},
+    "memory": {"kind": "cuda_ipc", "deviceUuid": UUID, "handle": HANDLE, "bytes": 184320},
     "ring": {**RING, "events": [HANDLE] * 3},
 }
 ALL = ["host_shm", "cuda_ipc", "frames", "reinit", "subscribe"]
@@ -241,6 +241,7 @@ def greeting(*capabilities: str) -> tuple[Step, Step]:
     return client(hello(*capabilities)), server(welcome(*capabilities))
 
 
-def session(*steps: Step, capabilities: Iterable[str] = ALL, init: Json = HOST_INIT) -> list[Entry]:
+def session(*steps: Step, capabilities: Iterable[str] = ALL, conn: int = 1) -> list[Entry]:
     """An IPC connection on which memory was announced and opened."""
-    return talk("ipc", *greeting(*capabilities), server(init), OPENED, *steps)
+    opened = (*greeting(*capabilities), server(HOST_INIT), OPENED)
+    return talk("ipc", *opened, *steps, conn=conn)

@@ -99,6 +99,8 @@ def test_every_member(requirement: str, pointer: str, value: object) -> None:
     [
         ("MEM-2", "/memory/deviceUuid", ...),
         ("MEM-2", "/memory/deviceUuid", "01234567-89ab-cdef-0123-456789abcdef"),
+        ("MEM-2", "/memory/handle", ...),
+        ("MEM-2", "/memory/handle", HANDLE[:-1]),
         ("MEM-8", "/ring", ...),
         ("MEM-8", "/ring/events", ...),
         ("MEM-8", "/ring/events", [HANDLE] * 2),

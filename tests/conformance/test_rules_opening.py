@@ -44,6 +44,7 @@ IGNORED = session(
 )
 CASES = [
     Case("OPN-1", "client", KEPT, session(OPENED)),
+    Case("OPN-13", "client", KEPT, answered(client({"type": "opened"}))),
     Case("OPN-3", "client", answered(failed()), answered(failed(""))),
     Case("OPN-5", "client", KEPT, session(SECOND, CLOSED, OPENED_2)),
     Case("OPN-7", "server", KEPT, session(SECOND, capabilities=WITHOUT_REINIT)),
@@ -74,14 +75,16 @@ def test_opened_and_open_failed_is_one_answer_too_many() -> None:
     assert breaches(session(failed())) == {("client", "OPN-1"): 1}
 
 
-def test_an_answer_without_a_generation() -> None:
-    assert breaches(answered(client({"type": "opened"}))) == {("client", "OPN-1"): 1}
-    assert breaches(session(client({"type": "closed"}))) == {("client", "OPN-5"): 1}
+@pytest.mark.parametrize("kind", ["opened", "open_failed", "closed"])
+@pytest.mark.parametrize("generation", [..., 0, 1.5, True, None, [1], "one", 2**53])
+def test_opn_13_wants_a_generation(kind: str, generation: Any) -> None:
+    wrong = changed(about_generation(kind, reason="no"), "/generation", generation)
+    assert breaches(answered(client(wrong))) == {("client", "OPN-13"): 1}
 
 
-@pytest.mark.parametrize("generation", [0, 2, 1.5, True, None, [1], "one"])
-def test_a_generation_that_was_never_announced_breaks_opn_11(generation: Any) -> None:
-    wrong = changed(about_generation("opened"), "/generation", generation)
+@pytest.mark.parametrize("kind", ["opened", "open_failed", "closed"])
+def test_a_generation_that_was_never_announced_breaks_opn_11(kind: str) -> None:
+    wrong = about_generation(kind, 2, reason="no")
     assert breaches(answered(client(wrong))) == {("client", "OPN-11"): 1}
 
 
@@ -90,7 +93,12 @@ def test_a_generation_as_a_string_breaks_jsn_4_alone() -> None:
     assert breaches(answered(client(as_text))) == {("client", "JSN-4"): 1}
 
 
-@pytest.mark.parametrize("reason", [..., None, 2, "r" * 1025])
+def test_open_failed_without_a_reason_breaks_opn_13() -> None:
+    silent = client(about_generation("open_failed"))
+    assert breaches(answered(silent)) == {("client", "OPN-13"): 1}
+
+
+@pytest.mark.parametrize("reason", [None, 2, "", "r" * 1025])
 def test_opn_3_wants_a_text(reason: Any) -> None:
     wrong = changed(about_generation("open_failed", reason="no"), "/reason", reason)
     assert breaches(answered(client(wrong))) == {("client", "OPN-3"): 1}

@@ -46,6 +46,7 @@ BUSY = error("busy")
 
 CASES = [
     Case("NEG-6", "server", msg(*GREETING), answers({**welcome(), "version": "2.0"})),
+    Case("NEG-30", "server", msg(*GREETING), answers(changed(welcome(), "/server"))),
     Case(
         "NEG-7",
         "server",
@@ -70,17 +71,23 @@ def test_each_requirement(case: Case) -> None:
     [
         ("/version", ...),
         ("/version", 1.1),
-        ("/version", "1"),
+        ("/version", "01.1"),
         ("/server", ...),
         ("/server", "example"),
         ("/server/name", ...),
         ("/server/version", 0.1),
+        ("/capabilities", ...),
+        ("/capabilities", None),
+        ("/capabilities", "frames"),
+        ("/capabilities", [1]),
+        ("/capabilities", ["frames", "frames"]),
     ],
 )
-def test_neg_6_covers_the_members_of_welcome(pointer: str, value: Any) -> None:
-    broken = answers(changed(welcome(), pointer, value))
-    assert breaches(broken) == {("server", "NEG-6"): 1}
-    assert first_breach(broken).pointer == pointer
+def test_neg_30_covers_every_member(pointer: str, value: Any) -> None:
+    wrong = changed(welcome("frames"), pointer, value)
+    broken = talk("ipc", client(hello("frames")), server(wrong))
+    assert breaches(broken) == {("server", "NEG-30"): 1}
+    assert first_breach(broken).pointer.startswith(pointer)
 
 
 def test_a_reply_or_host_memory_before_welcome_breaks_neg_6() -> None:
@@ -112,7 +119,7 @@ def test_unsupported_although_the_version_is_spoken_breaks_neg_6() -> None:
     assert breaches(contradictory) == {("server", "NEG-6"): 1}
 
 
-@pytest.mark.parametrize("listed", [..., None, "frames", [1], ["frames", "frames"], ["later"]])
+@pytest.mark.parametrize("listed", [["reinit"], ["frames", "subscribe"], ["later"], [""]])
 def test_neg_7_wants_capabilities_of_both(listed: Any) -> None:
     odd = changed(welcome(), "/capabilities", listed)
     offered = client(hello("frames", "later"))
@@ -147,6 +154,7 @@ def test_memory_before_unauthorized_breaks_neg_18() -> None:
         ("/message", ...),
         ("/message", None),
         ("/message", "m" * 1025),
+        ("/supported", ["1.1"]),
         ("/pointer", "rotation"),
         ("/pointer", "/a~2b"),
         ("/pointer", ["rotation"]),

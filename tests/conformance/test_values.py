@@ -50,7 +50,24 @@ def test_versions(value: str) -> None:
     assert is_version(value)
 
 
-@pytest.mark.parametrize("value", ["1", "1.1.0", "v1.1", "1.1\n", "١.١", "", ".1", None, 1.1])
+@pytest.mark.parametrize(
+    "value",
+    [
+        "1",
+        "01.1",
+        "1.01",
+        "-1.0",
+        "1." + "1" * 63,
+        "1.1.0",
+        "v1.1",
+        "1.1\n",
+        "١.١",
+        "",
+        ".1",
+        None,
+        1.1,
+    ],
+)
 def test_what_is_no_version(value: object) -> None:
     assert not is_version(value)
 

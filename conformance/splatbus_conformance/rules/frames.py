@@ -10,6 +10,7 @@ from splatbus_conformance.conversation import Conversation, placed
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.rules.memory import announced, capabilities
+from splatbus_conformance.rules.poses import magnitudes, unit_norm
 from splatbus_conformance.values import (
     SAFE,
     integer_in,
@@ -17,6 +18,7 @@ from splatbus_conformance.values import (
     numbers,
     positive,
     show,
+    unspeakable,
     whole,
 )
 
@@ -141,6 +143,16 @@ def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
         if not numbers(part, count):
             text = f"{name} is {show(part)}, no array of {count} numbers"
             yield Judgement("IMG-1", text, f"/camera/{name}")
+    if numbers(camera.get("position"), 3):
+        each = {f"/camera/position/{i}": part for i, part in enumerate(camera["position"])}
+        yield from magnitudes(each, "IMG-1")
+    if numbers(camera.get("rotation"), 4):
+        yield from unit_norm(camera["rotation"], "IMG-1", "/camera/rotation")
+    planes: list[Any] = [camera.get("near"), camera.get("far")]
+    if all(positive(plane) and not unspeakable(plane) for plane in planes):
+        near, far = map(float, planes)
+        text = f"far is {show(far)}, near {show(near)}"
+        yield Judgement("IMG-1", None if near < far else text, "/camera/far")
     for name, must_be_positive in CAMERA_NUMBERS.items():
         part = camera.get(name)
         if not (positive(part) if must_be_positive else is_number(part)):

@@ -13,6 +13,7 @@ from splatbus_conformance.rules.init_packets import HANDLES, handle, layout, siz
 from splatbus_conformance.values import (
     SAFE,
     integer_in,
+    is_handle,
     is_number,
     numbers,
     positive,
@@ -100,7 +101,7 @@ def additions(value: Json, newest: int, granted: frozenset[str]) -> Iterator[Jud
     memory = value.get("memory")
     kind = memory.get("kind") if isinstance(memory, dict) else None
     if versioned or "memory" in value:
-        yield from _memory(memory)
+        yield from _memory(memory, with_ring="ring" in value)
     if kind == "host_shm":
         yield Judgement("MEM-3")
         for name in HANDLES:
@@ -133,7 +134,7 @@ def _identity(value: Json, newest: int) -> Iterator[Judgement]:
         yield Judgement("MEM-1", f"generation {generation} follows {newest}", "/generation")
 
 
-def _memory(memory: object) -> Iterator[Judgement]:
+def _memory(memory: object, *, with_ring: bool) -> Iterator[Judgement]:
     if not isinstance(memory, dict):
         text = "is missing" if memory is None else f"is {show(memory)}, no object"
         yield Judgement("MEM-2", f"memory {text}", "/memory")
@@ -146,6 +147,10 @@ def _memory(memory: object) -> Iterator[Judgement]:
         yield Judgement("MEM-2", f"{show(name)} is no name for memory", "/memory/name")
     if kind == "cuda_ipc" and not (isinstance(uuid, str) and _UUID.fullmatch(uuid)):
         yield Judgement("MEM-2", f"deviceUuid is {show(uuid)}", "/memory/deviceUuid")
+    wanted = kind == "cuda_ipc" and (with_ring or "handle" in memory)
+    if wanted and not is_handle(memory.get("handle")):
+        text = f"handle is {show(memory.get('handle'))}, no base64 of a CUDA IPC handle"
+        yield Judgement("MEM-2", text, "/memory/handle")
     if not integer_in(memory.get("bytes"), 1):
         text = f"bytes is {show(memory.get('bytes'))}, no integer from 1 to {SAFE}"
         yield Judgement("MEM-2", text, "/memory/bytes")

@@ -12,11 +12,10 @@ from splatbus_conformance.rules.answers import exchanges
 from splatbus_conformance.rules.init_packets import layout
 from splatbus_conformance.rules.memory import capabilities
 from splatbus_conformance.rules.replies import viewport_size
-from splatbus_conformance.values import SAFE, integer_in, is_version, show, text_of
+from splatbus_conformance.values import MAX_CHARS, SAFE, integer_in, is_version, show, text_of
 
 Json = dict[str, Any]
 NEEDS = {"closed": "reinit", "release": "frames", "subscribe": "subscribe"}
-MAX_CHARS: int = LIMITS["max_name_chars"]
 
 
 @rule("NEG-1", "NEG-3")
@@ -122,17 +121,7 @@ def hello(value: Json) -> Iterator[Judgement]:
                 text = f"{show(version)} is no version: two integers joined by a dot"
                 yield Judgement("NEG-2", text, f"/versions/{i}")
     yield from named(client, "client", "NEG-2")
-    if not (isinstance(listed, list) and len(listed) <= LIMITS["max_capabilities"]):
-        text = f"capabilities is {show(listed)}, no array of up to {LIMITS['max_capabilities']}"
-        yield Judgement("NEG-2", text, "/capabilities")
-    else:
-        for i, capability in enumerate(listed):
-            if not text_of(capability, 0, MAX_CHARS):
-                text = f"{show(capability)} is no string of up to {MAX_CHARS} characters"
-                yield Judgement("NEG-2", text, f"/capabilities/{i}")
-            elif capability in listed[:i]:
-                text = f"{show(capability)} is listed twice"
-                yield Judgement("NEG-2", text, "/capabilities")
+    yield from listing(listed, "NEG-2")
     if not text_of(token, 1, LIMITS["max_token_chars"]):
         text = f"token is no string of 1 to {LIMITS['max_token_chars']} characters"
         yield Judgement("NEG-2", text, "/token")
@@ -149,6 +138,21 @@ def named(program: object, role: str, requirement: str) -> Iterator[Judgement]:
             has = show(program[member]) if member in program else "missing"
             text = f"{member} is {has}, no string of up to {MAX_CHARS} characters"
             yield Judgement(requirement, text, f"/{role}/{member}")
+
+
+def listing(listed: object, requirement: str) -> Iterator[Judgement]:
+    """Whether capabilities are an array of different strings."""
+    most = LIMITS["max_capabilities"]
+    if not (isinstance(listed, list) and len(listed) <= most):
+        text = f"capabilities is {show(listed)}, no array of up to {most} strings"
+        yield Judgement(requirement, text, "/capabilities")
+        return
+    for i, capability in enumerate(listed):
+        if not text_of(capability, 0, MAX_CHARS):
+            text = f"{show(capability)} is no string of up to {MAX_CHARS} characters"
+            yield Judgement(requirement, text, f"/capabilities/{i}")
+        elif capability in listed[:i]:
+            yield Judgement(requirement, f"{show(capability)} is listed twice", "/capabilities")
 
 
 def _deaf(conversation: Conversation) -> bool:

@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.conversation import Conversation, Message, placed
 from splatbus_conformance.rules import Rule, Sighting, about, rule
 from splatbus_conformance.rules.memory import Announced, announced
-from splatbus_conformance.values import show, text_of
+from splatbus_conformance.values import SAFE, integer_in, show, text_of
 
 MAX_REASON: int = LIMITS["max_reason_chars"]
 ANSWERS = ("opened", "open_failed")
@@ -45,12 +45,35 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
                 yield about(conversation, packet.message, "OPN-1", text, peer="client")
 
 
+@rule("OPN-13")
+def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
+    """OPN-13: the members of `opened`, `open_failed` and `closed`.
+
+    A generation that an init packet had is not judged, whatever it is.
+    """
+    had: list[object] = []
+    for message, hello, _ in placed(conversation):
+        value = message.value or {}
+        if message.kind == "init_packet":
+            had.append(value.get("generation"))
+        elif message.kind in (*ANSWERS, "closed") and hello is not None:
+            generation, pointer, wrong = value.get("generation"), "/generation", None
+            if "generation" not in value:
+                wrong = "generation is missing"
+            elif not integer_in(generation, 1) and not any(_same(g, generation) for g in had):
+                wrong = f"generation is {show(generation)}, no integer from 1 to {SAFE}"
+            elif message.kind == "open_failed" and "reason" not in value:
+                wrong, pointer = "reason is missing", "/reason"
+            yield about(conversation, message, "OPN-13", wrong, pointer)
+
+
 @rule("OPN-3")
 def reason_of_failure(conversation: Conversation) -> Iterator[Sighting]:
     """OPN-3: `open_failed` says why."""
     for message, hello, _ in placed(conversation):
-        if message.kind == "open_failed" and hello is not None:
-            reason = (message.value or {}).get("reason")
+        failed = message.kind == "open_failed" and "reason" in (message.value or {})
+        if failed and hello is not None:
+            reason = (message.value or {})["reason"]
             text = f"reason is {show(reason)}, no string of 1 to {MAX_REASON:,} characters"
             fits = text_of(reason, 1, MAX_REASON)
             yield about(conversation, message, "OPN-3", None if fits else text, "/reason")
@@ -69,13 +92,10 @@ def further_init_packets_are_agreed(conversation: Conversation) -> Iterator[Sigh
 def _answer(
     conversation: Conversation, message: Message, known: list[Announced], answered: Counter[int]
 ) -> Iterator[Sighting]:
-    value = message.value or {}
-    if "generation" not in value:
-        requirement = "OPN-5" if message.kind == "closed" else "OPN-1"
-        yield about(conversation, message, requirement, "generation is missing", "/generation")
-        return
-    generation = value["generation"]
+    generation = (message.value or {}).get("generation")
     named = [i for i, packet in enumerate(known) if _same(packet.generation, generation)]
+    if not named and not integer_in(generation, 1):
+        return
     if not named:
         text = f"no init packet on this connection had generation {show(generation)}"
         yield about(conversation, message, "OPN-11", text, "/generation")
@@ -110,6 +130,7 @@ def _same(one: object, other: object) -> bool:
 
 
 RULES: tuple[Rule, ...] = (
+    well_formed_answer,
     one_answer_to_each_init_packet,
     reason_of_failure,
     further_init_packets_are_agreed,

@@ -60,19 +60,22 @@ def pose(message: Message) -> Iterator[Judgement]:
         yield from _members(value.get(part), part)
     position, rotation = value.get("position"), value.get("rotation")
     if isinstance(position, dict):
-        yield from _magnitudes({f"/position/{name}": position.get(name) for name in "xyz"})
+        numbers = {f"/position/{name}": position.get(name) for name in "xyz"}
+        yield from magnitudes(numbers, "POS-2")
     if isinstance(rotation, dict) and set("xyzw") <= set(rotation):
         yield from unit_norm([rotation[name] for name in "xyzw"], "POS-3")
 
 
-def unit_norm(rotation: list[Any], requirement: str) -> Iterator[Judgement]:
+def unit_norm(
+    rotation: list[Any], requirement: str, pointer: str = "/rotation"
+) -> Iterator[Judgement]:
     """Whether four numbers are a unit quaternion, as POS-3 says."""
     if all(is_number(part) and not unspeakable(part) for part in rotation):
         norm = math.hypot(*map(float, rotation))
         tolerance = LIMITS["rotation_norm_tolerance"]
         off = not abs(norm - 1) <= tolerance
         text = f"the norm of rotation is {norm:.6g}, further than {tolerance} from 1"
-        yield Judgement(requirement, text if off else None, "/rotation")
+        yield Judgement(requirement, text if off else None, pointer)
 
 
 def _members(part: Any, name: str) -> Iterator[Judgement]:
@@ -92,13 +95,14 @@ def _members(part: Any, name: str) -> Iterator[Judgement]:
         yield Judgement("POS-4", wrong if order != MEMBERS[name] else None, f"/{name}")
 
 
-def _magnitudes(numbers: dict[str, Any]) -> Iterator[Judgement]:
+def magnitudes(numbers: dict[str, Any], requirement: str) -> Iterator[Judgement]:
+    """Whether the numbers at these pointers fit into single precision, as POS-2 says."""
     limit = LIMITS["max_position"]
     for pointer, value in numbers.items():
         if is_number(value):
             fits = number_in(value, -limit, limit)
             text = f"{show(value)} is beyond the largest single-precision number"
-            yield Judgement("POS-2", None if fits else text, pointer)
+            yield Judgement(requirement, None if fits else text, pointer)
 
 
 def _stamped(conversation: Conversation) -> Iterator[Message]:

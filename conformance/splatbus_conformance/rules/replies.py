@@ -16,11 +16,10 @@ from splatbus_conformance.rules.answers import (
     valid_request,
 )
 from splatbus_conformance.rules.init_packets import size
-from splatbus_conformance.rules.poses import pose, unit_norm
+from splatbus_conformance.rules.poses import magnitudes, pose, unit_norm
 from splatbus_conformance.values import (
     integer_in,
     is_number,
-    number_in,
     numbers,
     show,
     unspeakable,
@@ -49,12 +48,13 @@ def well_formed_reply(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("REQ-4")
 def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
-    """REQ-4: the size told is that of the init packet, and `[0,0]` only before it is known.
+    """REQ-4: the size told is that of the init packet, or `[0,0]` while nothing was rendered.
 
-    An init packet counts from when it was sent, on whichever connection.
+    An init packet counts from when it was sent, on whichever connection; that an image was
+    rendered shows when a `frame` is sent, on whichever connection.
     """
     announced = _announced(conversation.beside or [conversation])
-    known = False
+    rendered = _rendered(conversation.beside or [conversation])
     for question, answer, *_ in exchanges(conversation).pairs:
         told = _size_told(answer)
         if question.kind != "get_viewport_size" or told is None:
@@ -63,15 +63,14 @@ def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
         before = [earlier for t, earlier in announced if t < asked]
         allowed = {*before[-1:], *(later for t, later in announced if t >= asked)}
         wrong = None
-        if told != (0, 0) and 0 in told:
+        if told == (0, 0):
+            wrong = "the size is told to be [0, 0] after a frame" if rendered < asked else None
+        elif 0 in told:
             wrong = f"the size is told to be {list(told)}"
         elif before and told not in allowed:
             wrong = f"the size is told to be {list(told)}, the init packet said {list(before[-1])}"
-        elif known and told == (0, 0):
-            wrong = "the size is told to be [0, 0] after it had been known"
-        if wrong or before or known:
+        if wrong or before:
             yield about(conversation, answer, "REQ-4", wrong, "/viewport_size")
-        known = known or 0 not in told
 
 
 @rule("REQ-7", "NEG-29")
@@ -178,12 +177,9 @@ def camera(value: dict[str, Any]) -> Iterator[Judgement]:
             yield Judgement("REQ-5", f"{show(part[i])} is no number", f"/{name}/{i}")
         else:
             yield Judgement("REQ-5", f"{text}: no array of {count} numbers", f"/{name}")
-    limit = LIMITS["max_position"]
     if numbers(value.get("position"), 3):
-        for i, part in enumerate(value["position"]):
-            text = f"{show(part)} is beyond the largest single-precision number (POS-2)"
-            fits = number_in(part, -limit, limit)
-            yield Judgement("REQ-5", None if fits else text, f"/position/{i}")
+        each = {f"/position/{i}": part for i, part in enumerate(value["position"])}
+        yield from magnitudes(each, "REQ-5")
     if numbers(value.get("rotation"), 4):
         yield from unit_norm(value["rotation"], "REQ-5")
 
@@ -217,6 +213,12 @@ def _announced(conversations: list[Conversation]) -> list[Size]:
             if message.kind == "init_packet" and announced is not None:
                 sizes.append(Size(message.packet.ended, announced))
     return sorted(sizes)
+
+
+def _rendered(conversations: list[Conversation]) -> float:
+    """When the first `frame` was sent, in seconds; infinity if none was."""
+    frames = (m.packet.ended for c in conversations for m in c.messages if m.kind == "frame")
+    return min(frames, default=math.inf)
 
 
 def _blame(extra: Extra, *, negotiated: bool) -> str:

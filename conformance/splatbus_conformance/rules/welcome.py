@@ -1,7 +1,6 @@
 """Rules on the server's side of the negotiation, and on `error` (spec 1.1 chapter 2)."""
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,7 +11,7 @@ from splatbus_conformance.kinds import CAPABILITIES, CLOSING_ERRORS, OTHER_ERROR
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
 from splatbus_conformance.rules.memory import capabilities, kind_of_memory
-from splatbus_conformance.rules.negotiation import named
+from splatbus_conformance.rules.negotiation import listing, named
 from splatbus_conformance.values import integer_in, is_version, show, strings, text_of
 
 Json = dict[str, Any]
@@ -38,12 +37,24 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
         if greeted is None or welcome is not None or message.sender == "client":
             continue
         if message.kind == "welcome":
-            yield from judged(conversation, message, _welcome(message.value or {}, offered))
+            version = (message.value or {}).get("version")
+            wrong = is_version(version) and offered is not None and version not in offered
+            listed = ", ".join(map(show, offered or []))
+            text = f"version is {show(version)}, hello lists {listed}"
+            yield about(conversation, message, "NEG-6", text if wrong else None, "/version")
         elif _code(message) == "unsupported_version":
             supported = strings((message.value or {}).get("supported")) or []
             common = [version for version in offered or [] if version in supported]
             text = f"unsupported_version, although {', '.join(common)} is both offered and spoken"
             yield about(conversation, message, "NEG-6", text if common else None, "/supported")
+
+
+@rule("NEG-30")
+def well_formed_welcome(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-30: the members of `welcome`."""
+    for message, hello, _ in placed(conversation):
+        if message.kind == "welcome" and hello is not None:
+            yield from judged(conversation, message, _members(message.value or {}))
 
 
 @rule("NEG-7")
@@ -118,34 +129,24 @@ def _sent_too_early(conversation: Conversation) -> Message | None:
     return None
 
 
-def _welcome(value: Json, offered: list[str] | None) -> Iterator[Judgement]:
-    version = value.get("version")
-    yield Judgement("NEG-6")
-    if not is_version(version):
-        text = f"version is {show(version)}: not two integers joined by a dot"
-        yield Judgement("NEG-6", text, "/version")
-    elif offered is not None and version not in offered:
-        text = f"version is {show(version)}, hello lists {', '.join(map(show, offered))}"
-        yield Judgement("NEG-6", text, "/version")
-    yield from named(value.get("server"), "server", "NEG-6")
+def _members(value: Json) -> Iterator[Judgement]:
+    yield Judgement("NEG-30")
+    if not is_version(value.get("version")):
+        has = show(value["version"]) if "version" in value else "missing"
+        text = f"version is {has}: not two integers joined by a dot"
+        yield Judgement("NEG-30", text, "/version")
+    yield from named(value.get("server"), "server", "NEG-30")
+    yield from listing(value.get("capabilities"), "NEG-30")
 
 
 def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> Iterator[Judgement]:
-    listed = strings((message.value or {}).get("capabilities"))
-    yield Judgement("NEG-7")
-    if listed is None:
-        text = "capabilities is missing or no array of strings"
-        yield Judgement("NEG-7", text, "/capabilities")
-        return
-    times = Counter(listed)
-    for i, name in enumerate(listed):
+    for i, name in enumerate(strings((message.value or {}).get("capabilities")) or []):
+        yield Judgement("NEG-7")
         pointer = f"/capabilities/{i}"
         if offered is not None and name not in offered:
             yield Judgement("NEG-7", f"hello does not list {show(name)}", pointer)
         if name not in CAPABILITIES[channel]:
             yield Judgement("NEG-7", f"{show(name)} is none of this channel's", pointer)
-        if times[name] > 1:
-            yield Judgement("NEG-7", f"{show(name)} is listed twice", pointer)
 
 
 def _supported(supported: object) -> Iterator[Judgement]:
@@ -169,6 +170,8 @@ def _error(value: Json) -> Iterator[Judgement]:
         yield Judgement("NEG-23", wrong, "/message")
     if not (isinstance(pointer, str) and _POINTER.fullmatch(pointer)):
         yield Judgement("NEG-23", f"pointer is {show(pointer)}, no JSON Pointer", "/pointer")
+    if "supported" in value and code != "unsupported_version":
+        yield Judgement("NEG-23", f"supported stands beside {show(code)}", "/supported")
     if "id" in value and not integer_in(value["id"], 0):
         yield Judgement("NEG-23", f"id is {show(value['id'])}", "/id")
 
@@ -187,6 +190,7 @@ def _code(message: Message) -> object:
 
 RULES: tuple[Rule, ...] = (
     welcome_comes_first,
+    well_formed_welcome,
     capabilities_of_both,
     unsupported_version_ends,
     unauthorized_is_all,
