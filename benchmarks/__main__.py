@@ -1,17 +1,26 @@
-"""Run one benchmark by name: `python -m benchmarks NAME [its options]`."""
+"""Measure: `python -m benchmarks` runs every benchmark, `python -m benchmarks NAME` one of them.
 
-import runpy
+Each writes its figures, its command, and a picture to `benchmarks/results/`.
+"""
+
+import subprocess
 import sys
 from pathlib import Path
 
 
-def main() -> None:
+def main() -> int:
     names = sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem[0] != "_")
-    if len(sys.argv) < 2 or sys.argv[1] not in names:
-        sys.exit(f"usage: python -m benchmarks {{{','.join(names)}}} [options]")
-    del sys.argv[0]
-    runpy.run_module(f"benchmarks.{sys.argv[0]}", run_name="__main__", alter_sys=True)
+    name, *options = sys.argv[1:] or [""]
+    if name and name not in names:
+        print(__doc__, f"benchmarks: {', '.join(names)}", sep="\n")
+        return 2
+    for each in [name] if name else names:
+        print(f"== {each}", flush=True)
+        command = [sys.executable, "-m", f"benchmarks.{each}", *options]
+        if status := subprocess.run(command, cwd=Path(__file__).parents[1]).returncode:
+            return status
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

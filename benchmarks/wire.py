@@ -7,7 +7,7 @@ decoding with all its checks, `view_matrix`.
 
     python -m benchmarks wire [--poses 2000] [--rounds 40]
 
-writes `benchmarks/results/wire.json`.
+writes `benchmarks/results/wire.json` and `wire.png`.
 """
 
 from __future__ import annotations
@@ -117,6 +117,30 @@ def measure(spelling: Callable[[Message], str], poses: int, rounds: int) -> dict
     }
 
 
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(8, 3.2), layout="constrained")
+    places = range(len(rows))
+    for shift, member, label in (
+        (-0.2, "poses_per_second", "bytes to view matrix"),
+        (0.2, "json_loads_per_second", "json.loads alone"),
+    ):
+        bars = axes.barh([y + shift for y in places], [row[member] for row in rows], 0.38)
+        bars.set_label(label)
+        axes.bar_label(bars, fmt="{:,.0f}", fontsize=8, padding=2)
+    axes.axvline(GOAL_POSES_PER_SECOND, color="grey", linestyle=":", label="goal")
+    axes.set_yticks(list(places), [row["spelling"] for row in rows])
+    axes.invert_yaxis()
+    axes.set_xlabel("poses a second")
+    axes.margins(x=0.12)
+    axes.legend(fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--poses", type=int, default=2000)
@@ -141,6 +165,7 @@ def main() -> None:
     }
     RESULTS.mkdir(exist_ok=True)
     (RESULTS / "wire.json").write_text(json.dumps(report, indent=1) + "\n")
+    draw(rows, RESULTS / "wire.png")
 
 
 if __name__ == "__main__":
