@@ -107,13 +107,28 @@ class Trial:
         """
         seconds = self.patience if seconds is None else seconds
         self.testee.ensure_running()
-        found = self._next_connection(channel, seconds)
+        found = self.next_connection(channel, seconds)
         if found is None:
             self.testee.stop()
         if found is None and self.testee.ensure_running():
-            found = self._next_connection(channel, seconds)
+            found = self.next_connection(channel, seconds)
         if found is None:
             self.not_observable(f"the testee made no connection on the {channel} channel")
+        return found
+
+    def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
+        """Close those of this channel that were used; a new one, if it comes in time.
+
+        None of a testee that has hung, died or exited: unlike `connection`, this starts no other.
+        """
+        for used in self._used:
+            if used.channel == channel:
+                used.close()
+        seconds = self.patience if seconds is None else seconds
+        self.peer.until(lambda: self._unused(channel) or self.testee.ended(), seconds)
+        found = self._unused(channel)
+        if found is not None:
+            self._used.add(found)
         return found
 
     def greeted(self, channel: Channel) -> Connection:
@@ -262,16 +277,19 @@ class Trial:
 
         A client that speaks 1.0 has nothing to say on the IPC channel.
         """
-        connection = self._next_connection(channel, self.patience)
+        connection = self.next_connection(channel)
         if connection is None:
             return False
         back = True
         if channel == "ipc" and self.facts.speaks_1_1("ipc"):
             dealings = self.role.with_(connection)
-            if not self.role.offers_memory:
-                self.wait(lambda: dealings.welcome)
-                self.role.offer(connection, self.role.init_packet(connection))
-            back = self.wait(lambda: dealings.generation in dealings.opened)
+            back = self.wait(
+                lambda: dealings.welcome or (dealings.hello and not self.role.welcomes)
+            )
+            if back and dealings.welcome and "host_shm" in self.facts.capabilities():
+                if not self.role.offers_memory:
+                    self.role.offer(connection, self.role.init_packet(connection))
+                back = self.wait(lambda: dealings.generation in dealings.opened)
         elif channel == "msg":
             back = self.wait(lambda: connection.packets)
         self.delivered += back
@@ -289,17 +307,6 @@ class Trial:
                 "a clean close and a dead listener look alike"
             )
         return "closes" if self.comes_back(channel) else self.fate() or "hangs"
-
-    def _next_connection(self, channel: Channel, seconds: float) -> Connection | None:
-        """Close those of this channel that were used; a new one, if it comes in time."""
-        for used in self._used:
-            if used.channel == channel:
-                used.close()
-        self.peer.until(lambda: self._unused(channel) or self.testee.ended(), seconds)
-        found = self._unused(channel)
-        if found is not None:
-            self._used.add(found)
-        return found
 
     def _unused(self, channel: Channel) -> Connection | None:
         return next(

@@ -139,3 +139,10 @@ def test_a_client_may_answer_a_bad_init_packet_or_not_or_twice(spoil: dict) -> N
 def test_nothing_is_said_of_answers_to_what_could_not_be_split() -> None:
     steps = (*greeting(*ALL), raw("s2c", b"\xff" * 8), OPENED, CLOSED)
     assert not any(peer == "client" for peer, _ in breaches(talk("ipc", *steps)))
+
+
+def test_memory_closed_in_time_may_be_announced_again_before_that_is_heard() -> None:
+    third = server({**HOST_INIT, "generation": 3})
+    again = server(HOST_INIT)
+    steps = (SECOND, OPENED_2, again, third, CLOSED, client(about_generation("opened", 3)))
+    assert breaches(session(*steps)).keys() <= {("server", "MEM-1")}

@@ -1,4 +1,4 @@
-"""The selftest: its zoo fits the checks, its verdicts can go wrong, a few specimens run for real."""
+"""The selftest: its zoo fits the checks, its verdicts can go wrong, a few specimens run."""
 
 import argparse
 import importlib

@@ -8,6 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+OPENS_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
+"""What a check needs that shows by opened memory that the testee goes on."""
+
 F = TypeVar("F", bound=Callable[..., None])
 
 

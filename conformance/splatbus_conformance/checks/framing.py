@@ -5,7 +5,7 @@ import itertools
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.channels import closing
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
@@ -17,7 +17,7 @@ BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
 @check(
     "FRM-3",
     observable="the testee closes the connection and connects again",
-    needs=("hello:ipc", "returns:ipc"),
+    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
     may_crash=True,
 )
 def check_bad_length_closes_ipc(trial: Trial) -> None:
@@ -38,14 +38,17 @@ def check_bad_length_closes_ipc(trial: Trial) -> None:
 def check_bad_length_closes_message_channel(trial: Trial) -> None:
     """The same on the message channel, in place of a reply."""
     for length in BAD_LENGTHS:
-        outcome = trial.outcome_of_reply(length.to_bytes(4, "little"))
+        connection = trial.asking()
+        connection.send(length.to_bytes(4, "little"))
+        trial.ends(connection)  # what was under way may still arrive before
+        outcome = trial.outcome_on_msg(connection)
         trial.judge(outcome, f"a header that announces {length:,} bytes, in place of a reply")
 
 
 @check(
     "FRM-4",
     observable="the testee opens memory whose init packet arrived in pieces",
-    needs=("hello:ipc",),
+    needs=OPENS_HOST_MEMORY,
 )
 def check_any_segmentation(trial: Trial) -> None:
     """Init packets and frames arrive byte by byte, halved anywhere, and joined to others."""
@@ -88,7 +91,7 @@ def check_incomplete_packet_is_given_up(trial: Trial) -> None:
 @check(
     "FRM-6",
     observable="after half an init packet and a new connection, the testee opens a whole one",
-    needs=("hello:ipc", "returns:ipc"),
+    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
     may_crash=True,
 )
 def check_half_packet_is_discarded(trial: Trial) -> None:

@@ -13,14 +13,13 @@ from splatbus_conformance.broken_packets import (
     changed,
     wrapping_in_32_bits,
 )
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
 from splatbus_conformance.sound_packets import layouts, unusual_packets
 from splatbus_conformance.trial import Trial
 
-OPENS_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
 LISTENING_SECONDS = 0.3
 
 OTHERS: tuple[Json, ...] = (
@@ -74,7 +73,7 @@ def check_accepts_good_init_packets(trial: Trial) -> None:
     """Sizes at both ends of their range, rings of any order and spacing, optional members, the
     longest name, the last generation.
     """
-    trial.role.offers_memory = False
+    trial.role.offers_memory = trial.role.lends_frames = False
     long_name = f"-_AZaz.09-splatbus-{secrets.token_hex(6)}"[: LIMITS["max_shm_name_chars"]]
     drawn = [
         (f"the ring {case['ring']}", case) for case in trial.cases(layouts(), quick=25, full=400)
@@ -141,16 +140,17 @@ def check_ignores_what_is_no_init_packet(trial: Trial) -> None:
 @check(
     "INI-12",
     observable="whether the testee answers opened, and whether it goes on",
-    needs=(*OPENS_HOST_MEMORY, "capability:reinit"),
+    needs=(*OPENS_HOST_MEMORY, "capability:reinit", "returns:ipc"),
 )
 def check_takes_a_further_init_packet(trial: Trial) -> None:
     """A second init packet with other memory, where the testee declares that it takes one."""
-    trial.role.offers_memory = False
+    trial.role.offers_memory = trial.role.lends_frames = False
     for width in (64, 32):
         with HostMemory(ROOM) as memory:
             opened, generation = offer(trial, init_packet_1_1(memory.name, 0, width))
-        outcome = "accepts" if opened else trial.fate() or "absent"
-        trial.judge(outcome, f"init packet {generation} on the connection")
+        alive = opened or trial.comes_back("ipc")
+        absent = "absent" if alive else trial.fate() or "hangs"
+        trial.judge("accepts" if opened else absent, f"init packet {generation} on the connection")
         trial.delivered += 1
 
 

@@ -9,8 +9,8 @@ from typing import Any
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, beyond_memory, breaches_of_1_1
-from splatbus_conformance.checks import check
-from splatbus_conformance.checks.init_packets import OPENS_HOST_MEMORY, judge_breaches
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks.init_packets import judge_breaches
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import encode, init_packet_1_1, ring_bytes
 from splatbus_conformance.packets import packet

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -71,7 +71,7 @@ def check_sends_only_what_was_granted(trial: Trial) -> None:
 @check(
     "NEG-8",
     observable="the testee opens memory after a welcome with capabilities that nobody knows",
-    needs=("hello:ipc",),
+    needs=OPENS_HOST_MEMORY,
 )
 def check_ignores_unknown_capabilities(trial: Trial) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
@@ -92,7 +92,7 @@ def check_ignores_unknown_capabilities(trial: Trial) -> None:
 @check(
     "NEG-9",
     observable="the testee goes on after messages of unknown types",
-    needs=("hello:ipc",),
+    needs=OPENS_HOST_MEMORY,
 )
 def check_ignores_unknown_types(trial: Trial) -> None:
     """Messages of types that nobody knows, before and between init packets, and unasked."""
@@ -176,7 +176,7 @@ def check_refuses_a_version_it_did_not_list(trial: Trial) -> None:
 @check(
     "NEG-24",
     observable="the process lives, and the testee goes on or comes back after a pause",
-    needs=("hello:ipc", "returns:ipc"),
+    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
     may_crash=True,
 )
 def check_survives_errors(trial: Trial) -> None:

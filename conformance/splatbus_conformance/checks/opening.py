@@ -7,8 +7,7 @@ from contextlib import ExitStack
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, changed
-from splatbus_conformance.checks import check
-from splatbus_conformance.checks.init_packets import OPENS_HOST_MEMORY
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
@@ -188,7 +187,7 @@ def check_closes_the_former_memory(trial: Trial) -> None:
         former: HostMemory | None = None
         for width in (64, 32, 64, 16):
             memory = held.enter_context(HostMemory(ROOM))
-            before = dealings.generation
+            before, trial.role.width = dealings.generation, width
             generation = trial.role.init_packet(connection)["generation"]
             trial.role.offer(connection, init_packet_1_1(memory.name, generation, width))
             if not trial.opens(connection):

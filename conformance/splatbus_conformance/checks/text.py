@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, breaches_of_1_1
 from splatbus_conformance.broken_text import BrokenText, broken_texts
-from splatbus_conformance.checks import check
-from splatbus_conformance.checks.init_packets import OPENS_HOST_MEMORY
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.packets import packet
@@ -288,15 +287,17 @@ def outcome_of_row(trial: Trial, channel: Channel, payloads: Sequence[BrokenText
     Returns `ignores` or `closes` if it connects again at the end, else how it fared. That poses
     come all the while would not do: who sends them need not be who listens.
     """
-    connection = None
+    connection = trial.asking() if channel == "msg" else trial.connection(channel)
     for broken in trial.affordable(payloads):
-        if connection is None or connection.ended:
-            connection = trial.asking() if channel == "msg" else trial.connection(channel)
+        if connection.ended:
+            again = trial.next_connection(channel) if channel in trial.facts.returns else None
+            if again is None:
+                break
+            connection = again
         connection.send(packet(broken.payload))
         trial.ends(connection, PAUSE_SECONDS)
         if fate := trial.fate():
             return fate
-    assert connection is not None
     if channel not in trial.facts.returns:
         trial.not_observable("the testee lives, and whether it still listens is not to be seen")
     outcome = "closes" if connection.ended else "ignores"

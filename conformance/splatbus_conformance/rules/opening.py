@@ -103,6 +103,7 @@ def _answer(
     yield about(conversation, message, "OPN-11")
     last = named[-1]
     if message.kind == "closed":
+        last = max((i for i in named if answered[i]), default=last)
         if any(packet.breaks_no_rule for packet in known[last + 1 :]):
             text = f"generation {show(generation)} is closed before a later one is answered"
             in_order = any(i > last for i in answered)

@@ -7,13 +7,14 @@ import re
 from typing import Any
 
 import pytest
-from splatbus_client import channel, message_protocol, reading, session
+from splatbus_client import channel, ipc_protocol, message_protocol, reading, session
 from splatbus_client.channel import Channel
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_client.settings import TOKEN_VARIABLE
+from splatbus_wire.errors import ProtocolError
 
 from splatbus_conformance.selftest.mutants.channels import speaks_1_0 as say_no_hello
 from splatbus_conformance.selftest.mutants.frames import subscribes
@@ -73,9 +74,8 @@ def numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
 
 @variation()
 def timestamps_everywhere(patch: pytest.MonkeyPatch) -> None:
-    """Stamps every message, requests too, from a large number on."""
-    seconds = itertools.count(1_700_000_000)
-    messages(patch, lambda message: message | {"timestamp": next(seconds)})
+    """Stamps every message, requests too, by a clock that stands still, and began long ago."""
+    messages(patch, lambda message: message | {"timestamp": 1_700_000_000.25})
 
 
 @variation()
@@ -92,15 +92,42 @@ def header_and_payload_apart(patch: pytest.MonkeyPatch) -> None:
 
 @variation()
 def closes_on_what_is_broken(patch: pytest.MonkeyPatch) -> None:
-    """Closes the connection on a payload that breaks a rule, instead of ignoring it."""
+    """Closes the connection on broken text and broken init packets, instead of ignoring them."""
 
-    def stricter(event: Any) -> Any:
-        broken = isinstance(event, Ignored) and "not known here" not in event.reason
-        broken = broken and "is missing [INI-11]" not in event.reason
-        return MustClose(event.reason) if broken else event
+    def strict(original: Any, *arguments: Any) -> Any:
+        try:
+            return original(*arguments)
+        except ProtocolError as problem:
+            of_1_1 = b'"type"' in arguments[0] and problem.code == "invalid_message"
+            if of_1_1 or problem.code == "unknown_type":
+                raise
+            raise MustCloseError(str(problem)) from None
 
-    wrap(patch, IpcProtocol, "_on_payload", lambda o, *a: map(stricter, o(*a)))
-    wrap(patch, MessageProtocol, "_on_payload", lambda o, *a: map(stricter, o(*a)))
+    def closing(original: Any, *arguments: Any) -> Any:
+        try:
+            yield from original(*arguments)
+        except MustCloseError as problem:
+            yield MustClose(str(problem))
+
+    wrap(patch, ipc_protocol, "decode_from_server_ipc", strict)
+    wrap(patch, message_protocol, "decode_from_server_message", strict)
+    wrap(patch, IpcProtocol, "_on_payload", closing)
+    wrap(patch, MessageProtocol, "_on_payload", closing)
+
+
+class MustCloseError(Exception):
+    """What was received breaks a rule."""
+
+
+@variation()
+def closes_on_frames_of_unknown_memory(patch: pytest.MonkeyPatch) -> None:
+    """Closes the connection on a frame of memory that is not there, instead of ignoring it."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Any) -> Any:
+        for event in original(self, frame):
+            yield MustClose(event.reason) if isinstance(event, Ignored) else event
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
 @variation()

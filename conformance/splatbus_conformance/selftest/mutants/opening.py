@@ -36,13 +36,13 @@ def answers_twice(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, IpcProtocol, "opened", opened)
 
 
-@mutant("OPN-1", reason="generation is missing")
+@mutant("OPN-13", reason="generation is missing")
 def answers_without_a_generation(patch: pytest.MonkeyPatch) -> None:
     """Answers `opened` without saying what."""
     messages(patch, of_type("opened", without("generation")))
 
 
-@mutant("OPN-3", reason="reason is null", through="MEM-6")
+@mutant("OPN-13", reason="reason is missing", through="MEM-6")
 def declines_without_a_reason(patch: pytest.MonkeyPatch) -> None:
     """Answers `open_failed` without a reason."""
     messages(patch, of_type("open_failed", without("reason")))
@@ -72,12 +72,20 @@ def closes_before_it_opens(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, IpcProtocol, "opened", opened)
 
 
-@mutant("OPN-11", reason="had generation 0")
+@mutant("OPN-13", reason="generation is 0, no integer from 1")
 def counts_generations_from_zero(patch: pytest.MonkeyPatch) -> None:
     """Answers with a generation that is one too small."""
-    messages(
-        patch, of_type("opened", lambda opened: opened | {"generation": opened["generation"] - 1})
-    )
+    _answers_for(patch, -1)
+
+
+@mutant("OPN-11", reason="had generation 2")
+def answers_for_the_next_generation(patch: pytest.MonkeyPatch) -> None:
+    """Answers with a generation that is one too large."""
+    _answers_for(patch, 1)
+
+
+def _answers_for(patch: pytest.MonkeyPatch, away: int) -> None:
+    messages(patch, of_type("opened", lambda it: it | {"generation": it["generation"] + away}))
 
 
 @mutant("OPN-1", check=ONCE, reason="no answer to")
