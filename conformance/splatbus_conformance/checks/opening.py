@@ -110,6 +110,7 @@ def check_maps_before_it_says_so(trial: Trial) -> None:
     "OPN-3",
     observable="the reason in each open_failed",
     needs=OPENS_HOST_MEMORY,
+    may_crash=True,
 )
 def check_says_why_it_failed(trial: Trial) -> None:
     """Memory that does not exist, or is too short, and packets whose names and values are long or
