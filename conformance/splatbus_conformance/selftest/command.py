@@ -67,7 +67,9 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:
                 out.print(progress(row, done, len(running)), no_wrap=True, overflow="ellipsis")
                 yield row
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=False, cancel_futures=True)
+        trials.stop_all()
+        pool.shutdown()
 
 
 def progress(row: Row, done: int, total: int) -> Text:

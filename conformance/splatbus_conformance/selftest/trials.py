@@ -23,7 +23,9 @@ SELECTED_SECONDS = 120.0
 """The longest that the checks of one or two requirements may take on a client that fails them."""
 TESTEE_SECONDS = 300
 """A specimen ends by itself after this time, whatever becomes of the harness."""
+STOP_SECONDS = 15.0
 OUTPUT_CHARS = 600
+_running: set[subprocess.Popen[str]] = set()
 
 
 class Fate(StrEnum):
@@ -184,6 +186,12 @@ def run_harness(
     return report, status, output[-OUTPUT_CHARS:].strip()
 
 
+def stop_all() -> None:
+    """End every harness that runs now; whoever waits for one comes to an end too."""
+    for process in list(_running):
+        _end(process)
+
+
 def _run(command: list[str], seconds: float) -> tuple[int | None, str]:
     """Run a command in a process group of its own, so that it can be ended with its children."""
     process = subprocess.Popen(
@@ -195,20 +203,25 @@ def _run(command: list[str], seconds: float) -> tuple[int | None, str]:
         errors="replace",
         start_new_session=os.name == "posix",
     )
+    _running.add(process)
     try:
         output, _ = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
+        _end(process)
+        process.communicate()
         return None, f"the harness did not come to an end within {seconds:g} s"
     else:
         return process.returncode, output
     finally:
-        if process.poll() is None:
-            _end(process)
+        _running.discard(process)
 
 
 def _end(process: subprocess.Popen[str]) -> None:
+    """Ask a harness to end, so that it ends its testee and removes its memory; then make it."""
+    process.terminate()
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(STOP_SECONDS)
     if os.name == "posix":
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
     process.kill()
-    process.communicate()

@@ -6,6 +6,7 @@ import pytest
 from splatbus_client import message_protocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.messages import GetViewportSize, ViewportSize
 
 from splatbus_conformance.selftest.mutants.negotiation import without
 from splatbus_conformance.selftest.specimen import mutant
@@ -39,13 +40,23 @@ def no_camera_index(patch: pytest.MonkeyPatch) -> None:
 @mutant("REQ-12", check="check_asks_again_after_a_while", reason="it asked again")
 def asks_again_at_once(patch: pytest.MonkeyPatch) -> None:
     """Asks for the size again as soon as it is told that there is none."""
-    patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", 0.0)
+    _asks_again(patch, 0.0)
 
 
 @mutant("REQ-12", reason="after the size was told to be [0,0]", through="REQ-12")
 def asks_again_too_soon(patch: pytest.MonkeyPatch) -> None:
     """Asks for the size again after 20 milliseconds."""
-    patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", 0.02)
+    _asks_again(patch, 0.02)
+
+
+def _asks_again(patch: pytest.MonkeyPatch, seconds: float) -> None:
+    def on_reply(original: Any, self: MessageProtocol, reply: Any, now: float) -> Any:
+        yield from original(self, reply, now)
+        if isinstance(reply, ViewportSize) and not reply.width:
+            self.ask(GetViewportSize())
+
+    patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", seconds)
+    wrap(patch, MessageProtocol, "_on_reply", on_reply)
 
 
 @mutant("REQ-13", check="check_survives_bad_replies", reason="the reply {}: the testee died")
