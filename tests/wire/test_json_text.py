@@ -72,6 +72,18 @@ def test_escapes_in_names_and_strings_are_taken():
     assert parse_object(rb'{"\u0061":"\ud83d\uDE00 \\ud800 \"[{"}') == {"a": '😀 \\ud800 "[{'}
 
 
+@given(st.lists(st.sampled_from(["d800", "dbff", "dc00", "dFFF", "D83D", "Dc36", "0061", "e000"])))
+def test_escapes_of_surrogates_are_taken_in_pairs_only(codes):
+    payload = '{{"a":"{}"}}'.format("".join(rf"\u{code}" for code in codes)).encode()
+    utf_16 = b"".join(bytes.fromhex(code) for code in codes)
+    text = utf_16.decode("utf-16-be", errors="replace")
+    if "\ufffd" not in text:
+        assert parse_object(payload) == {"a": text}
+    else:
+        error = refusal(payload)
+        assert (error.code, error.requirement) == ("malformed_json", "JSN-1")
+
+
 # payload, code, requirement, offset
 MALFORMED = {
     "empty": (b"", "JSN-1", 0),
