@@ -38,7 +38,7 @@ Channel = Literal["ipc", "message"]
 _MAX_IMAGE_SIZE: int = LIMITS["max_image_size"]
 _MAX_NAME_CHARS: int = LIMITS["max_name_chars"]
 _CHANNELS = ("color", "depth")
-_VERSION = re.compile(r"[0-9]+\.[0-9]+")
+_VERSION = re.compile(r"(?:0|[1-9][0-9]*)\.(?:0|[1-9][0-9]*)")
 
 
 def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) -> ClientMessage:
@@ -183,16 +183,17 @@ def _hello(hello: Field) -> Hello:
 
 
 def _welcome(message: Field) -> Welcome:
-    welcome = message.under("NEG-6")
+    welcome = message.under("NEG-30")
     return Welcome(
         _version(welcome.member("version")),
         _program(welcome.member("server")),
-        _capabilities(message.under("NEG-7").member("capabilities")),
+        _capabilities(welcome.member("capabilities")),
     )
 
 
 def _version(version: Field) -> str:
-    return version.matching(_VERSION, "two integers joined by a dot")
+    version.string(1, _MAX_NAME_CHARS)
+    return version.matching(_VERSION, "two decimal integers joined by a dot")
 
 
 def _program(program: Field) -> Program:
@@ -220,9 +221,7 @@ def _error(error: Field) -> ErrorMessage:
         error.member("message").string(0, LIMITS["max_message_chars"]),
         _id(error),
         None if pointer is None else pointer.string(0, MAX_SAFE_INTEGER),
-        None
-        if supported is None
-        else tuple(map(_version, supported.items(0, LIMITS["max_versions"]))),
+        None if supported is None else tuple(map(_version, supported.items(1))),
     )
 
 

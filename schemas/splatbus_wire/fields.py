@@ -53,12 +53,12 @@ class Field(NamedTuple):
             return None
         return Field(members[name], self.pointer + step(name), self.requirement)
 
-    def items(self, least: int, most: int) -> list["Field"]:
+    def items(self, least: int, most: float = math.inf) -> list["Field"]:
         """The items of this array of `least` to `most` items."""
         items = self._expect(list, "an array")
         if not least <= len(items) <= most:
-            wanted = f"{least}" if least == most else f"{least} to {most}"
-            raise self.refused(f"has {len(items)} items, not {wanted}")
+            upper = "" if least == most else " or more" if most == math.inf else f" to {most}"
+            raise self.refused(f"has {len(items)} items, not {least}{upper}")
         return [
             Field(item, self.pointer + step(index), self.requirement)
             for index, item in enumerate(items)

@@ -75,7 +75,7 @@ class Hello(NamedTuple):
 
 
 class Welcome(NamedTuple):
-    """The version and the capabilities that a connection has from now on [NEG-6, NEG-7]."""
+    """The version and the capabilities that a connection has from now on [NEG-30]."""
 
     version: str
     server: Program

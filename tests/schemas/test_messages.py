@@ -26,7 +26,7 @@ VALID = [(*m, e) for m in MESSAGES for e in examples(*m)[0]]
 INVALID = [(*m, e) for m in MESSAGES for e in examples(*m)[1]]
 
 ANNOTATIONS = {*"$schema $id $comment title description default contentEncoding".split()}
-APPLICATORS = {*"$ref $defs properties items allOf if then".split()}
+APPLICATORS = {*"$ref $defs properties items allOf if then else".split()}
 CONSTRAINTS = {
     *"type const enum required not minimum maximum exclusiveMinimum multipleOf".split(),
     *"minLength maxLength pattern minItems maxItems uniqueItems anyOf".split(),
@@ -44,7 +44,7 @@ def nodes(node: dict[str, Any], where: str = "") -> Iterator[tuple[str, dict[str
     for group in ("properties", "$defs"):
         for name, inner in node.get(group, {}).items():
             yield from nodes(inner, f"{where}/{group}/{name}")
-    for keyword in {"items", "then"} & set(node):
+    for keyword in {"items", "then", "else"} & set(node):
         yield from nodes(node[keyword], f"{where}/{keyword}")
     for index, inner in enumerate(node.get("allOf", ())):
         yield from nodes(inner, f"{where}/allOf/{index}")

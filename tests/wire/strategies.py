@@ -59,7 +59,7 @@ timestamps = st.none() | floats
 ids = st.none() | st.integers(0, MAX_INTEGER)
 generations = st.integers(1, MAX_INTEGER)
 seqs = st.integers(0, MAX_INTEGER)
-versions = st.builds("{}.{}".format, st.integers(0, 99), st.integers(0, 99))
+versions = st.builds("{}.{}".format, st.integers(0, 99), st.integers(0, 10**60))
 names = text(0, LIMITS["max_name_chars"])
 name_lists = st.lists(names, unique=True, max_size=LIMITS["max_capabilities"]).map(tuple)
 programs = st.builds(Program, names, names)
