@@ -77,14 +77,14 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
         case _, "hello":
             return _hello(message.under("NEG-2"))
         case "ipc", "opened":
-            return Opened(_generation(message.under("OPN-1")))
+            return Opened(_generation(message.under("OPN-13")))
         case "ipc", "open_failed":
-            reason = message.under("OPN-3").member("reason")
+            reason = message.under("OPN-13").member("reason").under("OPN-3")
             return OpenFailed(
-                _generation(message.under("OPN-1")), reason.string(1, LIMITS["max_reason_chars"])
+                _generation(message.under("OPN-13")), reason.string(1, LIMITS["max_reason_chars"])
             )
         case "ipc", "closed":
-            return Closed(_generation(message.under("OPN-5")))
+            return Closed(_generation(message.under("OPN-13")))
         case "ipc", "release":
             return Release(_generation(message.under("IMG-12")), _seq(message.under("IMG-12")))
         case "ipc", "subscribe":

@@ -93,20 +93,20 @@ class ErrorMessage(NamedTuple):
 
 
 class Opened(NamedTuple):
-    """The memory of a generation is mapped and checked [OPN-1, OPN-2]."""
+    """The memory of a generation is mapped and checked [OPN-2, OPN-13]."""
 
     generation: int
 
 
 class OpenFailed(NamedTuple):
-    """The memory of a generation cannot be used [OPN-1, OPN-3]."""
+    """The memory of a generation cannot be used [OPN-3, OPN-13]."""
 
     generation: int
     reason: str
 
 
 class Closed(NamedTuple):
-    """The memory of a generation is no longer mapped [OPN-5]."""
+    """The memory of a generation is no longer mapped [OPN-5, OPN-13]."""
 
     generation: int
 

@@ -26,6 +26,7 @@ QUOTATIONS = {
     ("max_safe_integer", "INI-5"): "from 0 to {}",
     ("max_safe_integer", "INI-6"): "from 0 to {}",
     ("max_safe_integer", "NEG-27"): "from 0 to {}",
+    ("max_safe_integer", "OPN-13"): "from 1 to {}",
     ("max_safe_integer", "MEM-1"): "from 1 to {}",
     ("max_safe_integer", "MEM-2"): "| `bytes` | integer, 1…{} |",
     ("max_safe_integer", "IMG-1"): "| `seq` | integer, 0…{} |",
