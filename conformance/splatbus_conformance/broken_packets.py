@@ -190,8 +190,7 @@ def beyond_memory() -> list[Breach]:
     """Rings that end beyond `memory.bytes`, some by so much that 64 bits overflow."""
     color, depth = 16 * WIDTH * HEIGHT, 4 * WIDTH * HEIGHT
     size = SLOTS * (color + depth)
-    quarter, whole = 1 << 62, 1 << 64
-    changes: tuple[dict[str, Any], ...] = (
+    near: tuple[dict[str, Any], ...] = (
         {"memory/bytes": size - 1},
         {"memory/bytes": 1},
         {"ring/slots": SLOTS + 1},
@@ -199,6 +198,9 @@ def beyond_memory() -> list[Breach]:
         {"ring/depthStride": depth + 16},
         {"ring/colorStride": 2 * SLOTS * color, "ring/depthOffset": color},
         {"ring/colorOffset": size},
+    )
+    quarter, whole = 1 << 62, 1 << 64
+    far: tuple[dict[str, Any], ...] = (
         {"ring/depthOffset": quarter},
         {"ring/colorOffset": whole},
         {"ring/depthOffset": whole + SLOTS * color},
@@ -206,13 +208,16 @@ def beyond_memory() -> list[Breach]:
         {"ring/colorStride": quarter, "ring/depthStride": quarter, "ring/slots": 5},
         {"ring/colorStride": whole, "ring/depthStride": whole},
     )
-    # Within the integers of JSON only the most slots at the greatest stride exceed 2⁶³.
+    # Within the range of MEM-8 only the most slots at the greatest stride exceed 2⁶³.
     most = BEYOND - 16
     furthest = {
         f"ring/{plane}{what}": most for plane in ("color", "depth") for what in ("Offset", "Stride")
     }
-    overflowing = Breach("MEM-9", {**furthest, "memory/bytes": ROOM}, 64, 64, LIMITS["max_slots"])
-    return [*(Breach("MEM-9", change) for change in changes), overflowing]
+    return [
+        *(Breach("MEM-9", change) for change in near),
+        Breach("MEM-9", {**furthest, "memory/bytes": ROOM}, 64, 64, LIMITS["max_slots"]),
+        *(Breach("MEM-8", change) for change in far),
+    ]
 
 
 def wrapping_in_32_bits() -> list[Breach]:

@@ -91,9 +91,18 @@ def _no_json(good: Json) -> Iterator[BrokenText]:
     }
     for what, whole in wholes.items():
         yield BrokenText("JSN-1", what, whole)
+    yield BrokenText("JSN-1", "half a pair of surrogates as a name", _with(good, "\ud800", b"1"))
     values = "+1 .5 5. 01 0x40 1e 1_000 -01 True None nan -NaN inf undefined nul 'x'".split()
     strings = ("\n", "\t", "\x00", "\x1f", "\\x41", "\\'", "\\u12", "\\u12G4", "\\")
-    for value in (*values, *(f'"{string}"' for string in strings)):
+    halves = (
+        "\\ud800",
+        "\\udc00",
+        "\\ud800x",
+        "\\ud800\\u0041",
+        "\\udc00\\ud800",
+        "\\ud83d\\ud83d\\ude42",
+    )
+    for value in (*values, *(f'"{string}"' for string in (*strings, *halves))):
         yield BrokenText("JSN-1", f"the value {value!r}", _with(good, "x", value.encode()))
 
 

@@ -5,7 +5,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from splatbus_conformance.broken_packets import ROOM, changed
-from splatbus_conformance.messages import Json, init_packet_1_1
+from splatbus_conformance.messages import EXAMPLE_HANDLE, Json, init_packet_1_1
 
 
 @st.composite
@@ -52,9 +52,16 @@ def unusual_packets() -> list[tuple[str, Json]]:
         ("memory larger than its ring", changed(ordinary, {"memory/bytes": ROOM})),
         ("offsets", changed(ordinary, {"meta/offsetColor": 0, "meta/offsetDepth": 0})),
         ("a device", changed(ordinary, {"meta/device": 2**53 - 1})),
+        ("members of CUDA memory", changed(ordinary, CUDA_MEMBERS)),
     ]
 
 
+CUDA_MEMBERS: dict[str, Any] = {
+    "memory/deviceUuid": "GPU-00000000-0000-4000-8000-000000000000",
+    "memory/handle": EXAMPLE_HANDLE.decode(),
+    "ring/events": [EXAMPLE_HANDLE.decode()],
+}
+"""Members that have no meaning in memory of the host, and are ignored there."""
 SEMANTICS: tuple[dict[str, Any], ...] = (
     {"semantics/alpha": "premultiplied"},
     {"semantics/colorSpace": "linear"},

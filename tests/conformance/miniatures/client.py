@@ -69,6 +69,7 @@ def read(payload):
     strict = {"object_pairs_hook": unique, "parse_constant": refuse}
     with contextlib.suppress(ValueError, RecursionError):
         value = json.loads(payload.decode(), parse_float=finite, parse_int=finite, **strict)
+        json.dumps(value, ensure_ascii=False).encode()  # refuses half a pair of surrogates
         return value if isinstance(value, dict) and depth(value) <= 64 else None
     return None
 
