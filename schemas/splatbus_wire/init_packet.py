@@ -55,14 +55,22 @@ class HostMemory(NamedTuple):
 
 
 class CudaMemory(NamedTuple):
-    """Memory on a device, `GPU-` and its UUID, `bytes` long [MEM-2]."""
+    """Memory on a device, `bytes` long [MEM-2].
+
+    `device_uuid` is `GPU-` and a UUID; the CUDA IPC handle of 64 bytes opens the allocation that
+    holds the ring.
+    """
 
     device_uuid: str
+    handle: bytes
     bytes: int
 
 
 class Ring(NamedTuple):
-    """Slots for whole images; offsets and strides in bytes, CUDA event handles by slot [MEM-8]."""
+    """Slots for whole images; offsets and strides in bytes, CUDA event handles by slot [MEM-8].
+
+    The offsets are from the start of the memory; those of `LegacyBuffers` mean nothing here.
+    """
 
     slots: int
     color_offset: int
@@ -240,7 +248,7 @@ def _parse_offsets(meta: Field) -> tuple[int, int, int | None]:
 
 def _parse_legacy(root: Field) -> LegacyBuffers:
     offset_color, offset_depth, device = _parse_offsets(root.member("meta"))
-    color, depth, event = (_parse_handle(root.member(name)) for name in _HANDLES)
+    color, depth, event = (_parse_handle(root.member(name).under("INI-7")) for name in _HANDLES)
     return LegacyBuffers(color, depth, event, offset_color, offset_depth, device)
 
 
@@ -253,8 +261,7 @@ def _parse_multiple(number: Field | None, unit: int, least: int = 0) -> int:
     return value
 
 
-def _parse_handle(member: Field) -> bytes:
-    handle = member.under("INI-7")
+def _parse_handle(handle: Field) -> bytes:
     text = handle.string(0, MAX_SAFE_INTEGER)
     try:
         decoded = b64decode(text)
@@ -270,8 +277,8 @@ def _parse_memory(memory: Field) -> HostMemory | CudaMemory:
     kind = memory.member("kind").one_of(["host_shm", "cuda_ipc"])
     size = memory.member("bytes").integer(1, MAX_SAFE_INTEGER)
     if kind == "cuda_ipc":
-        uuid = memory.member("deviceUuid")
-        return CudaMemory(uuid.matching(_DEVICE_UUID, "GPU- and a UUID in lower case"), size)
+        uuid = memory.member("deviceUuid").matching(_DEVICE_UUID, "GPU- and a UUID in lower case")
+        return CudaMemory(uuid, _parse_handle(memory.member("handle")), size)
     name = memory.member("name").under("MEM-7")
     return HostMemory(name.matching(_SHM_NAME, "a name of 1 to 30 of A-Z a-z 0-9 . _ -"), size)
 
@@ -282,7 +289,8 @@ def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaM
     depth_bytes = DEPTH_PIXEL_BYTES * width * height
     events: tuple[bytes, ...] = ()
     if isinstance(memory, CudaMemory):
-        events = tuple(map(_parse_handle, ring.member("events").items(slots, slots)))
+        handles = ring.member("events").items(slots, slots)
+        events = tuple(_parse_handle(handle.under("INI-7")) for handle in handles)
     return Ring(
         slots,
         _parse_multiple(ring.member("colorOffset"), _ALIGNMENT),
@@ -340,7 +348,12 @@ def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
 def _memory_object(memory: HostMemory | CudaMemory) -> dict[str, Any]:
     if isinstance(memory, HostMemory):
         return {"kind": "host_shm", "name": memory.name, "bytes": memory.bytes}
-    return {"kind": "cuda_ipc", "deviceUuid": memory.device_uuid, "bytes": memory.bytes}
+    return {
+        "kind": "cuda_ipc",
+        "deviceUuid": memory.device_uuid,
+        "handle": _base64(memory.handle),
+        "bytes": memory.bytes,
+    }
 
 
 def _ring_object(ring: Ring) -> dict[str, Any]:

@@ -155,5 +155,13 @@ def test_each_bound_is_a_limit_of_the_requirement_that_it_names() -> None:
 def test_a_handle_has_the_length_of_its_bytes_in_base64() -> None:
     size = LIMITS["handle_bytes"]
     digits, padding = math.ceil(size * 8 / 6), -size % 3
-    pattern = schema("init_packet", "1.0")["$defs"]["handle"]["pattern"]
-    assert pattern == f"^[A-Za-z0-9+/]{{{digits}}}{'=' * padding}(?!\\n)$"
+    memory = schema("init_packet", "1.1")["$defs"]["cudaMemory"]
+    for handle in schema("init_packet", "1.0")["$defs"]["handle"], memory["properties"]["handle"]:
+        assert handle["pattern"] == f"^[A-Za-z0-9+/]{{{digits}}}{'=' * padding}(?!\\n)$"
+
+
+def test_a_version_is_spelt_alike_wherever_it_stands() -> None:
+    listed, supported = (schema(name, "1.1")["$defs"]["version"] for name in ("hello", "error"))
+    spoken = schema("welcome", "1.1")["properties"]["version"]
+    for keyword in ("type", "maxLength", "pattern"):
+        assert listed[keyword] == supported[keyword] == spoken[keyword]

@@ -29,6 +29,7 @@ QUOTATIONS = {
     ("max_safe_integer", "OPN-13"): "from 1 to {}",
     ("max_safe_integer", "MEM-1"): "from 1 to {}",
     ("max_safe_integer", "MEM-2"): "| `bytes` | integer, 1…{} |",
+    ("max_safe_integer", "MEM-8"): "integer, 0…{}, multiple of 16",
     ("max_safe_integer", "IMG-1"): "| `seq` | integer, 0…{} |",
     ("reconnect_min_seconds", "CHN-21"): "at least {} between",
     ("reconnect_max_seconds", "CHN-22"): "at most {} between",

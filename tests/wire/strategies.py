@@ -155,7 +155,7 @@ def init_packets(draw: st.DrawFn) -> InitPacket:
     if kind == "host_shm":
         memory, legacy = HostMemory(draw(shm_names), size), None
     else:
-        memory, legacy = CudaMemory(draw(uuids), size), draw(legacy_buffers)
+        memory, legacy = CudaMemory(draw(uuids), draw(handles), size), draw(legacy_buffers)
         ring = draw(st.none() | st.just(ring._replace(events=(draw(handles),) * slots)))
     return InitPacket(
         width, height, legacy, "1.1", draw(generations), memory, ring, draw(semantics)

@@ -9,6 +9,7 @@ from splatbus_schemas.validation import violations
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.init_packet import (
+    CudaMemory,
     HostMemory,
     InitPacket,
     LegacyBuffers,
@@ -32,24 +33,17 @@ HOST_PACKET = InitPacket(
     320, 240, None, "1.1", 1, HostMemory("splatbus-3f9a1c-1", BYTES), RING, Semantics()
 )
 HOST = init_packet_object(HOST_PACKET)
-CUDA = init_packet_object(
-    InitPacket(
-        64,
-        48,
-        parse_init_packet(LEGACY).legacy,
-        "1.1",
-        1,
-        None,
-        Ring(2, 0, 49_152, 98_304, 12_288, (bytes(64), b"\xff" * 64)),
-        Semantics(depth_empty=100.0, unit_metres=0.5),
-    )
-) | {
-    "memory": {
-        "kind": "cuda_ipc",
-        "deviceUuid": "GPU-01234567-89ab-cdef-0123-456789abcdef",
-        "bytes": 122_880,
-    }
-}
+CUDA_PACKET = InitPacket(
+    64,
+    48,
+    parse_init_packet(LEGACY).legacy,
+    "1.1",
+    1,
+    CudaMemory("GPU-01234567-89ab-cdef-0123-456789abcdef", b"\x04" * 64, 122_880),
+    Ring(2, 0, 49_152, 98_304, 12_288, (bytes(64), b"\xff" * 64)),
+    Semantics(depth_empty=100.0, unit_metres=0.5),
+)
+CUDA = init_packet_object(CUDA_PACKET)
 
 
 def with_value(message: dict, pointer: str, value: object) -> dict:
@@ -149,6 +143,8 @@ def test_without_version_what_follows_is_not_known():
         (HOST, "/ring", ..., "MEM-8"),
         (HOST, "/ring/slots", 1025, "MEM-8"),
         (HOST, "/ring/colorOffset", 8, "MEM-8"),
+        (HOST, "/ring/colorOffset", 2**53, "MEM-8"),
+        (HOST, "/ring/depthStride", 2**53, "MEM-8"),
         (HOST, "/ring/colorStride", 16 * 320 * 240 - 16, "MEM-8"),
         (HOST, "/ring/depthStride", 4 * 320 * 240 - 16, "MEM-8"),
         (HOST, "/ring/depthStride", 4 * 320 * 240 + 4, "MEM-8"),
@@ -163,6 +159,10 @@ def test_without_version_what_follows_is_not_known():
         (CUDA, "/mem_depth", ..., "INI-1"),
         (CUDA, "/memory/deviceUuid", "GPU-0123", "MEM-2"),
         (CUDA, "/memory/deviceUuid", "GPU-01234567-89AB-CDEF-0123-456789ABCDEF", "MEM-2"),
+        (CUDA, "/memory/handle", ..., "MEM-2"),
+        (CUDA, "/memory/handle", 64, "MEM-2"),
+        (CUDA, "/memory/handle", "AAAA", "MEM-2"),
+        (CUDA, "/memory/handle", "A" * 85 + "B==", "MEM-2"),
         (CUDA, "/ring/events", ..., "MEM-8"),
         (CUDA, "/ring/events/1", "AAAA", "INI-7"),
     ],
@@ -174,6 +174,28 @@ def test_what_breaks_a_rule_is_refused_with_pointer_and_requirement(
     error = refusal(with_value(message, pointer, value))
     assert (error.requirement, error.pointer) == (requirement, pointer)
     assert len(str(error)) < 200
+
+
+@pytest.mark.parametrize(
+    ("message", "pointer", "value"),
+    [
+        (HOST, "/memory/deviceUuid", 7),
+        (HOST, "/memory/handle", "none"),
+        (HOST, "/ring/events", None),
+        (HOST, "/meta/offsetColor", 16),
+        (HOST, "/meta/offsetDepth", 1_228_800),
+        (CUDA, "/memory/name", "../../etc/passwd"),
+    ],
+)
+def test_what_means_nothing_in_this_kind_of_memory_is_ignored(message, pointer, value):
+    assert parse_init_packet(with_value(message, pointer, value)) == parse_init_packet(message)
+
+
+def test_the_offsets_of_1_0_move_the_legacy_buffers_and_not_the_ring():
+    packet = parse_init_packet(with_value(CUDA, "/meta/offsetColor", 512))
+    assert packet.legacy is not None
+    assert packet.legacy.offset_color == 512
+    assert packet.ring == CUDA_PACKET.ring
 
 
 def test_events_are_as_many_as_slots():

@@ -35,7 +35,6 @@ from tests.wire import strategies
 UP = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 ORIGIN = {"x": 0.0, "y": 0.0, "z": 0.0}
 POSE = {"type": "camera_pose", "position": ORIGIN, "rotation": UP}
-PROGRAM = Program("example", "0.1")
 REQUESTS = {
     "viewport_size": GetViewportSize,
     "camera": lambda identifier: GetCameraPose(0, identifier),
@@ -312,21 +311,6 @@ def test_what_is_supported_is_one_version_or_more():
     message = {"type": "error", "code": "unsupported_version", "message": "no", "supported": []}
     error = refusal(decode_from_server_ipc, payload(message))
     assert str(error) == "supported has 0 items, not 1 or more at /supported [NEG-10]"
-
-
-@pytest.mark.parametrize("version", ["1.1", "0.0", "1." + "9" * 62])
-def test_a_version_is_two_decimal_integers(version):
-    message = Welcome(version, Program("", ""), ())
-    assert decode_from_server_ipc(payload_of(encode(message))) == message
-
-
-@pytest.mark.parametrize("version", ["1", "01.1", "1.00", "+1.1", "1.-1", "١.١", "1.1\n", "1.1 "])
-def test_a_version_has_neither_sign_nor_leading_zeros(version):
-    error = refusal(decode_from_server_ipc, payload_of(encode(Welcome(version, PROGRAM, ()))))
-    assert (error.requirement, error.pointer) == ("NEG-30", "/version")
-    hello = payload_of(encode(Hello(("1.1", version), PROGRAM, ())))
-    error = refusal(decode_from_client, hello, "ipc", said_hello=False)
-    assert (error.requirement, error.pointer) == ("NEG-2", "/versions/1")
 
 
 # Hostile input
