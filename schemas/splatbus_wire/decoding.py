@@ -233,24 +233,30 @@ def _subscribe(subscribe: Field) -> Subscribe:
 
 
 def _frame(frame: Field) -> Frame:
-    camera = frame.member("camera")
     return Frame(
         _generation(frame),
         _seq(frame),
         frame.member("slot").integer(0, LIMITS["max_slots"] - 1),
-        FrameCamera(
-            array_pose(camera),
-            camera.member("fx").positive(),
-            camera.member("fy").positive(),
-            camera.member("cx").number(),
-            camera.member("cy").number(),
-            camera.member("width").integer(1, _MAX_IMAGE_SIZE),
-            camera.member("height").integer(1, _MAX_IMAGE_SIZE),
-            camera.member("near").positive(),
-            camera.member("far").positive(),
-        ),
+        _frame_camera(frame.member("camera")),
         frame.member("time").number(),
         frame.member("renderedAt").number(),
+    )
+
+
+def _frame_camera(camera: Field) -> FrameCamera:
+    near, far = camera.member("near").positive(), camera.member("far").positive()
+    if not near < far:
+        raise camera.member("far").refused(f"is {far}, not greater than near, {near}")
+    return FrameCamera(
+        array_pose(camera),
+        camera.member("fx").positive(),
+        camera.member("fy").positive(),
+        camera.member("cx").number(),
+        camera.member("cy").number(),
+        camera.member("width").integer(1, _MAX_IMAGE_SIZE),
+        camera.member("height").integer(1, _MAX_IMAGE_SIZE),
+        near,
+        far,
     )
 
 

@@ -107,18 +107,20 @@ ipc_replies = (
     | st.builds(Release, generations, seqs)
     | st.builds(Subscribe, st.sampled_from([{"color"}, {"depth"}, {"color", "depth"}]))
 )
+planes = st.tuples(positive, positive).filter(lambda pair: pair[0] != pair[1]).map(sorted)
+frame_cameras = st.builds(
+    lambda near_and_far, *others: FrameCamera(*others, *near_and_far),
+    planes, poses, positive, positive, floats, floats, sizes(1), sizes(1),
+)  # fmt: skip
 frames = st.builds(
     Frame,
     generations,
     seqs,
     st.integers(0, LIMITS["max_slots"] - 1),
-    st.builds(
-        FrameCamera, poses, positive, positive, floats, floats,
-        sizes(1), sizes(1), positive, positive,
-    ),
+    frame_cameras,
     floats,
     floats,
-)  # fmt: skip
+)
 
 handles = st.binary(min_size=LIMITS["handle_bytes"], max_size=LIMITS["handle_bytes"])
 legacy_buffers = st.builds(

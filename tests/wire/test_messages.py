@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from splatbus_schemas import VERSIONS, examples, names
 from splatbus_schemas.validation import violations
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.messages import (
     CameraPose,
     CameraReply,
@@ -31,6 +30,7 @@ from splatbus_wire.messages import (
 )
 
 from tests.wire import strategies
+from tests.wire.payloads import payload, payload_of, refusal
 
 UP = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
 ORIGIN = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -51,29 +51,10 @@ SCHEMAS = {
 }
 
 
-def payload(message: object) -> bytes:
-    return json.dumps(message, ensure_ascii=False).encode()
-
-
-def payload_of(packet: bytes) -> bytes:
-    decoder = PacketDecoder()
-    decoder.receive(packet)
-    found = decoder.next_packet()
-    assert found is not None
-    assert decoder.next_packet() is None
-    return found
-
-
 def from_client(
     message: object, channel: Channel = "message", *, said_hello: bool = True
 ) -> Message:
     return decode_from_client(payload(message), channel, said_hello=said_hello)
-
-
-def refusal(decode, *arguments, **keywords) -> ProtocolError:
-    with pytest.raises(ProtocolError) as caught:
-        decode(*arguments, **keywords)
-    return caught.value
 
 
 def schema_name(message: Message) -> str:
@@ -259,58 +240,6 @@ def test_a_token_is_not_logged():
     hello = Hello(("1.1",), Program("a", "1"), (), "secret")
     assert "secret" not in repr(hello)
     assert "token=None" in repr(hello._replace(token=None))
-
-
-# What a server sends
-
-
-def test_a_reply_without_type_is_what_was_asked_for():
-    size, pose = {"viewport_size": [64, 48]}, {"position": [0, 0, 0], "rotation": [0, 0, 0, 1]}
-    both = payload(size | pose | {"id": "not known in 1.0"})
-    assert decode_from_server_message(both, GetViewportSize(3)) == ViewportSize(64, 48)
-    assert isinstance(decode_from_server_message(both, GetCameraPose(0, 3)), CameraReply)
-
-
-def test_a_reply_to_no_request_is_unknown():
-    for reply in ({"viewport_size": [64, 48]}, {"type": "viewport_size", "viewport_size": [1, 1]}):
-        error = refusal(decode_from_server_message, payload(reply), None)
-        assert (error.code, error.requirement) == ("unknown_type", "CHN-11")
-
-
-def test_a_reply_to_another_request_is_refused():
-    reply = payload_of(encode(ViewportSize(64, 48, 3), typed_replies=True))
-    error = refusal(decode_from_server_message, reply, GetCameraPose(0, 3))
-    assert (error.code, error.requirement) == ("invalid_message", "REQ-7")
-    for identifier in (None, 4):
-        error = refusal(decode_from_server_message, reply, GetViewportSize(identifier))
-        assert (error.requirement, error.pointer) == ("NEG-28", "/id")
-
-
-@pytest.mark.parametrize("kind", ["scene", 1, None, []])
-def test_an_unknown_type_from_a_server_is_unknown(kind):
-    reply = payload({"type": kind, "viewport_size": [64, 48]})
-    error = refusal(decode_from_server_message, reply, GetViewportSize())
-    assert (error.code, error.requirement) == ("unknown_type", "NEG-9")
-    error = refusal(decode_from_server_ipc, reply)
-    assert (error.code, error.requirement) == ("unknown_type", "INI-11")
-
-
-@pytest.mark.parametrize("code", ["teapot", "busy"])
-def test_an_error_is_taken_whatever_its_code(code):
-    message = payload({"type": "error", "code": code, "message": "no", "supported": ["2.0"]})
-    assert decode_from_server_ipc(message) == ErrorMessage(code, "no", supported=("2.0",))
-
-
-def test_a_server_may_speak_more_versions_than_a_hello_can_list():
-    supported = tuple(f"{number}.0" for number in range(2, 20))
-    message = ErrorMessage("unsupported_version", "no", supported=supported)
-    assert decode_from_server_ipc(payload_of(encode(message))) == message
-
-
-def test_what_is_supported_is_one_version_or_more():
-    message = {"type": "error", "code": "unsupported_version", "message": "no", "supported": []}
-    error = refusal(decode_from_server_ipc, payload(message))
-    assert str(error) == "supported has 0 items, not 1 or more at /supported [NEG-10]"
 
 
 # Hostile input
