@@ -52,7 +52,7 @@ def message_object(message: Message, *, typed_replies: bool = False) -> dict[str
             return _present(type="get_viewport_size", id=identifier, timestamp=timestamp)
         case GetCameraPose(cam_idx, identifier, timestamp):
             return _present(
-                type="get_camera_pose", id=identifier, timestamp=timestamp, cam_idx=cam_idx
+                type="get_camera_pose", cam_idx=cam_idx, id=identifier, timestamp=timestamp
             )
         case ViewportSize(width, height, identifier):
             reply = _present(type="viewport_size", id=identifier) if typed_replies else {}

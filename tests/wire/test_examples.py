@@ -1,10 +1,11 @@
-"""The wire against the examples that were written by hand from the prose."""
+"""The wire against the examples of the prose, and those that were written by hand from it."""
 
 import json
 
 import pytest
-from splatbus_schemas import VERSIONS, InvalidExample, ValidExample, examples, names
+from splatbus_schemas import VERSIONS, InvalidExample, ValidExample, examples, names, prose
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.framing import encode_packet
 from splatbus_wire.messages import (
     Channel,
     GetCameraPose,
@@ -13,6 +14,7 @@ from splatbus_wire.messages import (
     decode_from_client,
     decode_from_server_ipc,
     decode_from_server_message,
+    encode,
 )
 
 IPC_MESSAGES = {"hello", "opened", "open_failed", "closed", "release", "subscribe"}
@@ -26,6 +28,7 @@ REPLIES = {
 MESSAGES = [(name, version) for version in VERSIONS for name in names(version)]
 VALID = [(*message, example) for message in MESSAGES for example in examples(*message)[0]]
 INVALID = [(*message, example) for message in MESSAGES for example in examples(*message)[1]]
+SHOWN = [(version, example) for version in VERSIONS for example in prose.examples(version)]
 
 
 def decode_example(name: str, message: object, *, said_hello: bool) -> Message:
@@ -40,7 +43,26 @@ def decode_example(name: str, message: object, *, said_hello: bool) -> Message:
 
 
 def label(value: object) -> str | None:
+    if isinstance(value, prose.Example):
+        return value.name
     return value.why if isinstance(value, ValidExample | InvalidExample) else None
+
+
+def message_of(example: prose.Example, version: str) -> str:
+    """The message that an example shows: `init_packet_cuda` is an `init_packet`."""
+    return max((name for name in names(version) if example.name.startswith(name)), key=len)
+
+
+@pytest.mark.parametrize(("version", "example"), SHOWN, ids=label)
+def test_what_the_prose_shows_is_what_is_sent(version, example):
+    shown = json.loads(example.payload)
+    said_hello = version == "1.1"
+    message = decode_example(message_of(example, version), shown, said_hello=said_hello)
+    sent = encode(message, typed_replies=said_hello)
+    # One example spells its numbers as a deployed program does, with more digits than they need.
+    spelt_briefly = json.dumps(shown, separators=(",", ":"), ensure_ascii=False).encode()
+    assert sent == encode_packet(spelt_briefly)
+    assert sent == example.packet or example.name == "camera_pose_reply"
 
 
 @pytest.mark.parametrize(("name", "version", "example"), VALID, ids=label)
