@@ -237,5 +237,6 @@ def _type_and_id(payload: bytes) -> tuple[object, int | None]:
     except ProtocolError:
         return None, None
     request = message.get("id")
-    is_id = type(request) is int and 0 <= request <= LIMITS["max_safe_integer"]
-    return message.get("type"), request if is_id else None
+    is_number = type(request) in (int, float)
+    is_id = is_number and 0 <= request <= LIMITS["max_safe_integer"] and request % 1 == 0
+    return message.get("type"), int(request) if is_id else None

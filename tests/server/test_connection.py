@@ -216,16 +216,27 @@ def test_a_client_that_awaits_a_reply_in_vain_is_told_by_a_close(payload: bytes)
     assert "REQ-9" in str(connection.ending)
 
 
-def test_after_hello_a_bad_request_is_answered_with_its_id() -> None:
-    """[NEG-26, NEG-29]"""
+@pytest.mark.parametrize("identifier", [0, 7, 7.0, 2**53 - 1])
+def test_after_hello_a_bad_request_is_answered_with_its_id(identifier: float) -> None:
+    """[NEG-26, NEG-29, JSN-6]"""
     connection = greeted()
-    events(connection, packet({"type": "get_camera_pose", "id": 7}) + REQUEST)
+    events(connection, packet({"type": "get_camera_pose", "id": identifier}) + REQUEST)
     (error,) = sent(connection)
     assert error["type"] == "error"
     assert error["code"] == "invalid_message"
-    assert error["id"] == 7
+    assert repr(error["id"]) == repr(int(identifier))
     assert error["pointer"] == "/cam_idx"
     assert connection.ending is None
+
+
+@pytest.mark.parametrize("identifier", [-1, 7.5, 2**53, 1e300, "7", True, None, [7]])
+def test_what_is_no_id_is_not_sent_back(identifier: object) -> None:
+    """[NEG-27]"""
+    connection = greeted()
+    events(connection, packet({"type": "get_viewport_size", "id": identifier}))
+    (error,) = sent(connection)
+    assert error["pointer"] == "/id"
+    assert "id" not in error
 
 
 def test_a_second_hello_is_refused_and_the_first_stays() -> None:
