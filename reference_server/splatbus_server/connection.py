@@ -236,7 +236,7 @@ def _type_and_id(payload: bytes) -> tuple[object, int | None]:
         message = parse_object(payload)
     except ProtocolError:
         return None, None
-    request = message.get("id")
+    request = message.get("id", -1)
     is_number = type(request) in (int, float)
     is_id = is_number and 0 <= request <= LIMITS["max_safe_integer"] and request % 1 == 0
     return message.get("type"), int(request) if is_id else None
