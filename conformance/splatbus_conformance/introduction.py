@@ -55,12 +55,14 @@ def _shown(peer: Peer, role: Role) -> Facts:
             if kind.startswith("get_"):
                 facts.asks.add(kind)
             facts.poses = facts.poses or kind in ("camera_pose", "point_cloud_pose")
+        facts.opens = facts.opens or bool(dealings.opened)
     return facts
 
 
 def _everything(facts: Facts) -> bool:
     """There is nothing more to wait for."""
-    return all(facts.hello.values()) and len(facts.asks) == REQUESTS and facts.poses
+    shown = all(facts.hello.values()) and len(facts.asks) == REQUESTS and facts.poses
+    return shown and (facts.opens or "host_shm" not in facts.capabilities())
 
 
 def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:

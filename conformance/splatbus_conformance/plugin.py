@@ -117,6 +117,8 @@ class CheckPlugin:
                 return "the testee makes no request when it connects"
             if kind == "poses" and not facts.poses:
                 return "the testee sends no poses unasked"
+            if kind == "opens" and not facts.opens:
+                return "the testee did not open good memory when it was first met"
             if kind == "capability" and channel not in facts.capabilities():
                 return f"the testee does not declare the capability {channel}"
         if check.may_crash and not (self.run.testee.expendable or self.run.allow_crash):

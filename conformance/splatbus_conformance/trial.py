@@ -43,6 +43,8 @@ class Facts:
     """Types of the requests that it makes when it connects."""
     poses: bool = False
     """It sends poses unasked."""
+    opens: bool = False
+    """It opened the memory that it was offered."""
     returns: set[Channel] = field(default_factory=set)
     """Channels that it connects to again after its connection was closed."""
 
@@ -219,7 +221,8 @@ class Trial:
         """Deliver scripts on a greeted IPC connection, then a good init packet as the control.
 
         Returns `ignores` (the good packet was opened), `declines` or `accepts` (one that the
-        scripts announced), `closes` (and came back), `exits`, `dies` or `hangs`.
+        scripts announced), `refuses` (the good packet), `closes` (and came back), `exits`, `dies`
+        or `hangs`.
         """
         dealings = self.role.with_(connection)
         heard = len(dealings.heard)
@@ -245,6 +248,8 @@ class Trial:
         if generation in dealings.opened:
             self.delivered += 1
             return outcome
+        if generation in dealings.failed:
+            return "refuses"
         if connection.ended or further or self.fate():
             return self._end_of(connection, "ipc")
         return outcome if self.comes_back("ipc") else self.fate() or "hangs"
@@ -286,7 +291,7 @@ class Trial:
             back = self.wait(
                 lambda: dealings.welcome or (dealings.hello and not self.role.welcomes)
             )
-            if back and dealings.welcome and "host_shm" in self.facts.capabilities():
+            if back and dealings.welcome and self.facts.opens:
                 if not self.role.offers_memory:
                     self.role.offer(connection, self.role.init_packet(connection))
                 back = self.wait(lambda: dealings.generation in dealings.opened)
@@ -361,5 +366,6 @@ OUTCOME_WORDS = {
     "ignores": "ignored it and went on",
     "keeps": "kept its state",
     "reconnects": "connected again",
+    "refuses": "answered open_failed to the good init packet that followed",
     "waits": "waited",
 }

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-OPENS_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
+DECLARES_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
+OPENS_HOST_MEMORY = (*DECLARES_HOST_MEMORY, "opens")
 """What a check needs that shows by opened memory that the testee goes on."""
 
 F = TypeVar("F", bound=Callable[..., None])
@@ -23,7 +24,7 @@ class Check:
     """What of the requirement can be seen from outside."""
     needs: tuple[str, ...]
     """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
-    `poses`, `returns:ipc`, `returns:msg`, or a capability."""
+    `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str

@@ -13,7 +13,7 @@ from splatbus_conformance.broken_packets import (
     changed,
     wrapping_in_32_bits,
 )
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
@@ -67,7 +67,7 @@ def judge_breaches(trial: Trial, breaches: Iterable[Breach], kinder: dict[str, s
 @check(
     "INI-8",
     observable="the testee answers opened",
-    needs=OPENS_HOST_MEMORY,
+    needs=DECLARES_HOST_MEMORY,
 )
 def check_accepts_good_init_packets(trial: Trial) -> None:
     """Sizes at both ends of their range, rings of any order and spacing, optional members, the

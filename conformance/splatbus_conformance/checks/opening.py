@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, changed
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
@@ -40,7 +40,7 @@ def awaits_answer(trial: Trial, connection: Connection, generation: int) -> bool
 @check(
     "OPN-1",
     observable="the number of opened and open_failed for each generation",
-    needs=OPENS_HOST_MEMORY,
+    needs=DECLARES_HOST_MEMORY,
 )
 def check_answers_each_init_packet_once(trial: Trial) -> None:
     """Good init packets, three in one segment where the testee takes further ones: rings of all
@@ -109,7 +109,7 @@ def check_maps_before_it_says_so(trial: Trial) -> None:
 @check(
     "OPN-3",
     observable="the reason in each open_failed",
-    needs=OPENS_HOST_MEMORY,
+    needs=DECLARES_HOST_MEMORY,
     may_crash=True,
 )
 def check_says_why_it_failed(trial: Trial) -> None:
