@@ -23,7 +23,13 @@ from splatbus_conformance.recording import Channel
 from splatbus_conformance.reports import json_report, junit_report
 from splatbus_conformance.role import Role
 from splatbus_conformance.running import Interrupted, run_checks
-from splatbus_conformance.terminal import Live, print_connections, print_failures, summary
+from splatbus_conformance.terminal import (
+    Live,
+    print_connections,
+    print_failures,
+    print_what_next,
+    summary,
+)
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
@@ -103,6 +109,7 @@ def client(arguments: argparse.Namespace, out: Console) -> int:
         memory.close()
     judged = of_run(run)
     print_failures(out, results, requirements("1.1"))
+    print_what_next(out, results, recorded=bool(arguments.record))
     sentence, verdicts = summary(results, judged, "L1")
     status = exit_code(verdicts, strict=arguments.strict)
     seconds = time.monotonic() - began

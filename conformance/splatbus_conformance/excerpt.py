@@ -9,17 +9,34 @@ SHOWN_BYTES = 48
 
 
 def excerpt(entries: Iterable[Entry], lines: int) -> Iterator[str]:
-    """The last `lines` entries, one line each."""
-    for entry in list(entries)[-lines:]:
+    """The last `lines` entries, one line each; the stream of poses is only counted.
+
+    A viewer sends poses all the time, and they would hide everything else.
+    """
+    entries = list(entries)
+    telling = [entry for entry in entries if not _is_pose(entry)]
+    shown = (telling or entries)[-lines:]
+    for entry in shown:
         yield f"{entry.t:9.4f} s  {entry.channel:<3} #{entry.conn}  {_what(entry)}"
+    if poses := len(entries) - len(telling):
+        yield f"           and {poses} poses of the testee"
+
+
+def _is_pose(entry: Entry) -> bool:
+    data = entry.data or b""
+    return (
+        entry.dir == "c2s"
+        and b"get_" not in data
+        and (b"camera_pose" in data or b"point_cloud_pose" in data)
+    )
 
 
 def fold(data: bytes) -> str:
-    """Bytes as hexadecimal text and as characters, the middle left out when there are many."""
+    """Bytes as characters and as hexadecimal text, the end left out when there are many."""
     head = data[:SHOWN_BYTES]
     more = f" … ({len(data)} bytes)" if len(data) > SHOWN_BYTES else ""
     text = "".join(chr(byte) if 32 <= byte < 127 else "·" for byte in data[: 3 * SHOWN_BYTES])
-    return f"{head.hex(' ')}{more}  |{text}|"
+    return f"|{text}|  {head.hex(' ')}{more}"
 
 
 def _what(entry: Entry) -> str:

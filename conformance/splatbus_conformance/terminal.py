@@ -8,7 +8,7 @@ from rich.text import Text
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.audit import Audit
-from splatbus_conformance.verdicts import Result, Verdict, by_requirement, worst
+from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
 
 STYLE = {
     Verdict.PASS: "green",
@@ -80,6 +80,18 @@ def print_failures(
         for line in result.evidence:
             console.print(Text(f"    {line}", "dim"), no_wrap=True, overflow="ellipsis")
     console.print()
+
+
+def print_what_next(console: Console, results: Iterable[Result], *, recorded: bool) -> None:
+    """How to look closer at what failed."""
+    broken = [
+        r.requirement for r in results if r.verdict is Verdict.FAIL and r.level != Level.PASSIVE
+    ]
+    if broken and not recorded:
+        ids = ",".join(dict.fromkeys(broken))
+        console.print(
+            f"To see all that crossed the wire, add: --select {ids} --record FOLDER\n", style="dim"
+        )
 
 
 def print_connections(console: Console, name: str, judged: Audit) -> None:

@@ -104,7 +104,7 @@ def test_the_opengl_viewer_writes_its_numbers_as_strings() -> None:
     assert (place.offset, place.pointer) == (45, "/position/x")
     assert str(place) == "msg #1, 0.7243 s, byte 45 of the client's stream, /position/x"
     assert '7, the first "-1.0153546333312988"' in finding.first.text
-    assert finding.first.excerpt.startswith("f3 00 00 00 7b 22 74 79 70 65")
+    assert "  f3 00 00 00 7b 22 74 79 70 65" in finding.first.excerpt
     assert '"x": "-1.0153546333312988"' in finding.first.excerpt
     assert "(247 bytes)" in finding.first.excerpt
 
@@ -231,7 +231,7 @@ def test_a_breach_of_a_stream_shows_its_bytes() -> None:
     assert finding.first is not None
     assert finding.first.place.offset == 33
     assert finding.first.excerpt == (
-        "47 45 54 20 2f 20 48 54 54 50 2f 31 2e 31 0d 0a  |GET / HTTP/1.1··|"
+        "|GET / HTTP/1.1··|  47 45 54 20 2f 20 48 54 54 50 2f 31 2e 31 0d 0a"
     )
 
 

@@ -163,12 +163,14 @@ def check_refuses_a_version_it_did_not_list(trial: Trial) -> None:
         for version in ("9.9", "2.0", "1.10"):
             if not trial.facts.speaks_1_1(channel):
                 continue
-            trial.role.welcomes, trial.role.offers_memory = False, False
+            # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
+            trial.peer.close_all()
+            trial.role.welcomes = trial.role.offers_memory = trial.role.replies = False
             connection = trial.connection(channel)
             trial.says_hello(connection)
             trial.role.welcome(connection, version=version)
             outcome = "closes" if trial.ends(connection) else "accepts"
-            trial.role.welcomes = trial.role.offers_memory = True
+            trial.role.welcomes = trial.role.offers_memory = trial.role.replies = True
             trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
             trial.expect(trial.comes_back(channel), "it did not come back afterwards")
 
