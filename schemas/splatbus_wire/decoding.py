@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import MAX_SAFE_INTEGER, Field, array_pose, object_pose
-from splatbus_wire.init_packet import InitPacket, parse_init_packet
+from splatbus_wire.init_packet import InitPacket, is_init_packet, parse_init_packet
 from splatbus_wire.json_text import brief, parse_object
 from splatbus_wire.message_types import (
     CameraPose,
@@ -107,7 +107,7 @@ def decode_from_server_ipc(payload: bytes) -> InitPacket | Welcome | Frame | Err
             return _error(message.under("NEG-23"))
         case "frame":
             return _frame(message.under("IMG-1"))
-    if "meta" in message.value:
+    if is_init_packet(message.value):
         return parse_init_packet(message.value)
     raise _unknown_type(message, "INI-11")
 

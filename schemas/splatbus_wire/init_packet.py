@@ -100,7 +100,7 @@ class InitPacket(NamedTuple):
     """Size of the images in pixels, and the memory that holds them.
 
     `legacy` is None with memory of the host; what follows it is None where the server speaks 1.0,
-    but `ring` may be None with CUDA memory too, on a connection without `frames` [MEM-8].
+    but `ring` may be None with CUDA memory too, from a server without `frames` [MEM-8].
     """
 
     width: int
@@ -126,6 +126,11 @@ def host_ring(width: int, height: int, slots: int) -> tuple[Ring, int]:
     depth_offset = slots * color_stride
     ring = Ring(slots, 0, color_stride, depth_offset, depth_stride)
     return ring, depth_offset + slots * depth_stride
+
+
+def is_init_packet(message: Mapping[str, Any]) -> bool:
+    """Whether a parsed payload is meant as one: it has `meta`, and no `type` [INI-11]."""
+    return "meta" in message and "type" not in message
 
 
 def parse_init_packet(message: Mapping[str, Any]) -> InitPacket:
@@ -163,13 +168,14 @@ def parse_init_packet(message: Mapping[str, Any]) -> InitPacket:
 def readable_generation(payload: bytes) -> int | None:
     """The generation that an `open_failed` has to name although the packet is refused [OPN-1].
 
-    None if the payload is no JSON object, or has no valid `generation`.
+    None if the payload is no init packet [INI-11], or has no valid `generation`.
     """
     try:
-        generation = Field(parse_object(payload), "", "MEM-1").member("generation")
-        return generation.integer(1, MAX_SAFE_INTEGER)
+        message = parse_object(payload)
+        generation = Field(message, "", "MEM-1").member("generation").integer(1, MAX_SAFE_INTEGER)
     except ProtocolError:
         return None
+    return generation if is_init_packet(message) else None
 
 
 def check_fits(packet: InitPacket, actual_bytes: int) -> None:

@@ -97,6 +97,14 @@ def test_unknown_members_are_ignored_at_every_level():
         assert parse_init_packet(with_value(HOST, f"{place}/later", [None])) == HOST_PACKET
 
 
+@pytest.mark.parametrize("kind", ["init", "", None, 7])
+def test_what_has_a_type_is_no_init_packet(kind):
+    for message in (LEGACY, HOST):
+        with pytest.raises(ProtocolError) as caught:
+            decode_from_server_ipc(json.dumps(message | {"type": kind}).encode())
+        assert (caught.value.code, caught.value.requirement) == ("unknown_type", "INI-11")
+
+
 def test_without_version_what_follows_is_not_known():
     stray = LEGACY | {"generation": "x", "memory": None, "ring": 1, "semantics": []}
     assert parse_init_packet(stray) == parse_init_packet(LEGACY)
@@ -293,7 +301,16 @@ def test_the_generation_of_a_refused_packet_is_readable():
 
 @pytest.mark.parametrize(
     "payload",
-    [b"{", b"[]", b"{}", b'{"generation":0}', b'{"generation":"1"}', b'{"generation":1,"a":NaN}'],
+    [
+        b"{",
+        b"[]",
+        b'{"meta":{}}',
+        b'{"meta":{},"generation":0}',
+        b'{"meta":{},"generation":"1"}',
+        b'{"meta":{},"generation":1,"a":NaN}',
+        b'{"generation":1}',
+        b'{"meta":{},"generation":1,"type":"scene"}',
+    ],
 )
 def test_no_generation_is_read_from_what_has_none(payload):
     assert readable_generation(payload) is None
