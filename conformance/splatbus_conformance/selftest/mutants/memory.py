@@ -171,7 +171,7 @@ def does_without_semantics(patch: pytest.MonkeyPatch) -> None:
     init_packets(patch, lambda it: it.setdefault("semantics", good))
 
 
-@mutant("MEM-11", check="check_refuses_generations_that_do_not_grow", reason="for the second time")
+@mutant("MEM-11", check="check_refuses_generations_that_do_not_grow", reason="after generation")
 def takes_old_generations(patch: pytest.MonkeyPatch) -> None:
     """Takes an init packet whose generation it has seen before."""
 

@@ -68,7 +68,7 @@ def timestamp_as_a_string(patch: pytest.MonkeyPatch) -> None:
     _camera(patch, lambda pose: pose | {"timestamp": "2024-05-04T12:00:00Z"})
 
 
-@mutant("POS-9", reason=" after 1")
+@mutant("POS-9", reason="timestamp is ")
 def timestamps_that_go_back(patch: pytest.MonkeyPatch) -> None:
     """Counts timestamps down."""
     seconds = itertools.count(1000.0, -0.5)
