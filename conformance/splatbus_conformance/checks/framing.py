@@ -5,7 +5,7 @@ import itertools
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.channels import closing
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
@@ -48,7 +48,7 @@ def check_bad_length_closes_message_channel(trial: Trial) -> None:
 @check(
     "FRM-4",
     observable="the testee opens memory whose init packet arrived in pieces",
-    needs=OPENS_HOST_MEMORY,
+    needs=DECLARES_HOST_MEMORY,
 )
 def check_any_segmentation(trial: Trial) -> None:
     """Init packets and frames arrive byte by byte, halved anywhere, and joined to others."""
