@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from splatbus_conformance.kinds import kind_of, shape_of
@@ -57,12 +58,12 @@ class Conversation:
         """The messages of `client` or `server`."""
         return [message for message in self.messages if message.sender == peer]
 
-    @property
+    @cached_property
     def hello(self) -> Message | None:
         """The first readable `hello`, if there is one."""
         return next((m for m in self.sent_by("client") if m.kind == "hello"), None)
 
-    @property
+    @cached_property
     def welcome(self) -> Message | None:
         """The first readable `welcome`, if there is one."""
         return next((m for m in self.sent_by("server") if m.kind == "welcome"), None)
