@@ -30,13 +30,14 @@ from tests.conformance.talk import (
 
 MAX_SIZE = LIMITS["max_image_size"]
 SAME_FAULT = {
-    "POS-2": {"POS-1", "REQ-5"},
+    "POS-2": {"POS-1", "REQ-5", "IMG-1"},
     "OPN-1": {"OPN-13"},
     "OPN-3": {"OPN-13"},
     "OPN-5": {"OPN-13"},
     "OPN-11": {"OPN-13"},
     "NEG-6": {"NEG-30"},
     "NEG-7": {"NEG-30"},
+    "NEG-30": {"NEG-7"},
     "MEM-1": {"OPN-13", "IMG-1", "IMG-12"},
     "MEM-7": {"MEM-2"},
     "IMG-1": {"IMG-12"},
