@@ -9,7 +9,8 @@ from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
-from splatbus_conformance.peer import Connection
+from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.recording import Channel
 
 
 @dataclass
@@ -50,8 +51,10 @@ class Role:
         self.lends_frames = True
         """Lends one frame of each generation that is opened; a check lends more itself."""
         self.replies = True
-        self.encode: Callable[[Json], bytes] = messages.encode
-        """Writes each payload; a check may spell it otherwise."""
+        self.encode: dict[Channel, Callable[[Json], bytes]] = dict.fromkeys(
+            CHANNELS, messages.encode
+        )
+        """Writes the payloads of each channel; a check may spell them otherwise."""
         self.dealings: dict[Connection, Dealings] = {}
 
     def with_(self, connection: Connection) -> Dealings:
@@ -123,7 +126,7 @@ class Role:
 
     def say(self, connection: Connection, message: Json) -> None:
         """Send a message."""
-        connection.send(packet(self.encode(message)))
+        connection.send(packet(self.encode[connection.channel](message)))
 
     def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
         generation = whole(message.get("generation"))

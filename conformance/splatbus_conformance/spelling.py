@@ -59,7 +59,7 @@ def _token(value: Any, random: Random) -> str:
 
 
 def _gap(random: Random) -> str:
-    return "".join(random.choice(" \t\n\r") for _ in range(random.choice((0, 0, 0, 1, 3))))
+    return "".join(random.choice(" \t\n\r") for _ in range(random.choice((0, 0, 1, 3))))
 
 
 def _string(value: str, random: Random) -> str:

@@ -58,7 +58,7 @@ def judge_writer_on_ipc(trial: Trial, writer: Writer, quick: int, full: int) -> 
             written.append(writer(message, random))  # noqa: B023 - the closures end with the round
             return written[-1]  # noqa: B023
 
-        trial.role.encode = encode_and_keep
+        trial.role.encode["ipc"] = encode_and_keep
         anew = number % CASES_ON_A_CONNECTION == 0
         connection = trial.greeted("ipc") if anew else trial.for_init_packet()
         dealings = trial.role.with_(connection)
@@ -79,7 +79,7 @@ def judge_writer_on_msg(trial: Trial, writer: Writer, quick: int, full: int) -> 
     """Write welcome and replies so; the testee must go on."""
     for seed in trial.cases(st.integers(0, 2**32 - 1), quick, full):
         random = Random(seed)
-        trial.role.encode = lambda message: writer(message, random)  # noqa: B023
+        trial.role.encode["msg"] = lambda message: writer(message, random)  # noqa: B023
         connection = trial.connection("msg")
         trial.wait(lambda: connection.packets)  # noqa: B023
         outcome = trial.outcome_on_msg(connection)
@@ -106,7 +106,7 @@ def check_takes_any_spelling_on_ipc(trial: Trial) -> None:
 )
 def check_takes_any_spelling_on_the_message_channel(trial: Trial) -> None:
     """The same of welcome and of the replies to the first requests."""
-    judge_writer_on_msg(trial, odd_spelling, quick=3, full=60)
+    judge_writer_on_msg(trial, odd_spelling, quick=6, full=60)
 
 
 @check(
