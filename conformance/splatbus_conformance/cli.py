@@ -117,7 +117,9 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; its exit status."""
     arguments = parser().parse_args(argv)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # Whoever starts this in the background of a shell passes on that SIGINT is ignored.
+    for ending in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(ending, signal.default_int_handler)
     try:
         return int(arguments.run(arguments, commands.console(arguments.plain)))
     except KeyboardInterrupt:

@@ -4,7 +4,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.oracle.rounding import (
     DOUBLE,
@@ -22,6 +22,8 @@ ratios = st.fractions() | st.builds(
 
 
 @settings(deadline=None)
+@example(Fraction(179769314 * 10**300))
+@example(Fraction(-(10**400)))
 @given(ratios)
 def test_doubles_are_those_of_the_standard_library(value):
     try:

@@ -56,7 +56,7 @@ def rounded(value: Fraction, form: Format) -> float:
     step = ulp(value, form)
     nearest = round(value / step) * step
     if abs(nearest) >= Fraction(2) ** (form.max_exponent + 1):
-        return math.copysign(math.inf, value)
+        return math.inf if value > 0 else -math.inf
     return float(nearest)
 
 
