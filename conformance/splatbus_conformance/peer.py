@@ -50,12 +50,6 @@ class Connection:
                 self._sock.sendall(data)
                 self._peer.note(self, "s2c", data)
 
-    def drip(self, data: bytes, pause: float = 0.0) -> None:
-        """Send bytes one by one, with `pause` seconds between them."""
-        for byte in data:
-            self.send(bytes([byte]))
-            self._peer.pump(pause)
-
     def end_stream(self) -> None:
         """Say that nothing more comes, and go on listening (a TCP half-close)."""
         with contextlib.suppress(OSError):

@@ -6,7 +6,6 @@ import shlex
 import signal
 import subprocess
 import tempfile
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -56,10 +55,13 @@ class Launched:
 
     def __init__(self, command: str, environment: Mapping[str, str]) -> None:
         self.name = command
-        self._argv = shlex.split(command, posix=os.name == "posix")
+        # Windows splits command lines itself, and by rules of its own.
+        self._command = shlex.split(command) if os.name == "posix" else command
         self._environment = {**os.environ, **environment}
         self._process: subprocess.Popen[bytes] | None = None
-        self._log = Path(tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")[1])
+        file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
+        os.close(file)
+        self._log = Path(name)
 
     def ensure_running(self) -> bool:
         """Start it if it does not run; OSError if the command cannot be started."""
@@ -67,7 +69,7 @@ class Launched:
             return False
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
-                self._argv,
+                self._command,
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -114,7 +116,6 @@ class Awaited:
 
     def __init__(self, name: str = "the client that connects") -> None:
         self.name = name
-        self.since = time.monotonic()
 
     def ensure_running(self) -> bool:
         """Nothing to do."""

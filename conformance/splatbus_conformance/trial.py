@@ -15,7 +15,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
-from splatbus_conformance.testee import Ended, Testee
+from splatbus_conformance.testee import Testee
 
 T = TypeVar("T")
 SETTLE_SECONDS = 0.05
@@ -210,10 +210,6 @@ class Trial:
         if ended is None:
             return None
         return "dies" if ended.crashed else "exits"
-
-    def how_it_ended(self) -> Ended | None:
-        """How the process ended, if it has."""
-        return self.testee.ended()
 
     # Scripts, and what becomes of them
 
