@@ -18,6 +18,8 @@ from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Testee
 
 T = TypeVar("T")
+JITTER_SECONDS = 0.03
+"""How much closer two events may look than they were, since the harness sees them late."""
 SETTLE_SECONDS = 0.05
 """Time for what was sent last to be understood; a client that is cut off before that backs off."""
 EFFECT_SECONDS: float = LIMITS["close_seconds"]

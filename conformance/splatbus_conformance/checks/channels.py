@@ -9,11 +9,15 @@ from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS, Trial
+from splatbus_conformance.trial import (
+    EFFECT_SECONDS,
+    JITTER_SECONDS,
+    REACTION_SECONDS,
+    SETTLE_SECONDS,
+    Trial,
+)
 
 BOTH_RETURN = ("returns:ipc", "returns:msg")
-JITTER_SECONDS = 0.03
-"""How much closer two attempts may look than they were, since the harness sees them late."""
 
 
 def closing(trial: Trial, connection: Connection, seconds: float) -> str:

@@ -8,9 +8,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import check
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
-from splatbus_conformance.trial import Trial
-
-JITTER_SECONDS = 0.03
+from splatbus_conformance.trial import JITTER_SECONDS, Trial
 
 BAD_REPLIES: tuple[Any, ...] = (
     {},
