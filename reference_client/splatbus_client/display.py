@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera
 
@@ -40,10 +41,45 @@ def shown(
         rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
     if semantics.color_space == "linear":
         rgb = srgb(rgb)
-    z = np.where(_surface(depth, alpha[..., 0], semantics), depth, np.float32(np.inf))
+    z = planar_depth(color, depth, camera, semantics)
+    return Shown(np.concatenate([rgb, alpha], axis=-1), z, camera)
+
+
+def composed(
+    color: Float32Array,
+    depth: Float32Array,
+    camera: FrameCamera,
+    semantics: Semantics,
+    background: Float32Array,
+    background_depth: Float32Array,
+) -> Float32Array:
+    """Put an application's own geometry among the splats [MEM-13, ACC-10, BUF-8, BUF-9].
+
+    Args:
+        color: (H, W, 4) float32 RGBA as `semantics` says.
+        depth: (H, W) float32 as `semantics` says.
+        camera: what they were rendered with.
+        semantics: of the init packet.
+        background: (H, W, 3) float32 colour of the geometry, in the image's colour space.
+        background_depth: (H, W) float32, its planar depth, +∞ where there is none.
+
+    Returns:
+        (H, W, 3) float32 in the image's colour space.
+    """
+    over = over_premultiplied if semantics.alpha == "premultiplied" else over_straight
+    z = planar_depth(color, depth, camera, semantics)
+    return over(color, z, background, background_depth)
+
+
+def planar_depth(
+    color: Float32Array, depth: Float32Array, camera: FrameCamera, semantics: Semantics
+) -> Float32Array:
+    """Return (H, W) float32: z in camera axes and scene units, +∞ where there is no surface."""
+    surface = _surface(depth, color[..., 3], semantics)
+    z: Float32Array = np.where(surface, depth, np.float32(np.inf))
     if semantics.depth_kind == "ray_distance":
         z = (z / np.linalg.norm(rays(camera), axis=-1)).astype(np.float32)
-    return Shown(np.concatenate([rgb, alpha], axis=-1), z, camera)
+    return z
 
 
 def rays(camera: FrameCamera) -> NDArray[np.float64]:

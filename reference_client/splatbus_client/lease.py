@@ -63,6 +63,12 @@ class FrameLease:
         return self._readable(self._depth, "depth")
 
     @property
+    def channels(self) -> frozenset[str]:
+        """Which of `"color"` and `"depth"` may be read."""
+        images = {"color": self._color, "depth": self._depth}
+        return frozenset(name for name, image in images.items() if image is not None)
+
+    @property
     def intact(self) -> bool:
         """Whether the server still lends it: asked after a copy, whether the copy is whole.
 

@@ -6,7 +6,7 @@ Nothing here waits or locks; the session does.
 import logging
 from typing import NamedTuple
 
-from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.init_packet import InitPacket, Semantics
 from splatbus_wire.messages import Frame, Hello
 
 from splatbus_client.events import Announced, Declined, IpcEvent, Lent
@@ -23,6 +23,22 @@ class Mapped(NamedTuple):
 
     images: HostImages
     machine: IpcProtocol
+
+
+class ImagesOpen(NamedTuple):
+    """What the server has said of the images that are read now.
+
+    Attributes:
+        generation: number of the init packet that announced them.
+        width: in pixels.
+        height: in pixels.
+        semantics: how their numbers are meant.
+    """
+
+    generation: int
+    width: int
+    height: int
+    semantics: Semantics
 
 
 class Loan(NamedTuple):
@@ -110,6 +126,14 @@ class Reading:
     def open(self) -> bool:
         """Whether there is memory to read from."""
         return self._mapped is not None
+
+    @property
+    def images(self) -> ImagesOpen | None:
+        """What is known of the memory that is read from."""
+        if self._mapped is None:
+            return None
+        images = self._mapped.images
+        return ImagesOpen(images.generation, *images.size, images.semantics)
 
     def _open(self, packet: InitPacket) -> None:
         assert self._machine is not None

@@ -29,7 +29,7 @@ from splatbus_wire.poses import Pose
 from splatbus_client.channel import Channel, ChannelStatus
 from splatbus_client.ipc_protocol import CHANNELS
 from splatbus_client.lease import FrameLease
-from splatbus_client.reading import CAPABILITIES, Loan, Reading
+from splatbus_client.reading import CAPABILITIES, ImagesOpen, Loan, Reading
 from splatbus_client.settings import Settings, settings
 from splatbus_client.steering import Steering
 
@@ -173,6 +173,12 @@ class Session:
         """How both channels fare now."""
         with self._changed:
             return Status(self._ipc.status, self._message.status, self._reading.problem)
+
+    @property
+    def images(self) -> ImagesOpen | None:
+        """What the server has said of the images that are read now; None while there are none."""
+        with self._changed:
+            return self._reading.images
 
     def close(self) -> None:
         """End both connections, and with them every lease. Further calls do nothing."""

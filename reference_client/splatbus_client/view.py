@@ -6,7 +6,6 @@ import statistics
 import threading
 import time
 from collections import OrderedDict, deque
-from concurrent.futures import Future
 from typing import Any, TextIO
 
 import numpy as np
@@ -15,8 +14,8 @@ from splatbus_wire.rotations import rotation_matrix
 
 from splatbus_client.channel import ChannelStatus
 from splatbus_client.lease import FrameLease
+from splatbus_client.questions import Questions
 from splatbus_client.session import Session, Status
-from splatbus_client.steering import ServerRefusedError
 
 ORBIT_SECONDS = 8.0
 ORBIT_RADIUS = 0.25
@@ -39,7 +38,7 @@ def view(
         stopped: set by somebody else to end it.
         out: where the status goes: one line that is rewritten if a terminal, else plain lines.
     """
-    questions, frames, report = _Questions(session), _Frames(), _Report(out)
+    questions, frames, report = Questions(session), _Frames(), _Report(out)
     start = next_pose = next_object = time.monotonic()
     shown = -1  # images, when the last pose was sent
     while not stopped.is_set() and (now := time.monotonic()) < start + seconds:
@@ -82,38 +81,6 @@ def _read_one(session: Session, frames: "_Frames", until: float) -> None:
         return
     with frame:
         frames.read(frame, time.monotonic())
-
-
-class _Questions:
-    """Asks, on each new connection, where the first camera is and how large the images are."""
-
-    def __init__(self, session: Session) -> None:
-        self.camera = IDENTITY
-        self.size = (0, 0)
-        self._session = session
-        self._connections = 0
-        self._camera: Future[Pose] = Future()
-        self._size: Future[tuple[int, int]] = Future()
-
-    def follow(self) -> None:
-        """Take answers that have come, and ask again where that is due."""
-        connections = self._session.status.message.connections
-        if connections > self._connections:
-            self._connections = connections
-            self._camera = self._session.ask_camera_pose(0)
-            self._size = self._session.ask_viewport_size()
-        self.camera = _answer(self._camera) or self.camera
-        self.size = size = _answer(self._size) or self.size
-        if self._size.done() and not all(size):
-            self._size = self._session.ask_viewport_size()  # the session keeps REQ-12's distance
-
-
-def _answer(future: "Future[Any]") -> Any:
-    """Return what was answered, or None if nothing was yet, or an error."""
-    try:
-        return future.result(0)
-    except (TimeoutError, ServerRefusedError):
-        return None
 
 
 class _Frames:

@@ -227,7 +227,7 @@ def init_packet_object(packet: InitPacket) -> dict[str, Any]:
     if packet.ring is not None:
         message["ring"] = _ring_object(packet.ring)
     if packet.semantics is not None:
-        message["semantics"] = _semantics_object(packet.semantics)
+        message["semantics"] = semantics_object(packet.semantics)
     return message
 
 
@@ -373,7 +373,7 @@ def _ring_object(ring: Ring) -> dict[str, Any]:
     return layout | ({"events": [_base64(event) for event in ring.events]} if ring.events else {})
 
 
-def _semantics_object(semantics: Semantics) -> dict[str, Any]:
+def semantics_object(semantics: Semantics) -> dict[str, Any]:
     empty = semantics.depth_empty
     return {
         "rows": "bottom_up",

@@ -1,0 +1,145 @@
+"""`python -m splatbus_client.adapter`: lets the conformance harness steer this client and look.
+
+It speaks conformance/ADAPTER.md, which describes each command, and is the example of an adapter.
+"""
+
+import argparse
+import hashlib
+import json
+import math
+import sys
+import threading
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from splatbus_wire.conventions import ENGINES, Engine
+from splatbus_wire.init_packet import semantics_object
+from splatbus_wire.poses import Pose
+
+from splatbus_client.display import composed
+from splatbus_client.mirror import Mirror
+from splatbus_client.questions import Questions
+from splatbus_client.session import Session, connect
+
+Json = dict[str, Any]
+AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
+REPLY_SECONDS = 8.0
+
+
+class Adapter:
+    """One method for each command: members in, members of the answer out."""
+
+    # ruff: noqa: D102
+
+    def __init__(self, axes: str) -> None:
+        camera = "blender_camera" if axes == "blender" else axes
+        thing = {"blender": "blender_object", "opengl_camera": "opencv"}.get(axes, axes)
+        self._camera, self._object = ENGINES.get(camera), ENGINES.get(thing)
+
+    def start(self) -> Json:
+        self._session: Session = connect()
+        self._mirror = Mirror(self._session)
+        threading.Thread(target=self._watch, daemon=True).start()
+        return {}
+
+    def stop(self) -> Json:
+        self._session.close()
+        return {}
+
+    def send_camera(self, position: list[float], rotation: list[float]) -> Json:
+        self._session.send_camera(_to_wire(self._camera, position, rotation))
+        return {}
+
+    def send_object(self, position: list[float], rotation: list[float]) -> Json:
+        self._session.send_object(_to_wire(self._object, position, rotation))
+        return {}
+
+    def ask(self, requests: list[Any]) -> Json:
+        size, camera = self._session.ask_viewport_size, self._session.ask_camera_pose
+        asked = [size() if it == "viewport_size" else camera(it["camera"]) for it in requests]
+        return {"replies": [self._reply(future.result(REPLY_SECONDS)) for future in asked]}
+
+    def subscribe(self, channels: list[str]) -> Json:
+        self._session.subscribe(*channels)
+        return {}
+
+    def init_packet(self) -> Json:
+        it = self._session.images
+        return {"images": it and it._asdict() | {"semantics": semantics_object(it.semantics)}}
+
+    def pixels(self, at: list[list[int]]) -> Json:
+        if (image := self._mirror.newest) is None:
+            return {"seq": None}
+        color = None if image.color is None else [image.color[y, x].tolist() for x, y in at]
+        depth = None if image.depth is None else [_number(image.depth[y, x]) for x, y in at]
+        return {"seq": image.seq, "color": color, "depth": depth}
+
+    def digest(self) -> Json:
+        if (image := self._mirror.newest) is None:
+            return {"seq": None}
+        return {"seq": image.seq, "color": _sha256(image.color), "depth": _sha256(image.depth)}
+
+    def composite(self, color: list[float], depth: float | str, at: list[list[int]]) -> Json:
+        image = self._mirror.newest
+        if image is None or image.color is None or image.depth is None:
+            return {"seq": None}
+        mesh = np.broadcast_to(np.array(color, np.float32), (*image.depth.shape, 3))
+        mesh_depth = np.full_like(image.depth, float(depth))
+        shown = composed(image.color, image.depth, image.camera, image.semantics, mesh, mesh_depth)
+        return {"seq": image.seq, "color": [shown[y, x].tolist() for x, y in at]}
+
+    def _reply(self, reply: Any) -> Json:
+        if not isinstance(reply, Pose):
+            return {"width": reply[0], "height": reply[1]}
+        return (self._camera.from_wire(reply) if self._camera else reply)._asdict()
+
+    def _watch(self) -> None:
+        questions = Questions(self._session)
+        try:
+            while True:
+                questions.follow()
+                self._mirror.read(timeout=0.05)
+        except RuntimeError:
+            return  # the session is closed
+
+
+def _to_wire(engine: Engine | None, position: Any, rotation: Any) -> Pose:
+    pose = Pose(tuple(position), tuple(rotation))
+    return engine.to_wire(pose) if engine else pose
+
+
+def _sha256(image: Any) -> str | None:
+    return None if image is None else hashlib.sha256(image.astype("<f4").tobytes()).hexdigest()
+
+
+def _number(value: float) -> float | str:
+    return float(value) if math.isfinite(value) else str(float(value))
+
+
+def main() -> None:
+    """Answer one line after the other, until `stop` or the end of the input."""
+    parser = argparse.ArgumentParser(prog="python -m splatbus_client.adapter")
+    parser.add_argument("--axes", choices=AXES, default="opencv", help="whose axes poses are in")
+    axes = parser.parse_args().axes
+    adapter = Adapter(axes)
+    can = [name for name in dir(adapter) if not name.startswith("_")]
+    client = {"name": "splatbus-client", "version": version("splatbus-protocol")}
+    units = {"axes": axes, "unitsPerMetre": 100 if axes == "unreal" else 1, "precision": "double"}
+    print(json.dumps({"adapter": "1", "client": client, **units, "can": can}), flush=True)
+    for line in sys.stdin:
+        members = json.loads(line)
+        number, name = members.pop("id"), members.pop("command")
+        try:
+            if name not in can:
+                raise ValueError(f"there is no command {name!r}")
+            answer = getattr(adapter, name)(**members)
+        except Exception as error:
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        print(json.dumps({"id": number, **answer}, allow_nan=False), flush=True)
+        if name == "stop":
+            break
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""The newest image, copied: for whoever looks at images now and then and keeps none lent."""
+
+from typing import NamedTuple
+
+import numpy as np
+from splatbus_wire.init_packet import Semantics
+from splatbus_wire.messages import FrameCamera
+
+from splatbus_client.lease import FrameLease, Image
+from splatbus_client.session import Session
+
+
+class Copied(NamedTuple):
+    """An image that stays as it is.
+
+    Attributes:
+        seq: number of the image.
+        color: (H, W, 4) float32 RGBA, rows top-down; None where it was not subscribed to.
+        depth: (H, W) float32 in scene units, rows top-down; None where it was not subscribed to.
+        camera: what it was rendered with.
+        semantics: how its numbers are meant.
+    """
+
+    seq: int
+    color: Image | None
+    depth: Image | None
+    camera: FrameCamera
+    semantics: Semantics
+
+
+class Mirror:
+    """Reads the frames of a session as they come.
+
+    Attributes:
+        newest: the last image that was copied whole; None before the first.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.newest: Copied | None = None
+        self._session = session
+
+    def read(self, timeout: float) -> None:
+        """Copy the next frame, if one comes within `timeout` seconds, and give it back.
+
+        Raises:
+            RuntimeError: a frame is still borrowed, or the session is closed.
+        """
+        try:
+            lease = self._session.next_frame(timeout)
+        except TimeoutError:
+            return
+        with lease:
+            copied = _copied(lease)
+            if lease.intact:
+                self.newest = copied
+
+
+def _copied(lease: FrameLease) -> Copied:
+    color = np.array(lease.color) if "color" in lease.channels else None
+    depth = np.array(lease.depth) if "depth" in lease.channels else None
+    return Copied(lease.seq, color, depth, lease.camera, lease.semantics)

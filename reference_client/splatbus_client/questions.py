@@ -1,0 +1,46 @@
+"""What a viewer asks on each new connection: where the first camera is, the size of images."""
+
+from concurrent.futures import Future
+from typing import Any
+
+from splatbus_wire.poses import IDENTITY, Pose
+
+from splatbus_client.session import Session
+from splatbus_client.steering import ServerRefusedError
+
+
+class Questions:
+    """Asks on each new connection, without waiting.
+
+    Attributes:
+        camera: pose of the scene's first camera, the identity until it is known.
+        size: width and height of the images in pixels, (0, 0) until they are known.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.camera = IDENTITY
+        self.size = (0, 0)
+        self._session = session
+        self._connections = 0
+        self._camera: Future[Pose] = Future()
+        self._size: Future[tuple[int, int]] = Future()
+
+    def follow(self) -> None:
+        """Take answers that have come, and ask again where that is due."""
+        connections = self._session.status.message.connections
+        if connections > self._connections:
+            self._connections = connections
+            self._camera = self._session.ask_camera_pose(0)
+            self._size = self._session.ask_viewport_size()
+        self.camera = _answer(self._camera) or self.camera
+        self.size = size = _answer(self._size) or self.size
+        if self._size.done() and not all(size):
+            self._size = self._session.ask_viewport_size()  # the session keeps REQ-12's distance
+
+
+def _answer(future: "Future[Any]") -> Any:
+    """Return what was answered, or None if nothing was yet, or an error."""
+    try:
+        return future.result(0)
+    except (TimeoutError, ServerRefusedError):
+        return None
