@@ -18,6 +18,8 @@ examples:
       start my-viewer again and again, and judge it
   splatbus-conformance client --wait --ports 6001,6000
       wait for a client that you start by hand, or inside an engine
+  splatbus-conformance server --launch "./my-renderer"
+      start my-renderer, and judge it as a server
   splatbus-conformance audit session.jsonl
       judge a recorded session, both sides of it
   splatbus-conformance explain FRM-3
@@ -31,8 +33,8 @@ def parser() -> argparse.ArgumentParser:
     """The command line."""
     top = argparse.ArgumentParser(
         prog="splatbus-conformance",
-        description="Judge a SplatBus client: which requirements it meets, which it breaks, "
-        "and the bytes that show it.",
+        description="Judge a SplatBus client or server: which requirements it meets, which it "
+        "breaks, and the bytes that show it.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -48,36 +50,34 @@ def parser() -> argparse.ArgumentParser:
     how = client.add_mutually_exclusive_group(required=True)
     how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")
     how.add_argument("--wait", action="store_true", help="wait for a client that you start")
-    client.add_argument("--host", default="127.0.0.1", help="address to listen on (%(default)s)")
-    client.add_argument(
-        "--ports",
-        metavar="IPC,MSG",
-        help="ports to listen on (free ones with --launch, 6001,6000 with --wait)",
-    )
     client.add_argument(
         "--viewport",
         metavar="WxH",
         default="64x48",
         help="image size to announce (%(default)s); some clients insist on their own",
     )
-    client.add_argument(
-        "--patience", type=float, metavar="S", help="longest wait for a connection, in seconds"
+    _live_options(
+        client,
+        ports="ports to listen on (free ones with --launch, 6001,6000 with --wait)",
+        host="address to listen on",
     )
-    client.add_argument(
-        "--profile", choices=("quick", "full"), default="quick", help="(%(default)s)"
-    )
-    client.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
-    client.add_argument("--select", metavar="ID,…", default="", help="only these requirements")
-    client.add_argument(
-        "--allow-crash",
-        action="store_true",
-        help="with --wait: also run what may crash a client that breaks a requirement",
-    )
-    client.add_argument("--strict", action="store_true", help="a warning fails the run")
-    client.add_argument("--json", metavar="FILE", help="write a report for programs")
-    client.add_argument("--junit", metavar="FILE", help="write a report for CI systems")
-    client.add_argument("--record", metavar="FOLDER", help="keep what crossed the wire")
     client.set_defaults(run=commands.client)
+
+    server = commands_.add_parser(
+        "server",
+        help="judge a server",
+        description="Judge a server. The harness plays its clients. A server that it launches has "
+        "to listen on the ports that it finds in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT.",
+    )
+    how = server.add_mutually_exclusive_group(required=True)
+    how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")
+    how.add_argument("--connect", action="store_true", help="judge a server that runs already")
+    _live_options(
+        server,
+        ports="ports of the server (free ones with --launch, 6001,6000 with --connect)",
+        host="address of the server",
+    )
+    server.set_defaults(run=commands.server)
 
     audit = commands_.add_parser(
         "audit",
@@ -105,13 +105,35 @@ def parser() -> argparse.ArgumentParser:
     selftest = commands_.add_parser(
         "selftest",
         help="judge the harness: the reference must pass, each mutant must die",
-        description="Run the reference client, which must pass, and a zoo of mutants of it, each "
-        "of which breaks one requirement and must fail for it.",
+        description="Run the reference client and server, which must pass, and a zoo of mutants "
+        "of them, each of which breaks one requirement and must fail for it.",
     )
     selftest.add_argument("--only", metavar="NAME,…", default="", help="only these mutants")
     selftest.add_argument("--json", metavar="FILE", help="write the kill matrix")
     selftest.set_defaults(run=commands.selftest)
     return top
+
+
+def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> None:
+    command.add_argument("--host", default="127.0.0.1", help=f"{host} (%(default)s)")
+    command.add_argument("--ports", metavar="IPC,MSG", help=ports)
+    command.add_argument(
+        "--patience", type=float, metavar="S", help="longest wait for a connection, in seconds"
+    )
+    command.add_argument(
+        "--profile", choices=("quick", "full"), default="quick", help="(%(default)s)"
+    )
+    command.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
+    command.add_argument("--select", metavar="ID,…", default="", help="only these requirements")
+    command.add_argument(
+        "--allow-crash",
+        action="store_true",
+        help="without --launch: also run what may crash a testee that breaks a requirement",
+    )
+    command.add_argument("--strict", action="store_true", help="a warning fails the run")
+    command.add_argument("--json", metavar="FILE", help="write a report for programs")
+    command.add_argument("--junit", metavar="FILE", help="write a report for CI systems")
+    command.add_argument("--record", metavar="FOLDER", help="keep what crossed the wire")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

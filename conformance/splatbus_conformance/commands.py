@@ -14,26 +14,12 @@ from splatbus_conformance.audit import audit as judge_recording
 from splatbus_conformance.audit import results as audit_results
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
 from splatbus_conformance.coverage import check_functions
-from splatbus_conformance.host_memory import HostMemory, sweep
-from splatbus_conformance.introduction import NothingConnects, introduce
-from splatbus_conformance.messages import ring_bytes
-from splatbus_conformance.peer import CHANNELS, Peer
-from splatbus_conformance.plugin import Run, of_run
-from splatbus_conformance.recording import Channel
-from splatbus_conformance.reports import json_report, junit_report
-from splatbus_conformance.role import Role
-from splatbus_conformance.running import Interrupted, run_checks
-from splatbus_conformance.terminal import (
-    Live,
-    print_connections,
-    print_failures,
-    print_what_next,
-    summary,
-)
-from splatbus_conformance.testee import Awaited, Launched
+from splatbus_conformance.judging import judge
+from splatbus_conformance.plan import Plan, Side, Usage
+from splatbus_conformance.reports import json_report
+from splatbus_conformance.terminal import print_connections, print_failures, summary
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
-    EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     EXIT_NOT_CONFORMING,
     EXIT_USAGE,
@@ -41,14 +27,9 @@ from splatbus_conformance.verdicts import (
 )
 
 DEPLOYED_PORTS = (6001, 6000)
-SLOTS = 3
 PLAIN_WIDTH = 240
 LAUNCH_PATIENCE = 10.0
 WAIT_PATIENCE = 120.0
-
-
-class Usage(Exception):  # noqa: N818 - a finding, no error of ours
-    """The command line cannot be carried out; the message says why and what to do."""
 
 
 def console(plain: bool) -> Console:
@@ -62,77 +43,43 @@ def console(plain: bool) -> Console:
 def client(arguments: argparse.Namespace, out: Console) -> int:
     """Judge a client."""
     try:
-        ports = parse_ports(arguments.ports, launching=bool(arguments.launch))
-        width, height = parse_size(arguments.viewport)
-        select = parse_select(arguments.select)
-        peer = listening_peer(arguments.host, ports)
+        plan = Plan(
+            "client",
+            arguments.launch,
+            arguments.host,
+            parse_ports(arguments.ports, (0, 0) if arguments.launch else DEPLOYED_PORTS),
+            parse_size(arguments.viewport),
+            arguments.patience or (LAUNCH_PATIENCE if arguments.launch else WAIT_PATIENCE),
+            arguments.profile,
+            arguments.seed,
+            parse_select(arguments.select, "client"),
+            allow_crash=arguments.allow_crash,
+        )
     except Usage as error:
         out.print(f"splatbus-conformance: {error}", markup=False)
         return EXIT_USAGE
-    environment = {
-        "SPLATBUS_HOST": arguments.host,
-        "SPLATBUS_IPC_PORT": str(peer.ports["ipc"]),
-        "SPLATBUS_MSG_PORT": str(peer.ports["msg"]),
-    }
-    testee = Launched(arguments.launch, environment) if arguments.launch else Awaited()
-    patience = arguments.patience or (LAUNCH_PATIENCE if arguments.launch else WAIT_PATIENCE)
-    sweep()
-    memory = HostMemory(ring_bytes(width, height, SLOTS))
-    role = Role(memory, width, height, SLOTS)
-    live = Live(out)
-    began = time.monotonic()
+    return judge(plan, arguments, out)
+
+
+def server(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge a server."""
     try:
-        if arguments.wait:
-            where = f"IPC {peer.host}:{peer.ports['ipc']}, message {peer.host}:{peer.ports['msg']}"
-            out.print(
-                f"Waiting for a client on {where}: start yours now (in an engine: press Play)."
-            )
-        facts = introduce(peer, role, testee, patience)
-        run = Run(peer, role, testee, facts, patience, live)
-        run.recordings.append(list(peer.entries))
-        run.profile, run.seed = arguments.profile, arguments.seed
-        run.allow_crash = arguments.allow_crash
-        run.select = select
-        results = run_checks(run)
-    except NothingConnects as error:
-        out.print(f"no verdict: {error}", markup=False)
-        return EXIT_NO_VERDICT
-    except OSError as error:
-        out.print(f"no verdict: cannot start the testee: {error}", markup=False)
-        return EXIT_NO_VERDICT
-    except Interrupted:
-        return EXIT_INTERRUPTED
-    finally:
-        live.end()
-        testee.close()
-        peer.close()
-        memory.close()
-    judged = of_run(run)
-    print_failures(out, results, requirements("1.1"))
-    print_what_next(out, results, recorded=bool(arguments.record))
-    sentence, verdicts = summary(results, judged, "L1")
-    status = exit_code(verdicts, strict=arguments.strict)
-    seconds = time.monotonic() - began
-    out.print(f"{sentence}\n{run.delivered} cases delivered in {seconds:.1f} s")
-    if arguments.json:
-        report = json_report(
-            testee.name,
-            sentence,
-            results,
-            judged,
-            exit_code=status,
-            delivered=run.delivered,
-            seconds=seconds,
+        plan = Plan(
+            "server",
+            arguments.launch,
+            arguments.host,
+            parse_ports(arguments.ports, (0, 0) if arguments.launch else DEPLOYED_PORTS),
+            (0, 0),
+            arguments.patience or LAUNCH_PATIENCE,
+            arguments.profile,
+            arguments.seed,
+            parse_select(arguments.select, "server"),
+            allow_crash=arguments.allow_crash,
         )
-        Path(arguments.json).write_text(json.dumps(report, indent=1) + "\n", "utf-8")
-    if arguments.junit:
-        Path(arguments.junit).write_bytes(junit_report(testee.name, results, seconds))
-    if arguments.record:
-        folder = Path(arguments.record)
-        folder.mkdir(parents=True, exist_ok=True)
-        for number, entries in enumerate(run.recordings, 1):
-            recording.save(entries, folder / f"{number:03}.jsonl")
-    return status
+    except Usage as error:
+        out.print(f"splatbus-conformance: {error}", markup=False)
+        return EXIT_USAGE
+    return judge(plan, arguments, out)
 
 
 def demo(arguments: argparse.Namespace, out: Console) -> int:
@@ -204,15 +151,15 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     return judge_the_harness(arguments, out)
 
 
-def parse_ports(text: str | None, *, launching: bool) -> dict[Channel, int]:
-    """`IPC,MSG` as a mapping; free ports (0) for a testee that is launched and told of them."""
+def parse_ports(text: str | None, default: tuple[int, int]) -> tuple[int, int]:
+    """`IPC,MSG` as two numbers."""
     if text is None:
-        return dict(zip(CHANNELS, (0, 0) if launching else DEPLOYED_PORTS, strict=True))
+        return default
     try:
         ipc, msg = (int(part) for part in text.split(","))
     except ValueError:
         raise Usage(f"--ports {text}: two numbers are wanted, such as 6001,6000") from None
-    return {"ipc": ipc, "msg": msg}
+    return ipc, msg
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -224,28 +171,13 @@ def parse_size(text: str) -> tuple[int, int]:
     return width, height
 
 
-def parse_select(text: str) -> tuple[str, ...]:
+def parse_select(text: str, side: Side) -> tuple[str, ...]:
     """`ID,…` as requirements that have a check; Usage for another."""
     names = tuple(name.strip().upper() for name in text.split(",") if name.strip())
-    known = {function.check.requirement for function in check_functions()}
+    known = {function.check.requirement for function in check_functions(side)}
     if unknown := [name for name in names if name not in known]:
         raise Usage(
             f"--select {','.join(unknown)}: no check judges that; "
-            "`splatbus-conformance list --peer client` shows what is judged"
+            f"`splatbus-conformance list --peer {side}` shows what is judged"
         )
     return names
-
-
-def listening_peer(host: str, ports: dict[Channel, int]) -> Peer:
-    """A peer that listens on both channels; Usage if a port cannot be had."""
-    peer = Peer(host, ports)
-    for channel in CHANNELS:
-        try:
-            peer.listen(channel)
-        except OSError as error:
-            peer.close()
-            raise Usage(
-                f"cannot listen on {host}:{ports[channel]} for the {channel} channel "
-                f"({error.strerror}); does another server run? --ports names other ports"
-            ) from None
-    return peer

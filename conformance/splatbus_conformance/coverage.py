@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from splatbus_schemas.requirements import Requirement, requirements
 
-import splatbus_conformance.checks
+from splatbus_conformance import checks
 from splatbus_conformance.checks import Check
 from splatbus_conformance.data import read_json
 from splatbus_conformance.rules import all_rules
@@ -37,9 +37,9 @@ class Exclusion(NamedTuple):
 
 
 @cache
-def check_functions() -> tuple[Any, ...]:
-    """Every check, module by module."""
-    package = splatbus_conformance.checks
+def check_functions(peer: str) -> tuple[Any, ...]:
+    """Every check of `client` or of `server`, module by module."""
+    package = importlib.import_module(f"{checks.__name__}.{peer}")
     modules = [
         importlib.import_module(f"{package.__name__}.{module.name}")
         for module in pkgutil.iter_modules(package.__path__)
@@ -62,12 +62,11 @@ def judges(peer: str) -> Mapping[str, list[Judge]]:
             if peer in known[name].binds:
                 what = paragraph(rule.__doc__)
                 found.setdefault(name, []).append(Judge(rule.__name__, "L0", what, "bytes"))
-    if peer == "client":
-        for function in check_functions():
-            check: Check = function.check
-            found.setdefault(check.requirement, []).append(
-                Judge(function.__name__, "L1", paragraph(function.__doc__), check.observable)
-            )
+    for function in check_functions(peer):
+        check: Check = function.check
+        found.setdefault(check.requirement, []).append(
+            Judge(function.__name__, "L1", paragraph(function.__doc__), check.observable)
+        )
     return found
 
 

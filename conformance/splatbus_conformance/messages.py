@@ -1,4 +1,4 @@
-"""Messages that the harness sends when it plays the server, as plain objects.
+"""Messages that the harness sends when it plays the server or a client, as plain objects.
 
 Written from the specification alone; the wire package is not used.
 """
@@ -80,6 +80,31 @@ def init_packet_1_1(
             "unitMetres": None,
             "origin": [0.0, 0.0, 0.0],
         },
+    }
+
+
+def hello(capabilities: list[str], token: str | None = None) -> Json:
+    """A `hello` that offers these capabilities (spec 1.1 chapter 2)."""
+    added: Json = {} if token is None else {"token": token}
+    return {
+        "type": "hello",
+        "versions": ["1.1", "1.0"],
+        "client": {"name": "splatbus-conformance", "version": "1.1"},
+        "capabilities": capabilities,
+        **added,
+    }
+
+
+def camera_pose(
+    position: tuple[float, ...] = (0.0, 0.0, 0.0),
+    rotation: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0),
+    kind: str = "camera_pose",
+) -> Json:
+    """A pose with position x, y, z and rotation x, y, z, w (spec 1.0 chapter 6)."""
+    return {
+        "type": kind,
+        "position": dict(zip("xyz", position, strict=True)),
+        "rotation": dict(zip("xyzw", rotation, strict=True)),
     }
 
 

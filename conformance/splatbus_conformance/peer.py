@@ -1,4 +1,4 @@
-"""The raw peer: two listeners, the connections that a testee makes to them, and a record of it all.
+"""The raw peer: its connections with a testee, whichever side made them, and a record of it all.
 
 One thread and one selector. Nothing happens but inside `pump` and what calls it, so a check reads
 as a sequence of steps. Every wait has a limit.
@@ -18,6 +18,7 @@ from splatbus_conformance.recording import Channel, Direction, Entry, Event
 T = TypeVar("T")
 CHANNELS: tuple[Channel, Channel] = ("ipc", "msg")
 SEND_SECONDS = 5.0
+DIAL_SECONDS = 5.0
 TICK_SECONDS = 0.02
 """How often a condition is looked at while nothing happens on the wire."""
 RESET_ON_CLOSE = (
@@ -26,14 +27,14 @@ RESET_ON_CLOSE = (
 
 
 class Connection:
-    """One connection that the testee made."""
+    """One connection with the testee."""
 
     def __init__(self, peer: "Peer", sock: socket.socket, channel: Channel, number: int) -> None:
         self.channel = channel
         self.number = number
         self.opened = time.monotonic()
         self.testee_port: int = sock.getpeername()[1]
-        """The port that the testee connected from."""
+        """The port at the testee's end."""
         self.packets: list[Packet] = []
         self.ended: Literal["eof", "reset"] | None = None
         """How the testee ended its stream, if it did."""
@@ -48,13 +49,13 @@ class Connection:
         if self.open:
             with contextlib.suppress(OSError):
                 self._sock.sendall(data)
-                self._peer.note(self, "s2c", data)
+                self._peer.note(self, self._peer.ours, data)
 
     def end_stream(self) -> None:
         """Say that nothing more comes, and go on listening (a TCP half-close)."""
         with contextlib.suppress(OSError):
             self._sock.shutdown(socket.SHUT_WR)
-        self._peer.note_event(self, "eof", "s2c")
+        self._peer.note_event(self, "eof", self._peer.ours)
 
     def close(self) -> None:
         """Close."""
@@ -62,7 +63,7 @@ class Connection:
             self.open = False
             self._peer.forget(self._sock)
             self._sock.close()
-            self._peer.note_event(self, "eof", "s2c")
+            self._peer.note_event(self, "eof", self._peer.ours)
 
     def reset(self) -> None:
         """Close so that the testee sees a reset."""
@@ -71,7 +72,7 @@ class Connection:
             self.open = False
             self._peer.forget(self._sock)
             self._sock.close()
-            self._peer.note_event(self, "reset", "s2c")
+            self._peer.note_event(self, "reset", self._peer.ours)
 
     def read(self) -> list[Packet]:
         """Take what has arrived; return the packets that it completes."""
@@ -81,22 +82,27 @@ class Connection:
             return []
         except OSError:
             self.ended = "reset"
-            self._peer.note_event(self, "reset", "c2s")
+            self._peer.note_event(self, "reset", self._peer.theirs)
             return []
         if not data:
             self.ended = "eof"
-            self._peer.note_event(self, "eof", "c2s")
+            self._peer.note_event(self, "eof", self._peer.theirs)
             return []
-        self._peer.note(self, "c2s", data)
+        self._peer.note(self, self._peer.theirs, data)
         packets = self._splitter.feed(data, time.monotonic())
         self.packets += packets
         return packets
 
 
 class Peer:
-    """Listens on both channels; tells `on_open` of connections, `on_packet` of packets."""
+    """Listens to clients or dials a server; tells `on_open` of connections, `on_packet` of packets.
 
-    def __init__(self, host: str, ports: dict[Channel, int]) -> None:
+    What it sends is on record as the server's, unless it plays the client.
+    """
+
+    def __init__(self, host: str, ports: dict[Channel, int], *, plays: str = "server") -> None:
+        self.ours: Direction = "s2c" if plays == "server" else "c2s"
+        self.theirs: Direction = "c2s" if plays == "server" else "s2c"
         self.host = host
         self.ports = dict(ports)
         self.connections: list[Connection] = []
@@ -117,6 +123,12 @@ class Peer:
             listener.setblocking(False)
             self._listeners[channel] = listener
             self._selector.register(listener, selectors.EVENT_READ, channel)
+
+    def dial(self, channel: Channel, seconds: float = DIAL_SECONDS) -> Connection:
+        """Connect to the testee on this channel; OSError if it does not accept in time."""
+        return self._adopt(
+            socket.create_connection((self.host, self.ports[channel]), seconds), channel
+        )
 
     def refuse(self, channel: Channel) -> None:
         """Refuse connections on this channel from now on."""
@@ -189,6 +201,9 @@ class Peer:
             sock, _ = self._listeners[channel].accept()
         except OSError:
             return
+        self._adopt(sock, channel)
+
+    def _adopt(self, sock: socket.socket, channel: Channel) -> Connection:
         sock.settimeout(SEND_SECONDS)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._count[channel] += 1
@@ -197,6 +212,7 @@ class Peer:
         self.entries.append(Entry(self._now(), channel, connection.number, event="open"))
         self._selector.register(sock, selectors.EVENT_READ, connection)
         self.on_open(connection)
+        return connection
 
     def _handle(self, connection: Connection) -> None:
         for packet in connection.read():

@@ -9,11 +9,10 @@ from splatbus_schemas.requirements import Requirement, requirements
 
 from splatbus_conformance.checks import Check
 from splatbus_conformance.excerpt import excerpt
-from splatbus_conformance.peer import Peer
+from splatbus_conformance.plan import Plan
 from splatbus_conformance.recording import Entry
-from splatbus_conformance.role import Role
-from splatbus_conformance.testee import Testee
-from splatbus_conformance.trial import SETTLE_SECONDS, Facts, Trial, Violation
+from splatbus_conformance.stand import Stand
+from splatbus_conformance.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 
 EVIDENCE_LINES = 12
@@ -36,16 +35,9 @@ class Progress(Protocol):
 class Run:
     """What a run needs, and what it has found out."""
 
-    peer: Peer
-    role: Role
-    testee: Testee
-    facts: Facts
-    patience: float
+    plan: Plan
+    stand: Stand
     progress: Progress
-    profile: str = "quick"
-    allow_crash: bool = False
-    seed: int = 0
-    select: tuple[str, ...] = ()
     results: list[Result] = field(default_factory=list)
     recordings: list[list[Entry]] = field(default_factory=list)
     delivered: int = 0
@@ -81,47 +73,29 @@ class CheckPlugin:
     def trial(self, request: pytest.FixtureRequest) -> Iterator[Trial]:
         """A trial with fresh connections; whatever crossed the wire is kept for the rules."""
         run, check = self.run, declared(request.node)
-        self.run.progress.start(request.node.name, check.requirement)
+        peer, testee = run.stand.peer, run.stand.testee
+        run.progress.start(request.node.name, check.requirement)
         if reason := self._missing(check):
             pytest.skip(reason)
-        role = Role(run.role.memory, run.role.width, run.role.height, run.role.slots)
-        trial = Trial(
-            self.known[check.requirement], run.peer, role, run.testee, run.facts, run.patience
-        )
-        trial.seed, trial.profile = run.seed, run.profile
-        for channel in ("ipc", "msg"):
-            run.peer.listen(channel)
+        trial = run.stand.trial(self.known[check.requirement])
+        trial.seed, trial.profile = run.plan.seed, run.plan.profile
         yield trial
-        run.peer.pump(SETTLE_SECONDS)
+        peer.pump(SETTLE_SECONDS)
         run.delivered += trial.delivered
-        if run.testee.ended() is not None:
-            run.testee.stop()
-        run.recordings.append(list(run.peer.entries))
+        if testee.ended() is not None:
+            testee.stop()
+        run.recordings.append(list(peer.entries))
 
     def _selected(self, check: Check) -> bool:
-        if self.run.select:
-            return check.requirement in self.run.select
-        return check.profile == "quick" or self.run.profile == "full"
+        if self.run.plan.select:
+            return check.requirement in self.run.plan.select
+        return check.profile == "quick" or self.run.plan.profile == "full"
 
     def _missing(self, check: Check) -> str | None:
-        facts = self.run.facts
         for need in check.needs:
-            kind, _, channel = need.partition(":")
-            if kind == "hello" and not facts.hello.get(channel):  # type: ignore[call-overload]
-                return f"the testee says no hello on the {channel} channel: 1.1 is not claimed"
-            if kind == "returns" and channel not in facts.returns:
-                return f"the testee does not connect to the {channel} channel again"
-            if kind in ("ipc", "msg") and kind not in facts.connects:
-                return f"the testee makes no connection on the {kind} channel"
-            if kind == "asks" and not facts.asks:
-                return "the testee makes no request when it connects"
-            if kind == "poses" and not facts.poses:
-                return "the testee sends no poses unasked"
-            if kind == "opens" and not facts.opens:
-                return "the testee did not open good memory when it was first met"
-            if kind == "capability" and channel not in facts.capabilities():
-                return f"the testee does not declare the capability {channel}"
-        if check.may_crash and not (self.run.testee.expendable or self.run.allow_crash):
+            if reason := self.run.stand.facts.lacks(need):
+                return str(reason)
+        if check.may_crash and not (self.run.stand.testee.expendable or self.run.plan.allow_crash):
             return "it may crash a testee that was not launched by the harness: --allow-crash"
         return None
 
@@ -131,7 +105,7 @@ class CheckPlugin:
         evidence: tuple[str, ...] = ()
         if error is not None:
             text = str(error.value)
-            evidence = tuple(excerpt(self.run.peer.entries, EVIDENCE_LINES))
+            evidence = tuple(excerpt(self.run.stand.peer.entries, EVIDENCE_LINES))
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
             elif isinstance(error.value, pytest.skip.Exception):
@@ -151,6 +125,6 @@ def declared(item: pytest.Item) -> Check:
 
 
 def of_run(run: Run) -> dict[str, Requirement]:
-    """The requirements a run could judge: those on clients, of 1.1 only where it is claimed."""
-    version = "1.1" if any(run.facts.hello.values()) else "1.0"
-    return {id: r for id, r in requirements(version).items() if "client" in r.binds}
+    """The requirements a run could judge: those on its testee, of 1.1 only where it is claimed."""
+    version = run.stand.facts.version()
+    return {id: r for id, r in requirements(version).items() if run.plan.side in r.binds}

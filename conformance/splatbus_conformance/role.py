@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 from splatbus_conformance import messages
 from splatbus_conformance.host_memory import HostMemory
@@ -11,6 +10,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.values import whole
 
 
 @dataclass
@@ -144,9 +144,3 @@ class Role:
             dealings.closed.add(generation)
         elif kind == "release" and (seq := whole(message.get("seq"))) is not None:
             dealings.released.append(seq)
-
-
-def whole(value: Any) -> int | None:
-    """The integer that a JSON number is, `7` and `7.0` alike (spec 1.0 section 4.1); else None."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return int(value) if number and value == value // 1 else None

@@ -24,7 +24,7 @@ def run_checks(run: Run) -> list[Result]:
 
     The user's own pytest configuration, options and plugins have no part in it. Raises Interrupted.
     """
-    folder = Path(splatbus_conformance.checks.__file__).parent
+    folder = Path(splatbus_conformance.checks.__file__).parent / run.plan.side
     arguments = [
         str(folder),
         *("-c", os.devnull, "--rootdir", str(folder), "--import-mode=importlib"),
@@ -57,7 +57,7 @@ def passive_results(run: Run) -> list[Result]:
     breaches: dict[str, tuple[int, str]] = {}
     for recording in run.recordings:
         for sighting in sightings(recording):
-            if sighting.peer == "client" and sighting.requirement in bound:
+            if sighting.peer == run.plan.side and sighting.requirement in bound:
                 seen[sighting.requirement] = seen.get(sighting.requirement, 0) + 1
                 if sighting.breach:
                     times, first = breaches.get(sighting.requirement, (0, sighting.breach))

@@ -35,8 +35,9 @@ def test_few_musts_on_clients_are_excluded_that_a_live_peer_could_see() -> None:
     assert len(excluded) <= MOST_EXCLUDED * len(visible), sorted(excluded)
 
 
-def test_every_check_judges_a_requirement_on_clients_and_says_what_it_does() -> None:
-    for function in check_functions():
-        assert "client" in requirements("1.1")[function.check.requirement].binds
+@pytest.mark.parametrize("peer", PEERS)
+def test_every_check_judges_a_requirement_on_its_side_and_says_what_it_does(peer: str) -> None:
+    for function in check_functions(peer):
+        assert peer in requirements("1.1")[function.check.requirement].binds
         assert function.__doc__
         assert function.check.observable

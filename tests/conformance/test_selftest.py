@@ -9,26 +9,28 @@ from collections import Counter
 
 import pytest
 from rich.console import Console
-from splatbus_conformance import checks, rules
+from splatbus_conformance import rules
+from splatbus_conformance.checks import client as client_checks
 from splatbus_conformance.coverage import check_functions, judges
 from splatbus_conformance.selftest import command, matrix, trials
-from splatbus_conformance.selftest.specimen import RULE, Mutant
+from splatbus_conformance.selftest.specimen import RULE, SIDES, Mutant
 from splatbus_conformance.selftest.trials import Cell, Fate, Row, fate_of
 from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_schemas.requirements import requirements
 
 MUTANTS = {mutant.name: mutant for mutant in mutants()}
 VARIATIONS = {variation.name: variation for variation in variations()}
-JUDGES = judges("client")
-WITHOUT_A_MUTANT = {"INI-12"}
+JUDGES = {side: judges(side) for side in SIDES}
+WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
 """Permissions cannot be broken."""
+FINISHED = ("client",)
 
 
 def judged_by(mutant: Mutant) -> set[str]:
     """The checks, or the rules, that can kill this mutant."""
     if mutant.check != RULE:
         return {mutant.check}
-    return {judge.name for judge in JUDGES[mutant.requirement] if judge.level == "L0"}
+    return {judge.name for judge in JUDGES[mutant.side][mutant.requirement] if judge.level == "L0"}
 
 
 def families(package):
@@ -40,21 +42,23 @@ def families(package):
 
 
 def test_every_specimen_has_a_name_of_its_own():
-    names = Counter([trials.REFERENCE, *(m.name for m in (*mutants(), *variations()))])
+    names = Counter([*trials.REFERENCE, *(m.name for m in (*mutants(), *variations()))])
     assert [name for name, count in names.items() if count > 1] == []
 
 
 @pytest.mark.parametrize("mutant", MUTANTS.values(), ids=MUTANTS)
 def test_a_mutant_names_a_requirement_and_who_judges_it(mutant):
-    assert "client" in requirements("1.1")[mutant.requirement].binds
-    known = {(j.name if j.level == "L1" else RULE) for j in JUDGES[mutant.requirement]}
+    assert mutant.side in requirements("1.1")[mutant.requirement].binds
+    known = {(j.name if j.level == "L1" else RULE) for j in JUDGES[mutant.side][mutant.requirement]}
     assert mutant.check in known
     assert mutant.reason
 
 
 @pytest.mark.parametrize("mutant", MUTANTS.values(), ids=MUTANTS)
 def test_a_mutant_runs_through_a_requirement_that_has_a_check(mutant):
-    assert mutant.through in {function.check.requirement for function in check_functions()}
+    assert mutant.through in {
+        function.check.requirement for function in check_functions(mutant.side)
+    }
     assert mutant.check == RULE or mutant.through == mutant.requirement
 
 
@@ -73,22 +77,25 @@ def test_the_advice_that_a_variation_breaks_is_advice():
 
 def test_every_family_of_checks_has_a_mutant():
     killers = {killer for mutant in mutants() for killer in judged_by(mutant)}
-    judging = {judge.name for each in JUDGES.values() for judge in each}
-    for package in (checks, rules):
+    judging = {judge.name for side in FINISHED for each in JUDGES[side].values() for judge in each}
+    for package in (client_checks, rules):
         for family, functions in families(package):
             assert functions & killers or not functions & judging, (
                 f"no mutant for {package.__name__}.{family}"
             )
 
 
-def test_every_requirement_that_is_judged_has_a_mutant():
-    assert {m.requirement for m in mutants()} == set(JUDGES) - WITHOUT_A_MUTANT
+@pytest.mark.parametrize("side", FINISHED)
+def test_every_requirement_that_is_judged_has_a_mutant(side):
+    broken = {m.requirement for m in mutants() if m.side == side}
+    assert broken == set(JUDGES[side]) - WITHOUT_A_MUTANT[side]
 
 
-def test_every_check_has_a_mutant():
-    here = {(m.requirement, m.check) for m in mutants()}
-    there = {(f.check.requirement, f.__name__) for f in check_functions()}
-    assert {name for name, _ in there - here} == WITHOUT_A_MUTANT
+@pytest.mark.parametrize("side", FINISHED)
+def test_every_check_has_a_mutant(side):
+    here = {(m.requirement, m.check) for m in mutants() if m.side == side}
+    there = {(f.check.requirement, f.__name__) for f in check_functions(side)}
+    assert {name for name, _ in there - here} <= WITHOUT_A_MUTANT[side]
 
 
 MUTANT = Mutant("m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too long", "FRM-3")
@@ -159,7 +166,9 @@ def test_a_mutant_dies(name):
 
 
 def test_a_variation_lives():
-    report, status, last_words = trials.run_harness("numbers-of-17-digits", "CHN-10", 60.0)
+    report, status, last_words = trials.run_harness(
+        "numbers-of-17-digits", "client", "CHN-10", 60.0
+    )
     assert status == 0, last_words
     assert not any(cell.condemns for cell in trials.cells_of(report))
 

@@ -11,9 +11,9 @@ HEAD = """\
 
 Written by `splatbus-conformance selftest --json conformance/KILL_MATRIX.json`.
 
-The harness was run on three kinds of client: the reference client, which has to pass; variations of
-it, which are unusual and conform, and have to pass too; and mutants of it, each of which breaks one
-requirement and has to fail for it, by the check and for the reason that are named here.
+The harness was run on three kinds of program: the reference pair, which has to pass; variations of
+them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks
+one requirement and has to fail for it, by the check and for the reason that are named here.
 
 """
 
@@ -27,7 +27,7 @@ def sentence(rows: Sequence[Row]) -> str:
     broken = len({row.requirement for row in mutants if row.fate is Fate.KILLED})
     return (
         f"{killed} of {len(mutants)} mutants killed, by the check and for the reason that they "
-        f"name, over {broken} requirements; {passed} of {len(others)} conforming clients passed"
+        f"name, over {broken} requirements; {passed} of {len(others)} conforming programs passed"
     )
 
 
@@ -50,9 +50,9 @@ def markdown(rows: Sequence[Row]) -> str:
             for r in mutants
         ),
     )
-    page += "\n## Conforming clients\n\n"
+    page += "\n## Conforming programs\n\n"
     page += _table(
-        ("client", "what it does", "fate", "warned of"),
+        ("program", "what it does", "fate", "warned of"),
         ((f"`{r.name}`", r.does, _bold(r), _warned(r)) for r in others),
     )
     return page

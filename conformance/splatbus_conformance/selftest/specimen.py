@@ -1,4 +1,4 @@
-"""What is said of a client that the harness is tried on, and how one is declared."""
+"""What is said of a client or server that the harness is tried on, and how one is declared."""
 
 import inspect
 from collections.abc import Callable
@@ -7,21 +7,26 @@ from typing import TypeVar
 
 import pytest
 
+from splatbus_conformance.plan import Side
+
 Alter = Callable[[pytest.MonkeyPatch], None]
 A = TypeVar("A", bound=Alter)
 
+SIDES: tuple[Side, Side] = ("client", "server")
 RULE = "rule"
 """The name under which a report lists what passive rules found."""
+TRAFFIC: dict[Side, str] = {"client": "CHN-10", "server": "FRM-4"}
+"""The requirement whose checks make usual traffic."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """The reference client with one behaviour broken."""
+    """The reference client or server with one behaviour broken."""
 
     name: str
     does: str
     alter: Alter
-    """Overrides the behaviour, from outside, before the client starts."""
+    """Overrides the behaviour, from outside, before the program starts."""
     requirement: str
     """The one requirement that it breaks."""
     check: str
@@ -31,10 +36,15 @@ class Mutant:
     through: str
     """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
 
+    @property
+    def side(self) -> Side:
+        """Which of the reference pair it is."""
+        return _side(self.alter)
+
 
 @dataclass(frozen=True)
 class Variation:
-    """The reference client made unusual, but conforming."""
+    """The reference client or server made unusual, but conforming."""
 
     name: str
     does: str
@@ -42,9 +52,14 @@ class Variation:
     warns: frozenset[str]
     """The advice that it does not follow: SHOULDs that must warn, and no others."""
 
+    @property
+    def side(self) -> Side:
+        """Which of the reference pair it is."""
+        return _side(self.alter)
+
 
 def mutant(
-    requirement: str, *, check: str = RULE, reason: str, through: str = "CHN-10"
+    requirement: str, *, check: str = RULE, reason: str, through: str = ""
 ) -> Callable[[A], A]:
     """Declare a function to be the alteration of a mutant; its docstring says what it does.
 
@@ -52,12 +67,14 @@ def mutant(
         requirement: that it breaks.
         check: that has to find out; a passive rule if not given.
         reason: what the verdict has to say.
-        through: for a rule, the requirement whose check makes the traffic that it judges.
+        through: for a rule, the requirement whose check makes the traffic that it judges; a usual
+            session if not given.
     """
 
     def declare(alter: A) -> A:
         name, does = _name_and_docstring(alter)
-        run = through if check == RULE else requirement
+        traffic = through or TRAFFIC[_side(alter)]
+        run = traffic if check == RULE else requirement
         alter.specimen = Mutant(name, does, alter, requirement, check, reason, run)  # type: ignore[attr-defined]
         return alter
 
@@ -73,6 +90,10 @@ def variation(*, warns: tuple[str, ...] = ()) -> Callable[[A], A]:
         return alter
 
     return declare
+
+
+def _side(alter: Alter) -> Side:
+    return "server" if "server" in alter.__module__.split(".") else "client"
 
 
 def _name_and_docstring(alter: Alter) -> tuple[str, str]:

@@ -13,17 +13,18 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from splatbus_conformance.plan import Side
 from splatbus_conformance.selftest.specimen import Mutant, Variation
 from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
 
-REFERENCE = "reference"
+REFERENCE: dict[str, Side] = {"reference-client": "client", "reference-server": "server"}
 FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
 """The longest that the checks of one or two requirements may take on a client that fails them."""
-TESTEE_SECONDS = 300
-"""A specimen ends by itself after this time, whatever becomes of the harness."""
 STOP_SECONDS = 15.0
+USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
+"""What a specimen is told on its command line."""
 OUTPUT_CHARS = 600
 _running: set[subprocess.Popen[str]] = set()
 
@@ -32,7 +33,7 @@ class Fate(StrEnum):
     """What became of a specimen; the first three are as they should be."""
 
     PASSED = "passed"
-    """The reference client conforms."""
+    """The reference conforms."""
     KILLED = "killed"
     """The named check found the mutant out, for its reason."""
     ALLOWED = "survived, as it must"
@@ -42,7 +43,7 @@ class Fate(StrEnum):
     MISTAKEN = "killed for another reason"
     """The requirement failed, but by another check or for another reason than was declared."""
     CONDEMNED = "condemned wrongly"
-    """A conforming client failed: a check is too strict."""
+    """A conforming program failed: a check is too strict."""
     NO_VERDICT = "no verdict"
     """The harness came to none; its last words are in `note`."""
 
@@ -61,7 +62,7 @@ class Cell:
 
     @property
     def condemns(self) -> bool:
-        """The verdict is one that a client gets for breaking a requirement."""
+        """The verdict is one that a testee gets for breaking a requirement."""
         return self.verdict in (Verdict.FAIL, Verdict.WARN)
 
 
@@ -95,20 +96,22 @@ class Row:
         return {**asdict(self), "seconds": round(self.seconds, 1)}
 
 
-def judge_reference() -> Row:
-    """Run every check on the reference client."""
-    return _judge_conforming("the reference client as it is", REFERENCE, frozenset())
+def judge_reference(name: str) -> Row:
+    """Run every check on the reference client, or on the reference server."""
+    side = REFERENCE[name]
+    return _judge_conforming(f"the reference {side} as it is", name, side, frozenset())
 
 
 def judge_variation(variation: Variation) -> Row:
     """Run every check on an allowed variation."""
-    return _judge_conforming(variation.does, variation.name, variation.warns)
+    does, name, side = variation.does, variation.name, variation.side
+    return _judge_conforming(does, name, side, variation.warns)
 
 
 def judge_mutant(mutant: Mutant) -> Row:
     """Run the checks of the requirement that a mutant breaks."""
     began = time.monotonic()
-    report, _, last_words = run_harness(mutant.name, mutant.through, SELECTED_SECONDS)
+    report, _, last_words = run_harness(mutant.name, mutant.side, mutant.through, SELECTED_SECONDS)
     cells = cells_of(report)
     fate, note = fate_of(mutant, cells), ""
     if report is None or (fate is Fate.SURVIVED and errors(cells)):
@@ -135,12 +138,12 @@ def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
     return Fate.MISTAKEN if against else Fate.SURVIVED
 
 
-def _judge_conforming(does: str, name: str, warns: frozenset[str]) -> Row:
+def _judge_conforming(does: str, name: str, side: Side, warns: frozenset[str]) -> Row:
     began = time.monotonic()
-    report, status, last_words = run_harness(name, "", FULL_RUN_SECONDS)
+    report, status, last_words = run_harness(name, side, "", FULL_RUN_SECONDS)
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
-    reference = name == REFERENCE
+    reference = name in REFERENCE
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
     elif status == EXIT_CONFORMING and warned == warns:
@@ -168,18 +171,18 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str, select: str, seconds: float
+    name: str, side: Side, select: str, seconds: float
 ) -> tuple[dict[str, Any] | None, int | None, str]:
-    """Judge a specimen by `splatbus-conformance client --launch --select`, within so many seconds.
+    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds.
 
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.
     """
-    module = "splatbus_client" if name == REFERENCE else f"{__package__}.mutants {name}"
-    testee = f'"{sys.executable}" -m {module} view --seconds {TESTEE_SECONDS}'
+    module = f"splatbus_{side}" if name in REFERENCE else f"{__package__}.mutants {name}"
+    testee = f'"{sys.executable}" -m {module} {USUAL[side]}'
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
-        command = [sys.executable, "-m", "splatbus_conformance", "--plain", "client"]
+        command = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
         command += ["--launch", testee, "--select", select, "--json", str(path)]
         status, output = _run(command, seconds)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None

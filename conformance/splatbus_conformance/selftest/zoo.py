@@ -1,4 +1,4 @@
-"""Every mutant and every allowed variation."""
+"""Every mutant and every allowed variation, of the client and of the server."""
 
 import importlib
 import pkgutil
@@ -8,29 +8,30 @@ from typing import TypeVar
 
 from splatbus_conformance.selftest import mutants as families
 from splatbus_conformance.selftest import variations as allowed
-from splatbus_conformance.selftest.specimen import Mutant, Variation
+from splatbus_conformance.selftest.specimen import SIDES, Mutant, Variation
 
 S = TypeVar("S", Mutant, Variation)
 
 
 def mutants() -> tuple[Mutant, ...]:
     """Every mutant, family by family, each in the order of its module."""
-    return tuple(each for module in _families() for each in _declared(module, Mutant))
+    packages = [importlib.import_module(f"{families.__name__}.{side}") for side in SIDES]
+    modules = [module for package in packages for module in _modules(package)]
+    return tuple(each for module in modules for each in _declared(module, Mutant))
 
 
 def variations() -> tuple[Variation, ...]:
     """Every allowed variation."""
-    return tuple(_declared(allowed, Variation))
+    return tuple(each for module in _modules(allowed) for each in _declared(module, Variation))
 
 
-def _families() -> Iterator[ModuleType]:
-    for found in pkgutil.iter_modules(families.__path__, f"{families.__name__}."):
-        if not found.name.endswith("__main__"):
-            yield importlib.import_module(found.name)
+def _modules(package: ModuleType) -> Iterator[ModuleType]:
+    for found in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        yield importlib.import_module(found.name)
 
 
 def _declared(module: ModuleType, kind: type[S]) -> Iterator[S]:
     for value in vars(module).values():
         specimen = getattr(value, "specimen", None)
-        if isinstance(specimen, kind):
+        if isinstance(specimen, kind) and specimen.alter.__module__ == module.__name__:
             yield specimen

@@ -1,1 +1,1 @@
-"""Mutants of the reference client, one module for each family of requirements."""
+"""Mutants of the reference pair, one module for each family of requirements."""

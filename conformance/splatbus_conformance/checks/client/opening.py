@@ -8,14 +8,15 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, changed
 from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.processes import holders, owner
-from splatbus_conformance.role import whole
 from splatbus_conformance.sound_packets import SEMANTICS, layouts
-from splatbus_conformance.trial import REACTION_SECONDS, Trial
+from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import whole
 
 NOWHERE = "splatbus-check-never-was"
 TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit")
@@ -24,13 +25,13 @@ SETTLE_SECONDS = 0.05
 ANSWERS = ("opened", "open_failed")
 
 
-def said(trial: Trial, connection: Connection, *types: str) -> Counter[int | None]:
+def said(trial: ClientTrial, connection: Connection, *types: str) -> Counter[int | None]:
     """How often messages of these types named each generation."""
     heard = trial.role.with_(connection).heard
     return Counter(whole(m.get("generation")) for m in heard if m.get("type") in types)
 
 
-def awaits_answer(trial: Trial, connection: Connection, generation: int) -> bool:
+def awaits_answer(trial: ClientTrial, connection: Connection, generation: int) -> bool:
     """Whether this generation is answered in time."""
     dealings = trial.role.with_(connection)
     trial.wait(lambda: generation in dealings.opened | dealings.failed or connection.ended)
@@ -42,7 +43,7 @@ def awaits_answer(trial: Trial, connection: Connection, generation: int) -> bool
     observable="the number of opened and open_failed for each generation",
     needs=DECLARES_HOST_MEMORY,
 )
-def check_answers_each_init_packet_once(trial: Trial) -> None:
+def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
     """Good init packets, three in one segment where the testee takes further ones: rings of all
     kinds, all meanings of pixels, memory that exists and memory that does not.
     """
@@ -77,7 +78,7 @@ def check_answers_each_init_packet_once(trial: Trial) -> None:
     observable="which processes hold the memory when opened arrives (Linux); no opened for none",
     needs=OPENS_HOST_MEMORY,
 )
-def check_maps_before_it_says_so(trial: Trial) -> None:
+def check_maps_before_it_says_so(trial: ClientTrial) -> None:
     """Whenever `opened` arrives, the testee's process must have mapped the memory; memory that does
     not exist is never said to be opened.
     """
@@ -112,7 +113,7 @@ def check_maps_before_it_says_so(trial: Trial) -> None:
     needs=DECLARES_HOST_MEMORY,
     may_crash=True,
 )
-def check_says_why_it_failed(trial: Trial) -> None:
+def check_says_why_it_failed(trial: ClientTrial) -> None:
     """Memory that does not exist, or is too short, and packets whose names and values are long or
     odd: whoever quotes them has to keep the reason short.
     """
@@ -148,7 +149,7 @@ def check_says_why_it_failed(trial: Trial) -> None:
     observable="the connection stays open, and good memory is opened on it",
     needs=OPENS_HOST_MEMORY,
 )
-def check_keeps_the_connection_after_failing(trial: Trial) -> None:
+def check_keeps_the_connection_after_failing(trial: ClientTrial) -> None:
     """Memory that does not exist is announced twice, and then memory that does, where the testee
     takes further init packets.
     """
@@ -179,7 +180,7 @@ def check_keeps_the_connection_after_failing(trial: Trial) -> None:
     observable="closed for each former generation, once; that nobody holds its memory then (Linux)",
     needs=TAKES_FURTHER,
 )
-def check_closes_the_former_memory(trial: Trial) -> None:
+def check_closes_the_former_memory(trial: ClientTrial) -> None:
     """Four pieces of memory of different sizes follow one another; frames are lent meanwhile."""
     trial.role.offers_memory = False
     connection = trial.for_init_packet()
@@ -211,7 +212,7 @@ def check_closes_the_former_memory(trial: Trial) -> None:
     observable="no answer to the further init packet; a frame of the former memory is released",
     needs=OPENS_HOST_MEMORY,
 )
-def check_ignores_what_it_was_not_granted(trial: Trial) -> None:
+def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
     """`welcome` does not list reinit; memory is opened, and a further init packet announces other
     memory.
     """
@@ -249,7 +250,7 @@ def check_ignores_what_it_was_not_granted(trial: Trial) -> None:
     observable="the memory is there and unchanged after the testee has read it, closed, and ended",
     needs=OPENS_HOST_MEMORY,
 )
-def check_leaves_the_memory_alone(trial: Trial) -> None:
+def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
     """The testee opens memory and reads its slots; then the connection is closed, and the process
     ended where the harness started it.
     """

@@ -10,11 +10,12 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, beyond_memory, breaches_of_1_1
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
-from splatbus_conformance.checks.init_packets import judge_breaches
+from splatbus_conformance.checks.client.init_packets import judge_breaches
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import encode, init_packet_1_1, ring_bytes
 from splatbus_conformance.packets import packet
-from splatbus_conformance.trial import REACTION_SECONDS, Trial
+from splatbus_conformance.trial import REACTION_SECONDS
 
 PAGES = -(-ring_bytes(64, 48, 3) // mmap.ALLOCATIONGRANULARITY)
 WHOLE_PAGES = PAGES * mmap.ALLOCATIONGRANULARITY
@@ -27,7 +28,7 @@ WHOLE_PAGES = PAGES * mmap.ALLOCATIONGRANULARITY
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_measures_the_memory(trial: Trial) -> None:
+def check_measures_the_memory(trial: ClientTrial) -> None:
     """The memory is shorter than `bytes` by one byte, by its last slot, by all but a page, and
     by all of it; or there is none.
     """
@@ -98,7 +99,7 @@ def bad_names(held: ExitStack) -> Iterator[tuple[Any, str]]:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_refuses_bad_names(trial: Trial) -> None:
+def check_refuses_bad_names(trial: ClientTrial) -> None:
     """Names of shared memory that break the rule, from paths to odd characters; behind most of
     them there is memory, which a client that does not look would open.
     """
@@ -119,7 +120,7 @@ def check_refuses_bad_names(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_keeps_the_ring_within_the_memory(trial: Trial) -> None:
+def check_keeps_the_ring_within_the_memory(trial: ClientTrial) -> None:
     """Rings that end beyond `memory.bytes`, by a byte or by more than 64 bits hold; the memory
     itself is larger than announced.
     """
@@ -132,7 +133,7 @@ def check_keeps_the_ring_within_the_memory(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_refuses_broken_members(trial: Trial) -> None:
+def check_refuses_broken_members(trial: ClientTrial) -> None:
     """Each rule on `version`, `generation`, `memory`, `ring` and `semantics` is broken in turn, in
     packets that name memory which is large enough.
     """
@@ -145,7 +146,7 @@ def check_refuses_broken_members(trial: Trial) -> None:
     needs=(*OPENS_HOST_MEMORY, "capability:reinit"),
     may_crash=True,
 )
-def check_refuses_generations_that_do_not_grow(trial: Trial) -> None:
+def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
     """The first init packet on a connection has generation 0; after two good ones come others with
     the generation of the last and of the one before it.
     """

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, breaches_of_1_1
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.spelling import Plain, spell
-from splatbus_conformance.trial import Trial
 from splatbus_conformance.unknown_members import with_unknown_members
 
 Writer = Callable[[Json, Random], bytes]
@@ -46,7 +46,7 @@ def unknown_members(message: Json, random: Random) -> bytes:
     return encode(with_unknown_members(message, random))
 
 
-def judge_writer_on_ipc(trial: Trial, writer: Writer, quick: int, full: int) -> None:
+def judge_writer_on_ipc(trial: ClientTrial, writer: Writer, quick: int, full: int) -> None:
     """Write welcome, init packets and frames so; each must have its effect."""
     trial.role.offers_memory = False
     seeds = trial.cases(st.integers(0, 2**32 - 1), quick, full)
@@ -75,7 +75,7 @@ def judge_writer_on_ipc(trial: Trial, writer: Writer, quick: int, full: int) -> 
         trial.delivered += 1
 
 
-def judge_writer_on_msg(trial: Trial, writer: Writer, quick: int, full: int) -> None:
+def judge_writer_on_msg(trial: ClientTrial, writer: Writer, quick: int, full: int) -> None:
     """Write welcome and replies so; the testee must go on."""
     for seed in trial.cases(st.integers(0, 2**32 - 1), quick, full):
         random = Random(seed)
@@ -92,7 +92,7 @@ def judge_writer_on_msg(trial: Trial, writer: Writer, quick: int, full: int) -> 
     observable="the testee opens memory and releases frames that are announced so",
     needs=OPENS_HOST_MEMORY,
 )
-def check_takes_any_spelling_on_ipc(trial: Trial) -> None:
+def check_takes_any_spelling_on_ipc(trial: ClientTrial) -> None:
     """welcome, init packets and frames with members in any order, white space between all tokens,
     escapes in strings and names, numbers with fractions, exponents and many digits.
     """
@@ -104,7 +104,7 @@ def check_takes_any_spelling_on_ipc(trial: Trial) -> None:
     observable="the testee goes on after replies that are spelled so",
     needs=("asks", "returns:msg"),
 )
-def check_takes_any_spelling_on_the_message_channel(trial: Trial) -> None:
+def check_takes_any_spelling_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
     judge_writer_on_msg(trial, odd_spelling, quick=6, full=60)
 
@@ -114,7 +114,7 @@ def check_takes_any_spelling_on_the_message_channel(trial: Trial) -> None:
     observable="the testee opens memory and releases frames that are announced so",
     needs=OPENS_HOST_MEMORY,
 )
-def check_ignores_unknown_members_on_ipc(trial: Trial) -> None:
+def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
     """welcome, init packets and frames with unknown members at every level: odd names, names from
     other levels, values nested to the limit, a decoy of the message itself.
     """
@@ -126,7 +126,7 @@ def check_ignores_unknown_members_on_ipc(trial: Trial) -> None:
     observable="the testee goes on after replies that have such members",
     needs=("asks", "returns:msg"),
 )
-def check_ignores_unknown_members_on_the_message_channel(trial: Trial) -> None:
+def check_ignores_unknown_members_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
     judge_writer_on_msg(trial, unknown_members, quick=3, full=60)
 
@@ -137,7 +137,7 @@ def check_ignores_unknown_members_on_the_message_channel(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_does_not_act_on_broken_text(trial: Trial) -> None:
+def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
     """Init packets of good memory, whose text breaks JSN-1 to JSN-5 one at a time: whoever reads
     them leniently opens it.
     """
@@ -156,7 +156,7 @@ def check_does_not_act_on_broken_text(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_handles_the_next_packet_on_ipc(trial: Trial) -> None:
+def check_handles_the_next_packet_on_ipc(trial: ClientTrial) -> None:
     """After each text that breaks a rule, and after three of them at once, comes a good init
     packet; a testee that closes the connection instead has ignored nothing.
     """
@@ -180,7 +180,7 @@ def check_handles_the_next_packet_on_ipc(trial: Trial) -> None:
     needs=("hello:msg", "returns:msg"),
     may_crash=True,
 )
-def check_handles_the_next_packet_on_the_message_channel(trial: Trial) -> None:
+def check_handles_the_next_packet_on_the_message_channel(trial: ClientTrial) -> None:
     """A text that breaks a rule is followed by a welcome with a version that nobody listed, on
     which the testee must close the connection; it is first seen to do so without the text.
     """
@@ -213,7 +213,7 @@ def check_handles_the_next_packet_on_the_message_channel(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_survives_broken_payloads_on_ipc(trial: Trial) -> None:
+def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
     """Broken texts, messages that miss or mistype members, and broken init packets."""
     trial.role.offers_memory = False
     texts = [*broken_texts(trial.role.legacy_init_packet()), *_odd_messages()]
@@ -240,7 +240,7 @@ def check_survives_broken_payloads_on_ipc(trial: Trial) -> None:
     needs=("ipc",),
     may_crash=True,
 )
-def check_survives_broken_payloads_unheard(trial: Trial) -> None:
+def check_survives_broken_payloads_unheard(trial: ClientTrial) -> None:
     """Broken texts and broken 1.0 init packets for a testee that says nothing on the IPC channel.
     That it connects again shows that what listens there is alive.
     """
@@ -266,12 +266,12 @@ def check_survives_broken_payloads_unheard(trial: Trial) -> None:
     needs=("asks", "returns:msg"),
     may_crash=True,
 )
-def check_survives_broken_payloads_on_the_message_channel(trial: Trial) -> None:
+def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
     """Broken texts in place of a reply and after it, and messages that miss or mistype members."""
     judge_rows(trial, "msg", [*broken_texts({"viewport_size": [64, 48]}), *_odd_messages()])
 
 
-def judge_rows(trial: Trial, channel: Channel, payloads: Sequence[BrokenText]) -> None:
+def judge_rows(trial: ClientTrial, channel: Channel, payloads: Sequence[BrokenText]) -> None:
     """Send many payloads, and judge what becomes of the testee; if it suffers, one by one."""
     outcome = outcome_of_row(trial, channel, payloads)
     if outcome not in trial.requirement.acceptable:
@@ -281,7 +281,7 @@ def judge_rows(trial: Trial, channel: Channel, payloads: Sequence[BrokenText]) -
     trial.judge(outcome, f"{len(payloads)} broken payloads in a row on the {channel} channel")
 
 
-def outcome_of_row(trial: Trial, channel: Channel, payloads: Sequence[BrokenText]) -> str:
+def outcome_of_row(trial: ClientTrial, channel: Channel, payloads: Sequence[BrokenText]) -> str:
     """Send payloads one after the other, again on a new connection when the testee closes one.
 
     Returns `ignores` or `closes` if it connects again at the end, else how it fared. That poses

@@ -16,10 +16,10 @@ from splatbus_client.message_protocol import MessageProtocol
 from splatbus_client.settings import TOKEN_VARIABLE
 from splatbus_wire.errors import ProtocolError
 
-from splatbus_conformance.selftest.mutants.channels import speaks_1_0 as say_no_hello
-from splatbus_conformance.selftest.mutants.frames import subscribes
-from splatbus_conformance.selftest.mutants.framing import in_two_writes
-from splatbus_conformance.selftest.mutants.negotiation import without
+from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0 as say_no_hello
+from splatbus_conformance.selftest.mutants.client.frames import subscribes
+from splatbus_conformance.selftest.mutants.client.framing import in_two_writes
+from splatbus_conformance.selftest.mutants.client.negotiation import without
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, payloads, wrap
 

@@ -12,8 +12,8 @@ from splatbus_client.reading import Reading
 from splatbus_wire.init_packet import HostMemory, InitPacket
 from splatbus_wire.messages import Closed, Opened, OpenFailed, encode
 
-from splatbus_conformance.selftest.mutants.memory import says_opened
-from splatbus_conformance.selftest.mutants.negotiation import without
+from splatbus_conformance.selftest.mutants.client.memory import says_opened
+from splatbus_conformance.selftest.mutants.client.negotiation import without
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 

@@ -5,6 +5,7 @@ import itertools
 from splatbus_schemas import FRAMING, LIMITS
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
@@ -14,13 +15,12 @@ from splatbus_conformance.trial import (
     JITTER_SECONDS,
     REACTION_SECONDS,
     SETTLE_SECONDS,
-    Trial,
 )
 
 BOTH_RETURN = ("returns:ipc", "returns:msg")
 
 
-def closing(trial: Trial, connection: Connection, seconds: float) -> str:
+def closing(trial: ClientTrial, connection: Connection, seconds: float) -> str:
     """`closes` if the testee ends this connection in time, also by an orderly exit; `dies` if it
     ends the connection only because it crashed.
     """
@@ -32,7 +32,7 @@ def closing(trial: Trial, connection: Connection, seconds: float) -> str:
 
 
 @check("CHN-2", observable="the testee connects to ports that it cannot have guessed")
-def check_host_and_ports_can_be_set(trial: Trial) -> None:
+def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
     """The harness listens on ports other than the usual ones, and names them to the testee; for a
     channel that it was never seen on, the usual port is listened on too.
     """
@@ -66,7 +66,7 @@ def check_host_and_ports_can_be_set(trial: Trial) -> None:
     observable="the testee connects to the second channel once that accepts",
     needs=BOTH_RETURN,
 )
-def check_either_channel_first(trial: Trial) -> None:
+def check_either_channel_first(trial: ClientTrial) -> None:
     """One channel refuses until the other has been accepted, each way round."""
     orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
     for first, second in orders:
@@ -90,7 +90,7 @@ def check_either_channel_first(trial: Trial) -> None:
     observable="the IPC connection stays open while no init packet comes",
     needs=("ipc",),
 )
-def check_waits_for_the_init_packet(trial: Trial) -> None:
+def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     """No init packet for 1.5 seconds (12 in the full profile)."""
     trial.role.offers_memory = False
     connection = trial.connection("ipc")
@@ -106,7 +106,7 @@ def check_waits_for_the_init_packet(trial: Trial) -> None:
     observable="the IPC connection stays open after the testee opened the memory",
     needs=("hello:ipc",),
 )
-def check_keeps_the_ipc_connection(trial: Trial) -> None:
+def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     """The testee has opened the memory and reads; its connection is watched for half a second."""
     connection = trial.greeted("ipc")
     if not trial.opens(connection):
@@ -123,7 +123,7 @@ def check_keeps_the_ipc_connection(trial: Trial) -> None:
     needs=("asks",),
     profile="full",
 )
-def check_gives_up_a_reply(trial: Trial) -> None:
+def check_gives_up_a_reply(trial: ClientTrial) -> None:
     """The first request is never answered."""
     trial.role.replies = False
     connection = trial.connection("msg")
@@ -134,7 +134,7 @@ def check_gives_up_a_reply(trial: Trial) -> None:
 
 
 @check("CHN-17", observable="the testee ends its stream after the harness ended the other")
-def check_closes_after_end_of_stream(trial: Trial) -> None:
+def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
     """The harness ends its stream and keeps the connection, on each channel."""
     for channel in sorted(trial.facts.connects):
         connection = trial.connection(channel)
@@ -150,7 +150,7 @@ def check_closes_after_end_of_stream(trial: Trial) -> None:
     observable="the process is alive and connects again, waits, or ended by its own decision",
     may_crash=True,
 )
-def check_survives_losing_its_server(trial: Trial) -> None:
+def check_survives_losing_its_server(trial: ClientTrial) -> None:
     """Both connections are reset, further ones refused for a while, then accepted and reset."""
     for channel in sorted(trial.facts.connects):
         trial.connection(channel).reset()
@@ -171,7 +171,7 @@ def check_survives_losing_its_server(trial: Trial) -> None:
 
 
 @check("CHN-20", observable="the testee makes a new connection")
-def check_connects_again(trial: Trial) -> None:
+def check_connects_again(trial: ClientTrial) -> None:
     """Each channel is closed, then reset; the testee is given 6 seconds to come back."""
     for channel in sorted(trial.facts.connects):
         for end in ("close", "reset"):
@@ -189,7 +189,7 @@ def check_connects_again(trial: Trial) -> None:
     observable="the time between the connections that the testee makes",
     needs=("returns:ipc", "returns:msg"),
 )
-def check_paces_its_attempts(trial: Trial) -> None:
+def check_paces_its_attempts(trial: ClientTrial) -> None:
     """Connections are closed, some after a good start and some at once, on both channels."""
     least = LIMITS["reconnect_min_seconds"]
     begun: dict[Channel, list[float]] = {channel: [] for channel in CHANNELS}
@@ -213,7 +213,7 @@ def check_paces_its_attempts(trial: Trial) -> None:
     observable="how long after the harness listens again the testee connects",
     needs=BOTH_RETURN,
 )
-def check_comes_back_soon(trial: Trial) -> None:
+def check_comes_back_soon(trial: ClientTrial) -> None:
     """Connections are refused for a second (8 in the full profile), then accepted."""
     most = LIMITS["reconnect_max_seconds"]
     for channel in CHANNELS:
@@ -233,7 +233,7 @@ def check_comes_back_soon(trial: Trial) -> None:
     observable="the other channel's connection stays open",
     needs=BOTH_RETURN,
 )
-def check_keeps_the_other_channel(trial: Trial) -> None:
+def check_keeps_the_other_channel(trial: ClientTrial) -> None:
     """One channel is closed and comes back while the other is watched, each way round."""
     pairs: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
     for lost, other in pairs:
@@ -250,7 +250,7 @@ def check_keeps_the_other_channel(trial: Trial) -> None:
     observable="the testee opens the memory of the new init packet",
     needs=("hello:ipc", "returns:ipc"),
 )
-def check_uses_the_new_memory(trial: Trial) -> None:
+def check_uses_the_new_memory(trial: ClientTrial) -> None:
     """The server comes back with other memory of another size, and the old is gone."""
     connection = trial.greeted("ipc")
     if not trial.opens(connection):

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from splatbus_conformance.selftest.mutants.negotiation import without
+from splatbus_conformance.selftest.mutants.client.negotiation import without
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type
 

@@ -14,11 +14,11 @@ from splatbus_conformance.broken_packets import (
     wrapping_in_32_bits,
 )
 from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
 from splatbus_conformance.sound_packets import layouts, unusual_packets
-from splatbus_conformance.trial import Trial
 
 LISTENING_SECONDS = 0.3
 
@@ -40,7 +40,7 @@ OTHERS: tuple[Json, ...] = (
 """JSON objects that are no init packets, nor messages of the server in 1.1."""
 
 
-def offer(trial: Trial, init_packet: Json) -> tuple[bool, int]:
+def offer(trial: ClientTrial, init_packet: Json) -> tuple[bool, int]:
     """Offer memory in an init packet, its generation aside; whether it was opened, and which."""
     connection = trial.for_init_packet()
     generation = trial.role.init_packet(connection)["generation"]
@@ -48,7 +48,7 @@ def offer(trial: Trial, init_packet: Json) -> tuple[bool, int]:
     return trial.opens(connection), generation
 
 
-def judge_breaches(trial: Trial, breaches: Iterable[Breach], kinder: dict[str, str]) -> None:
+def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[str, str]) -> None:
     """Offer good memory in packets that break a rule each, and judge what becomes of each.
 
     `kinder` renames outcomes that satisfy the sentence under a name of another version.
@@ -69,7 +69,7 @@ def judge_breaches(trial: Trial, breaches: Iterable[Breach], kinder: dict[str, s
     observable="the testee answers opened",
     needs=DECLARES_HOST_MEMORY,
 )
-def check_accepts_good_init_packets(trial: Trial) -> None:
+def check_accepts_good_init_packets(trial: ClientTrial) -> None:
     """Sizes at both ends of their range, rings of any order and spacing, optional members, the
     longest name, the last generation.
     """
@@ -96,7 +96,7 @@ def check_accepts_good_init_packets(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_refuses_broken_init_packets(trial: Trial) -> None:
+def check_refuses_broken_init_packets(trial: ClientTrial) -> None:
     """Each rule of INI-1 to INI-6 is broken in turn, in packets that name memory which is large
     enough. Whoever answers `open_failed` has ignored the packet, and says so.
     """
@@ -109,7 +109,7 @@ def check_refuses_broken_init_packets(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_computes_in_64_bits(trial: Trial) -> None:
+def check_computes_in_64_bits(trial: ClientTrial) -> None:
     """Images, offsets, strides and sizes that exceed the memory, but not modulo 2³²."""
     refused = dict.fromkeys(("declines", "ignores", "closes"), "conforms")
     judge_breaches(trial, wrapping_in_32_bits(), refused)
@@ -121,7 +121,7 @@ def check_computes_in_64_bits(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_ignores_what_is_no_init_packet(trial: Trial) -> None:
+def check_ignores_what_is_no_init_packet(trial: ClientTrial) -> None:
     """JSON objects of other shapes before, between and after init packets, one of the greatest
     size that a packet may have.
     """
@@ -142,7 +142,7 @@ def check_ignores_what_is_no_init_packet(trial: Trial) -> None:
     observable="whether the testee answers opened, and whether it goes on",
     needs=(*OPENS_HOST_MEMORY, "capability:reinit", "returns:ipc"),
 )
-def check_takes_a_further_init_packet(trial: Trial) -> None:
+def check_takes_a_further_init_packet(trial: ClientTrial) -> None:
     """A second init packet with other memory, where the testee declares that it takes one."""
     trial.role.offers_memory = trial.role.lends_frames = False
     for width in (64, 32):
@@ -160,7 +160,7 @@ def check_takes_a_further_init_packet(trial: Trial) -> None:
     needs=OPENS_HOST_MEMORY,
     may_crash=True,
 )
-def check_goes_on_without_images(trial: Trial) -> None:
+def check_goes_on_without_images(trial: ClientTrial) -> None:
     """Init packets that break no rule name shared memory that does not exist, or no longer."""
     trial.role.offers_memory = False
     with HostMemory(ROOM) as memory:
@@ -182,7 +182,7 @@ def check_goes_on_without_images(trial: Trial) -> None:
     needs=("ipc", "returns:ipc"),
     may_crash=True,
 )
-def check_goes_on_without_a_device(trial: Trial) -> None:
+def check_goes_on_without_a_device(trial: ClientTrial) -> None:
     """A 1.0 server's init packet with CUDA handles that no device knows."""
     trial.role.speaks = "1.0"
     connection = trial.connection("ipc")

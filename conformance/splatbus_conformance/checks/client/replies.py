@@ -6,9 +6,10 @@ from typing import Any
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
-from splatbus_conformance.trial import JITTER_SECONDS, Trial
+from splatbus_conformance.trial import JITTER_SECONDS
 
 BAD_REPLIES: tuple[Any, ...] = (
     {},
@@ -40,7 +41,7 @@ BAD_REPLIES: tuple[Any, ...] = (
     observable="when the testee asks for the size again after it was told [0,0]",
     needs=("asks",),
 )
-def check_asks_again_after_a_while(trial: Trial) -> None:
+def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     """The size is [0,0] at first; the request that follows is timed."""
     if "get_viewport_size" not in trial.facts.asks:
         trial.not_observable("the testee does not ask for the size when it connects")
@@ -72,7 +73,7 @@ def check_asks_again_after_a_while(trial: Trial) -> None:
     needs=("asks", "returns:msg"),
     may_crash=True,
 )
-def check_survives_bad_replies(trial: Trial) -> None:
+def check_survives_bad_replies(trial: ClientTrial) -> None:
     """The first request is answered with a reply that breaks its form, one way after another."""
     for bad in BAD_REPLIES if trial.profile == "full" else BAD_REPLIES[::3]:
         outcome = trial.outcome_of_reply(packet(encode(bad)))

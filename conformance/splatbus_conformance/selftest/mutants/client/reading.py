@@ -13,7 +13,7 @@ from splatbus_wire import decoding, json_text
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import Field
 
-from splatbus_conformance.selftest.mutants.channels import speaks_1_0
+from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, wrap
 

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
-from splatbus_conformance.checks.channels import closing
+from splatbus_conformance.checks.client.channels import closing
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
-from splatbus_conformance.trial import Trial
 
 BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
 
@@ -20,7 +20,7 @@ BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
     needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
     may_crash=True,
 )
-def check_bad_length_closes_ipc(trial: Trial) -> None:
+def check_bad_length_closes_ipc(trial: ClientTrial) -> None:
     """A header that announces nothing, or more than the limit, makes the testee close."""
     trial.role.offers_memory = False
     for length in BAD_LENGTHS:
@@ -35,7 +35,7 @@ def check_bad_length_closes_ipc(trial: Trial) -> None:
     needs=("asks", "returns:msg"),
     may_crash=True,
 )
-def check_bad_length_closes_message_channel(trial: Trial) -> None:
+def check_bad_length_closes_message_channel(trial: ClientTrial) -> None:
     """The same on the message channel, in place of a reply."""
     for length in BAD_LENGTHS:
         connection = trial.asking()
@@ -50,7 +50,7 @@ def check_bad_length_closes_message_channel(trial: Trial) -> None:
     observable="the testee opens memory whose init packet arrived in pieces",
     needs=DECLARES_HOST_MEMORY,
 )
-def check_any_segmentation(trial: Trial) -> None:
+def check_any_segmentation(trial: ClientTrial) -> None:
     """Init packets and frames arrive byte by byte, halved anywhere, and joined to others."""
     trial.role.offers_memory = False
     connection = trial.greeted("ipc")
@@ -78,7 +78,7 @@ def check_any_segmentation(trial: Trial) -> None:
     needs=("ipc", "returns:ipc"),
     profile="full",
 )
-def check_incomplete_packet_is_given_up(trial: Trial) -> None:
+def check_incomplete_packet_is_given_up(trial: ClientTrial) -> None:
     """A header and half a payload, then silence for longer than the limit."""
     trial.role.offers_memory = False
     connection = trial.connection("ipc")
@@ -94,7 +94,7 @@ def check_incomplete_packet_is_given_up(trial: Trial) -> None:
     needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
     may_crash=True,
 )
-def check_half_packet_is_discarded(trial: Trial) -> None:
+def check_half_packet_is_discarded(trial: ClientTrial) -> None:
     """The connection ends inside an init packet, at the first byte, in the header and later."""
     trial.role.offers_memory = False
     for kept in (1, 3, 4, 5, 200):

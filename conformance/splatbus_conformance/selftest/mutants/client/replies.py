@@ -8,7 +8,7 @@ from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetViewportSize, ViewportSize
 
-from splatbus_conformance.selftest.mutants.negotiation import without
+from splatbus_conformance.selftest.mutants.client.negotiation import without
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, messages, of_type, wrap
 

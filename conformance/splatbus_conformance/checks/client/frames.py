@@ -1,11 +1,11 @@
 """Checks on `frame` and `release` (spec 1.1 chapter 5)."""
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.trial import Trial
 
 
-def reading(trial: Trial) -> Connection:
+def reading(trial: ClientTrial) -> Connection:
     """An IPC connection on which the testee has opened the memory and reads frames."""
     trial.role.lends_frames = False
     connection = trial.greeted("ipc")
@@ -19,7 +19,7 @@ def reading(trial: Trial) -> Connection:
     observable="one release for each frame, with its generation and number",
     needs=("capability:frames",),
 )
-def check_releases_each_frame_once(trial: Trial) -> None:
+def check_releases_each_frame_once(trial: ClientTrial) -> None:
     """Frames are lent one after the other, in every slot; each must be released once."""
     connection = reading(trial)
     dealings = trial.role.with_(connection)
@@ -40,7 +40,7 @@ def check_releases_each_frame_once(trial: Trial) -> None:
     needs=("capability:frames", "returns:ipc"),
     may_crash=True,
 )
-def check_ignores_frames_of_unknown_memory(trial: Trial) -> None:
+def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
     """Frames of generations that were never announced, and of slots beyond the ring."""
     wrong = ({"generation": 77}, {"slot": trial.role.slots}, {"slot": 2**40}, {"slot": -1})
     connection = reading(trial)

@@ -3,10 +3,10 @@
 from hypothesis import strategies as st
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
-from splatbus_conformance.trial import Trial
 
 LEGACY = {"camera_pose", "point_cloud_pose", "get_viewport_size", "get_camera_pose"}
 LISTENING_SECONDS = 0.4
@@ -17,7 +17,7 @@ CODES = (
 ).split()
 
 
-def heard(trial: Trial, connection: Connection) -> set[str]:
+def heard(trial: ClientTrial, connection: Connection) -> set[str]:
     """The types of all that the testee said on a connection."""
     return {str(message.get("type")) for message in trial.role.with_(connection).heard}
 
@@ -27,7 +27,7 @@ def heard(trial: Trial, connection: Connection) -> set[str]:
     observable="memory is opened, a frame released, old memory closed, as declared",
     needs=("hello:ipc",),
 )
-def check_can_do_what_it_declares(trial: Trial) -> None:
+def check_can_do_what_it_declares(trial: ClientTrial) -> None:
     """Uses each capability that the testee declares, as far as this machine can."""
     declared = set(trial.facts.capabilities())
     if "host_shm" not in declared:
@@ -49,7 +49,7 @@ def check_can_do_what_it_declares(trial: Trial) -> None:
     observable="what the testee sends before welcome, and after one that grants little",
     needs=("hello:ipc",),
 )
-def check_sends_only_what_was_granted(trial: Trial) -> None:
+def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     """First no welcome for a while, then one that grants host_shm alone."""
     trial.role.welcomes = False
     connections = [trial.connection(channel) for channel in sorted(trial.facts.connects)]
@@ -73,7 +73,7 @@ def check_sends_only_what_was_granted(trial: Trial) -> None:
     observable="the testee opens memory after a welcome with capabilities that nobody knows",
     needs=OPENS_HOST_MEMORY,
 )
-def check_ignores_unknown_capabilities(trial: Trial) -> None:
+def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
     trial.role.welcomes = False
     names = st.lists(st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64), max_size=5)
@@ -94,7 +94,7 @@ def check_ignores_unknown_capabilities(trial: Trial) -> None:
     observable="the testee goes on after messages of unknown types",
     needs=OPENS_HOST_MEMORY,
 )
-def check_ignores_unknown_types(trial: Trial) -> None:
+def check_ignores_unknown_types(trial: ClientTrial) -> None:
     """Messages of types that nobody knows, before and between init packets, and unasked."""
     names = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
     values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)
@@ -121,7 +121,7 @@ def check_ignores_unknown_types(trial: Trial) -> None:
     observable="what the testee sends on the message channel of a 1.0 server",
     needs=("hello:msg",),
 )
-def check_falls_back_on_the_message_channel(trial: Trial) -> None:
+def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
     """A server that knows no hello answers get_viewport_size; the testee is listened to."""
     trial.role.speaks = "1.0"
     connection = trial.connection("msg")
@@ -140,7 +140,7 @@ def check_falls_back_on_the_message_channel(trial: Trial) -> None:
     observable="what the testee sends on the IPC channel of a 1.0 server",
     needs=("hello:ipc",),
 )
-def check_falls_back_on_the_ipc_channel(trial: Trial) -> None:
+def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
     """A server that knows no hello sends its init packet at once; the testee is listened to."""
     trial.role.speaks = "1.0"
     connection = trial.connection("ipc")
@@ -157,7 +157,7 @@ def check_falls_back_on_the_ipc_channel(trial: Trial) -> None:
     observable="the testee closes the connection",
     needs=("hello:ipc", "returns:ipc"),
 )
-def check_refuses_a_version_it_did_not_list(trial: Trial) -> None:
+def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
     """`welcome` names a version that the testee's hello did not list."""
     for channel in CHANNELS:
         for version in ("9.9", "2.0", "1.10"):
@@ -181,7 +181,7 @@ def check_refuses_a_version_it_did_not_list(trial: Trial) -> None:
     needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
     may_crash=True,
 )
-def check_survives_errors(trial: Trial) -> None:
+def check_survives_errors(trial: ClientTrial) -> None:
     """An error of each code, and of one that nobody knows, on both channels."""
     for code in CODES:
         error = packet(encode({"type": "error", "code": code, "message": "a test", "pointer": "/"}))

@@ -1,0 +1,1 @@
+"""Checks on clients: the harness plays the server."""

@@ -1,0 +1,1 @@
+"""Checks on servers: the harness plays their clients."""

@@ -1,0 +1,131 @@
+"""The first meeting with a client: what it does when left alone.
+
+Checks ask no more of it than it has shown here.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import CHANNELS, Peer
+from splatbus_conformance.plan import NoVerdict
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.role import Role
+from splatbus_conformance.testee import Testee
+from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
+
+SETTLE_SECONDS = 1.0
+RETURN_SECONDS = 5.0
+REQUESTS = 2
+"""Kinds of request that there are."""
+
+
+@dataclass
+class ClientFacts:
+    """What the testee showed of itself when it was first met."""
+
+    hello: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
+    connects: set[Channel] = field(default_factory=set)
+    asks: set[str] = field(default_factory=set)
+    """Types of the requests that it makes when it connects."""
+    poses: bool = False
+    """It sends poses unasked."""
+    opens: bool = False
+    """It opened the memory that it was offered."""
+    returns: set[Channel] = field(default_factory=set)
+    """Channels that it connects to again after its connection was closed."""
+
+    def speaks_1_1(self, channel: Channel) -> bool:
+        """It said `hello` on this channel."""
+        return self.hello[channel] is not None
+
+    def capabilities(self) -> list[str]:
+        """What it declared on the IPC channel."""
+        declared: Any = (self.hello["ipc"] or {}).get("capabilities", [])
+        return declared if isinstance(declared, list) else []
+
+    def version(self) -> str:
+        """The newest version that it speaks: it is judged by that."""
+        return "1.1" if any(self.hello.values()) else "1.0"
+
+    def lacks(self, need: str) -> str | None:
+        """Why a check that needs this can show nothing, or None if it can."""
+        kind, _, of = need.partition(":")
+        if kind == "hello":
+            if self.hello["ipc" if of == "ipc" else "msg"] is not None:
+                return None
+            return f"the testee says no hello on the {of} channel: 1.1 is not claimed"
+        if kind == "returns":
+            known, why = of in self.returns, f"does not connect to the {of} channel again"
+        elif kind == "capability":
+            known, why = of in self.capabilities(), f"does not declare the capability {of}"
+        elif kind in CHANNELS:
+            known, why = kind in self.connects, f"makes no connection on the {kind} channel"
+        elif kind == "asks":
+            known, why = bool(self.asks), "makes no request when it connects"
+        elif kind == "poses":
+            known, why = self.poses, "sends no poses unasked"
+        elif kind == "opens":
+            known, why = self.opens, "did not open good memory when it was first met"
+        else:
+            raise ValueError(f"a check needs {need!r}, which nobody knows")
+        return None if known else f"the testee {why}"
+
+
+def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFacts:
+    """Meet the testee as a well-behaved server: what does it say, ask, send, and does it return?
+
+    Raises NoVerdict if no connection comes within `patience` seconds.
+    """
+    peer.clear()
+    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    testee.ensure_running()
+    peer.until(lambda: peer.connections or testee.ended(), patience)
+    if not peer.connections:
+        raise NoVerdict(_why_nothing(peer, testee, patience))
+    peer.until(lambda: {c.channel for c in peer.connections} == set(CHANNELS), SETTLE_SECONDS)
+    peer.until(lambda: _everything(_shown(peer, role)), SETTLE_SECONDS)
+    facts = _shown(peer, role)
+    peer.close_all()
+    met = list(peer.connections)
+    peer.until(
+        lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,
+        RETURN_SECONDS,
+    )
+    facts.returns = {c.channel for c in peer.connections if c not in met}
+    peer.pump(TRIAL_SETTLE_SECONDS)
+    return facts
+
+
+def _shown(peer: Peer, role: Role) -> ClientFacts:
+    facts = ClientFacts()
+    for connection in peer.connections:
+        dealings = role.with_(connection)
+        facts.connects.add(connection.channel)
+        facts.hello[connection.channel] = facts.hello[connection.channel] or dealings.hello
+        for message in dealings.heard:
+            kind = str(message.get("type"))
+            if kind.startswith("get_"):
+                facts.asks.add(kind)
+            facts.poses = facts.poses or kind in ("camera_pose", "point_cloud_pose")
+        facts.opens = facts.opens or bool(dealings.opened)
+    return facts
+
+
+def _everything(facts: ClientFacts) -> bool:
+    """There is nothing more to wait for."""
+    shown = all(facts.hello.values()) and len(facts.asks) == REQUESTS and facts.poses
+    return shown and (facts.opens or "host_shm" not in facts.capabilities())
+
+
+def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
+    where = " and ".join(f"{name} {peer.host}:{peer.ports[name]}" for name in CHANNELS)
+    text = f"nothing connected to {where} within {patience:g} s"
+    if ended := testee.ended():
+        text = f"nothing connected to {where}: the testee {ended}"
+    if output := testee.output().strip():
+        text += "; the last that it printed:\n" + output
+    return text + (
+        "\nThe testee finds these ports in SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT;"
+        "\nif it knows only fixed ports, name them: --ports 6001,6000 (IPC, message)."
+    )

@@ -1,0 +1,71 @@
+"""A stand for clients: two listeners, memory to offer, and the client."""
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.client_introduction import ClientFacts, introduce
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.host_memory import HostMemory, sweep
+from splatbus_conformance.messages import ring_bytes
+from splatbus_conformance.peer import CHANNELS, Peer
+from splatbus_conformance.plan import Plan, Usage
+from splatbus_conformance.role import Role
+from splatbus_conformance.testee import Awaited, Launched
+
+SLOTS = 3
+
+
+class ClientStand:
+    """The harness listens where the client will connect to."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.peer = _listening(plan)
+        environment = {
+            "SPLATBUS_HOST": plan.host,
+            "SPLATBUS_IPC_PORT": str(self.peer.ports["ipc"]),
+            "SPLATBUS_MSG_PORT": str(self.peer.ports["msg"]),
+        }
+        self.testee = (
+            Launched(plan.launch, environment)
+            if plan.launch
+            else Awaited("the client that connects")
+        )
+        self.facts = ClientFacts()
+        sweep()
+        self._memory = HostMemory(ring_bytes(*plan.viewport, SLOTS))
+
+    def introduce(self) -> None:
+        """Meet the client for the first time. Raises NoVerdict."""
+        self.facts = introduce(self.peer, self._role(), self.testee, self.plan.patience)
+
+    def trial(self, requirement: Requirement) -> ClientTrial:
+        """A trial with fresh connections, on both channels, and a fresh role."""
+        for channel in CHANNELS:
+            self.peer.listen(channel)
+        return ClientTrial(
+            requirement, self.peer, self._role(), self.testee, self.facts, self.plan.patience
+        )
+
+    def close(self) -> None:
+        """End the client, close the ports, remove the memory."""
+        self.testee.close()
+        self.peer.close()
+        self._memory.close()
+
+    def _role(self) -> Role:
+        return Role(self._memory, *self.plan.viewport, SLOTS)
+
+
+def _listening(plan: Plan) -> Peer:
+    ports = dict(zip(CHANNELS, plan.ports, strict=True))
+    peer = Peer(plan.host, ports)
+    for channel in CHANNELS:
+        try:
+            peer.listen(channel)
+        except OSError as error:
+            peer.close()
+            raise Usage(
+                f"cannot listen on {plan.host}:{ports[channel]} for the {channel} channel "
+                f"({error.strerror}); does another server run? --ports names other ports"
+            ) from None
+    return peer

@@ -1,0 +1,1 @@
+"""Mutants of the reference client, family by family."""

@@ -1,0 +1,1 @@
+"""Mutants of the reference server, family by family."""

@@ -1,0 +1,1 @@
+"""Allowed variations of the reference pair."""

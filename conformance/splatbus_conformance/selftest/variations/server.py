@@ -1,0 +1,1 @@
+"""Allowed variations: servers that are unusual, and conform. The harness must pass them."""

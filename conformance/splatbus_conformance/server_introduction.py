@@ -1,0 +1,128 @@
+"""The first meeting with a server: what it does when a friendly client comes.
+
+Checks ask no more of it than it has shown here.
+"""
+
+from dataclasses import dataclass, field
+
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import CHANNELS, Connection, Peer
+from splatbus_conformance.plan import NoVerdict
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.testee import Testee
+from splatbus_conformance.viewer import Viewer
+
+REPLY_SECONDS = 2.0
+FRAME_SECONDS = 5.0
+MOST_CAMERAS = 64
+
+
+@dataclass
+class ServerFacts:
+    """What the server showed of itself when it was first met."""
+
+    welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
+    init_packet: Json | None = None
+    """The first that a client of 1.1 was sent, or else a client of 1.0."""
+    at_once: bool = False
+    """It sends an init packet before anybody has said `hello`: its images are in CUDA memory."""
+    opens: bool = False
+    """Its images can be opened here."""
+    renders: bool = False
+    """It sent a `frame`."""
+    unauthorized: bool = False
+    """It requires a token that it was not given."""
+    size: tuple[int, int] = (0, 0)
+
+    def version(self) -> str:
+        """The newest version that it speaks: it is judged by that."""
+        return "1.1" if any(self.welcome.values()) or self.unauthorized else "1.0"
+
+    def capabilities(self) -> list[str]:
+        """What it granted on the IPC channel to a client that offered everything."""
+        granted = (self.welcome["ipc"] or {}).get("capabilities", [])
+        return granted if isinstance(granted, list) else []
+
+    def lacks(self, need: str) -> str | None:
+        """Why a check that needs this can show nothing, or None if it can."""
+        kind, _, of = need.partition(":")
+        if kind == "1.1":
+            return None if self.version() == "1.1" else "the server speaks 1.0 only"
+        if kind == "capability":
+            known, why = of in self.capabilities(), f"does not grant the capability {of}"
+        elif kind == "opens":
+            known, why = self.opens, "announces no memory that can be opened here"
+        elif kind == "frames":
+            known, why = self.renders, "sent no frame"
+        elif kind == "cuda":
+            known, why = self.at_once, "announces no CUDA memory"
+        else:
+            raise ValueError(f"a check needs {need!r}, which nobody knows")
+        return None if known else f"the server {why}"
+
+
+def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> ServerFacts:
+    """Meet the server as a well-behaved client of 1.0, then of 1.1.
+
+    Raises NoVerdict if it does not accept connections on both channels within `patience` seconds.
+    """
+    peer.clear()
+    peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
+    testee.ensure_running()
+    for channel in CHANNELS:
+        if reach(peer, testee, channel, patience) is None:
+            raise NoVerdict(_why_nothing(peer, testee, channel, patience))
+    facts = ServerFacts()
+    old_ipc, old_msg = peer.connections[0], peer.connections[-1]
+    viewer.ask(old_msg, {"type": "get_viewport_size"})
+    peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
+    peer.until(lambda: old_ipc.packets or testee.ended(), 0.2)
+    facts.at_once = bool(viewer.with_(old_ipc).init_packets)
+    peer.close_all()
+    for channel in CHANNELS:
+        connection = reach(peer, testee, channel, patience)
+        if connection is None:
+            continue
+        viewer.greet(connection)
+        dealings = viewer.with_(connection)
+        peer.until(lambda: dealings.welcome or connection.ended, REPLY_SECONDS)  # noqa: B023
+        facts.welcome[channel] = dealings.welcome
+        facts.unauthorized |= "unauthorized" in dealings.errors()
+        if channel == "ipc" and dealings.welcome:
+            peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
+            facts.init_packet = next(iter(dealings.init_packets), None)
+            facts.opens = dealings.memory is not None
+            facts.renders = bool(dealings.frames)
+    facts.init_packet = facts.init_packet or next(iter(viewer.with_(old_ipc).init_packets), None)
+    meta = (facts.init_packet or {}).get("meta", {})
+    facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
+    peer.close_all()
+    return facts
+
+
+def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:
+    """A new connection, tried again until the server listens, for so many seconds."""
+    found: list[Connection] = []
+
+    def tried() -> bool:
+        try:
+            found.append(peer.dial(channel))
+        except OSError:
+            return testee.ended() is not None
+        return True
+
+    peer.until(tried, seconds)
+    return found[0] if found else None
+
+
+def _why_nothing(peer: Peer, testee: Testee, channel: Channel, patience: float) -> str:
+    where = f"{peer.host}:{peer.ports[channel]}"
+    text = f"nothing listens on {where}, the {channel} channel, after {patience:g} s"
+    if ended := testee.ended():
+        text = f"nothing listens on {where}, the {channel} channel: the server {ended}"
+    if output := testee.output().strip():
+        text += "; the last that it printed:\n" + output
+    return text + (
+        "\nA launched server finds its ports in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT;"
+        "\nif it knows only fixed ports, name them: --ports 6001,6000 (IPC, message)."
+    )

@@ -1,0 +1,65 @@
+"""A stand for servers: the server, and a dialler."""
+
+import socket
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.peer import CHANNELS, Peer
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.server_introduction import ServerFacts, introduce
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.testee import Awaited, Launched
+from splatbus_conformance.viewer import Viewer
+
+
+class ServerStand:
+    """The harness connects to where the server listens."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        ports = [port or _free_port(plan.host) for port in plan.ports]
+        self.peer = Peer(plan.host, dict(zip(CHANNELS, ports, strict=True)), plays="client")
+        environment = {
+            "SPLATBUS_HOST": plan.host,
+            "SPLATBUS_IPC_PORT": str(ports[0]),
+            "SPLATBUS_MSG_PORT": str(ports[1]),
+        }
+        self.testee = (
+            Launched(plan.launch, environment)
+            if plan.launch
+            else Awaited(f"the server at {plan.host}")
+        )
+        self.facts = ServerFacts()
+        self._viewer = Viewer()
+
+    def introduce(self) -> None:
+        """Meet the server for the first time. Raises NoVerdict."""
+        self.facts = introduce(self.peer, self._new_viewer(), self.testee, self.plan.patience)
+
+    def trial(self, requirement: Requirement) -> ServerTrial:
+        """A trial with fresh connections and a fresh viewer."""
+        return ServerTrial(
+            requirement,
+            self.peer,
+            self._new_viewer(),
+            self.testee,
+            self.facts,
+            self.plan.patience,
+        )
+
+    def close(self) -> None:
+        """End the server and every connection to it."""
+        self._viewer.close()
+        self.testee.close()
+        self.peer.close()
+
+    def _new_viewer(self) -> Viewer:
+        self._viewer.close()
+        self._viewer = Viewer()
+        return self._viewer
+
+
+def _free_port(host: str) -> int:
+    with socket.create_server((host, 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port

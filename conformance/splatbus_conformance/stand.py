@@ -1,0 +1,52 @@
+"""A stand: all that it takes to try one testee, set up once and used by every check."""
+
+from typing import Protocol
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.client_stand import ClientStand
+from splatbus_conformance.peer import Peer
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.server_stand import ServerStand
+from splatbus_conformance.testee import Testee
+from splatbus_conformance.trial import Trial
+
+
+class Facts(Protocol):
+    """What the testee showed of itself when it was first met."""
+
+    def lacks(self, need: str) -> str | None:
+        """Why a check that needs this can show nothing, or None if it can."""
+
+    def version(self) -> str:
+        """The version of the specification that it is judged by: the newest that it speaks."""
+
+
+class Stand(Protocol):
+    """What the checks of either side have in common."""
+
+    @property
+    def peer(self) -> Peer:
+        """Its end of the wire."""
+
+    @property
+    def testee(self) -> Testee:
+        """The program under test."""
+
+    @property
+    def facts(self) -> Facts:
+        """What is known of it."""
+
+    def introduce(self) -> None:
+        """Meet the testee for the first time. Raises NoVerdict."""
+
+    def trial(self, requirement: Requirement) -> Trial:
+        """A trial by this requirement, with fresh connections."""
+
+    def close(self) -> None:
+        """End the testee, and give everything back."""
+
+
+def set_up(plan: Plan) -> Stand:
+    """A stand for this plan. Raises Usage if a port cannot be had."""
+    return ClientStand(plan) if plan.side == "client" else ServerStand(plan)

@@ -1,0 +1,127 @@
+"""The part that the harness plays towards a server: a well-behaved viewer, on whatever a check
+leaves to it.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from splatbus_conformance import messages
+from splatbus_conformance.lenient_json import read
+from splatbus_conformance.memory_reading import CannotOpen, Opened, open_memory
+from splatbus_conformance.messages import Json
+from splatbus_conformance.packets import Packet, packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.values import whole
+
+
+@dataclass
+class Dealings:
+    """What was said on one connection, and what was opened."""
+
+    hello: Json | None = None
+    welcome: Json | None = None
+    heard: list[Json] = field(default_factory=list)
+    """Every object that the server sent."""
+    init_packets: list[Json] = field(default_factory=list)
+    frames: list[Json] = field(default_factory=list)
+    memory: Opened | None = None
+    """What the last init packet announced, mapped."""
+    refusal: str = ""
+    """Why that could not be opened."""
+
+    def errors(self) -> list[str]:
+        """The codes of the errors that were heard, in order."""
+        return [str(m.get("code")) for m in self.heard if m.get("type") == "error"]
+
+    @property
+    def granted(self) -> list[str]:
+        """Capabilities that both sides have."""
+        listed: Any = (self.welcome or {}).get("capabilities", [])
+        return listed if isinstance(listed, list) else []
+
+
+class Viewer:
+    """Says `hello`, opens memory, takes leases.
+
+    A check sets the switches before it connects, to leave out what it does itself.
+    """
+
+    def __init__(self, token: str | None = None) -> None:
+        self.token = token
+        self.capabilities = {"ipc": ["host_shm", "frames", "reinit", "subscribe"], "msg": []}
+        self.opens = True
+        """Opens the memory that is announced, and says so."""
+        self.releases = True
+        """Gives each frame back as soon as it comes."""
+        self.dealings: dict[Connection, Dealings] = {}
+
+    def with_(self, connection: Connection) -> Dealings:
+        """What was said on this connection."""
+        return self.dealings.setdefault(connection, Dealings())
+
+    def on_open(self, connection: Connection) -> None:
+        """A connection was made: nothing to say yet."""
+
+    def on_packet(self, connection: Connection, arrived: Packet) -> None:
+        """The server sent a packet."""
+        message = read(arrived.payload).value
+        if message is None:
+            return
+        dealings = self.with_(connection)
+        dealings.heard.append(message)
+        kind = message.get("type")
+        if kind == "welcome":
+            dealings.welcome = dealings.welcome or message
+        elif connection.channel == "ipc" and kind == "frame":
+            dealings.frames.append(message)
+            if self.releases:
+                self.release(connection, message)
+        elif connection.channel == "ipc" and kind is None and "meta" in message:
+            dealings.init_packets.append(message)
+            if self.opens and dealings.welcome is not None:
+                self.open(connection, message)
+
+    def greet(self, connection: Connection, **changes: object) -> None:
+        """Send `hello`, with members changed as named; None leaves one out."""
+        offered = self.capabilities[connection.channel]
+        hello = messages.hello(offered, self.token) | changes
+        hello = {name: value for name, value in hello.items() if value is not None}
+        self.with_(connection).hello = hello
+        self.say(connection, hello)
+
+    def open(self, connection: Connection, init_packet: Json) -> None:
+        """Open what an init packet announces, close what was open, and answer."""
+        dealings = self.with_(connection)
+        former, generation = dealings.memory, init_packet.get("generation")
+        try:
+            dealings.memory = open_memory(init_packet)
+        except CannotOpen as error:
+            dealings.memory, dealings.refusal = None, str(error)
+            failed = {"type": "open_failed", "generation": generation, "reason": str(error)}
+            self.say(connection, failed)
+        else:
+            self.say(connection, {"type": "opened", "generation": generation})
+        if former is not None:
+            former.close()
+            self.say(connection, {"type": "closed", "generation": former.generation})
+
+    def release(self, connection: Connection, frame: Json) -> None:
+        """Give a frame back."""
+        named = {name: frame.get(name) for name in ("generation", "seq")}
+        if all(whole(value) is not None for value in named.values()):
+            self.say(connection, {"type": "release", **named})
+
+    def ask(self, connection: Connection, request: Json) -> None:
+        """Send a request."""
+        self.say(connection, request)
+
+    def say(self, connection: Connection, message: Json) -> None:
+        """Send a message."""
+        connection.send(packet(messages.encode(message)))
+
+    def close(self) -> None:
+        """Unmap everything that was opened."""
+        for dealings in self.dealings.values():
+            if dealings.memory is not None:
+                dealings.memory.close()
+                dealings.memory = None
