@@ -93,7 +93,7 @@ def variation(*, warns: tuple[str, ...] = ()) -> Callable[[A], A]:
 
 
 def _side(alter: Alter) -> Side:
-    return "server" if "server" in alter.__module__.split(".") else "client"
+    return "server" if ".server" in alter.__module__ else "client"
 
 
 def _name_and_docstring(alter: Alter) -> tuple[str, str]:
