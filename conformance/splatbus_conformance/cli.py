@@ -49,6 +49,11 @@ def parser() -> argparse.ArgumentParser:
     )
     how = client.add_mutually_exclusive_group(required=True)
     how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")
+    how.add_argument(
+        "--adapter",
+        metavar="CMD",
+        help="start this adapter, and judge the client beside it (conformance/ADAPTER.md)",
+    )
     how.add_argument("--wait", action="store_true", help="wait for a client that you start")
     client.add_argument(
         "--viewport",
@@ -58,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     )
     _live_options(
         client,
-        ports="ports to listen on (free ones with --launch, 6001,6000 with --wait)",
+        ports="ports to listen on (free ones, 6001,6000 with --wait)",
         host="address to listen on",
     )
     client.set_defaults(run=commands.client)

@@ -6,6 +6,7 @@ Checks ask no more of it than it has shown here.
 from dataclasses import dataclass, field
 from typing import Any
 
+from splatbus_conformance.adapter import Greeting
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict
@@ -32,6 +33,8 @@ class ClientFacts:
     """It sends poses unasked."""
     opens: bool = False
     """It opened the memory that it was offered."""
+    adapter: Greeting | None = None
+    """What the adapter beside it says of itself, where there is one."""
     returns: set[Channel] = field(default_factory=set)
     """Channels that it connects to again after its connection was closed."""
 
@@ -65,11 +68,22 @@ class ClientFacts:
             known, why = bool(self.asks), "makes no request when it connects"
         elif kind == "poses":
             known, why = self.poses, "sends no poses unasked"
+        elif kind in ("adapter", "axes"):
+            return self._adapter_lacks(kind, of)
         elif kind == "opens":
             known, why = self.opens, "did not open good memory when it was first met"
         else:
             raise ValueError(f"a check needs {need!r}, which nobody knows")
         return None if known else f"the testee {why}"
+
+    def _adapter_lacks(self, kind: str, of: str) -> str | None:
+        if self.adapter is None:
+            return "only an adapter could show it: --adapter"
+        if kind == "adapter":
+            return None if of in self.adapter.can else f"the adapter has no command {of}"
+        return (
+            None if of == self.adapter.axes else f"its poses are in the axes of {self.adapter.axes}"
+        )
 
 
 def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFacts:

@@ -1,7 +1,10 @@
 """A stand for clients: two listeners, memory to offer, and the client."""
 
+from collections.abc import Mapping
+
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.adapter import Adapted
 from splatbus_conformance.client_introduction import ClientFacts, introduce
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory, sweep
@@ -9,7 +12,8 @@ from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan, Usage
 from splatbus_conformance.role import Role
-from splatbus_conformance.testee import Awaited, Launched
+from splatbus_conformance.smoke import smoke
+from splatbus_conformance.testee import Awaited, Launched, Testee
 
 SLOTS = 3
 
@@ -25,18 +29,18 @@ class ClientStand:
             "SPLATBUS_IPC_PORT": str(self.peer.ports["ipc"]),
             "SPLATBUS_MSG_PORT": str(self.peer.ports["msg"]),
         }
-        self.testee = (
-            Launched(plan.launch, environment)
-            if plan.launch
-            else Awaited("the client that connects")
-        )
+        self.testee = self._testee(environment)
         self.facts = ClientFacts()
         sweep()
         self._memory = HostMemory(ring_bytes(*plan.viewport, SLOTS))
 
     def introduce(self) -> None:
         """Meet the client for the first time. Raises NoVerdict."""
+        if isinstance(self.testee, Adapted):
+            smoke(self.testee, self.peer, self._role())
         self.facts = introduce(self.peer, self._role(), self.testee, self.plan.patience)
+        if isinstance(self.testee, Adapted):
+            self.facts.adapter = self.testee.greeting
 
     def trial(self, requirement: Requirement) -> ClientTrial:
         """A trial with fresh connections, on both channels, and a fresh role."""
@@ -51,6 +55,13 @@ class ClientStand:
         self.testee.close()
         self.peer.close()
         self._memory.close()
+
+    def _testee(self, environment: Mapping[str, str]) -> Testee:
+        if self.plan.adapter:
+            return Adapted(self.plan.adapter, environment, self.peer, self.plan.patience)
+        if self.plan.launch:
+            return Launched(self.plan.launch, environment)
+        return Awaited("the client that connects")
 
     def _role(self) -> Role:
         return Role(self._memory, *self.plan.viewport, SLOTS)

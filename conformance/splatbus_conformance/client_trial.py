@@ -1,12 +1,13 @@
 """A trial of a client, from its connecting to judgement: the harness plays the server."""
 
 from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.adapter import Adapted, ClientCrashed
 from splatbus_conformance.client_introduction import ClientFacts
-from splatbus_conformance.messages import encode
+from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel
@@ -114,6 +115,19 @@ class ClientTrial(Trial):
         if not asked:
             self.not_observable("the testee makes no request when it connects")
         return connection
+
+    # Asking the adapter beside it
+
+    def ask(self, command: str, **members: Any) -> Json:
+        """Give the adapter a command; its answer.
+
+        A client that dies over it violates the requirement. Raises AdapterBroken.
+        """
+        assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
+        try:
+            return self.testee.ask(command, **members)
+        except ClientCrashed as crash:
+            self.violated(f"told to {command}, {crash}")
 
     # Waiting and watching
 

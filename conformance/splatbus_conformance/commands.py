@@ -42,18 +42,20 @@ def console(plain: bool) -> Console:
 
 def client(arguments: argparse.Namespace, out: Console) -> int:
     """Judge a client."""
+    starts_it = arguments.launch or arguments.adapter
     try:
         plan = Plan(
             "client",
             arguments.launch,
             arguments.host,
-            parse_ports(arguments.ports, (0, 0) if arguments.launch else DEPLOYED_PORTS),
+            parse_ports(arguments.ports, (0, 0) if starts_it else DEPLOYED_PORTS),
             parse_size(arguments.viewport),
-            arguments.patience or (LAUNCH_PATIENCE if arguments.launch else WAIT_PATIENCE),
+            arguments.patience or (LAUNCH_PATIENCE if starts_it else WAIT_PATIENCE),
             arguments.profile,
             arguments.seed,
             parse_select(arguments.select, "client"),
             allow_crash=arguments.allow_crash,
+            adapter=arguments.adapter,
         )
     except Usage as error:
         out.print(f"splatbus-conformance: {error}", markup=False)

@@ -65,7 +65,7 @@ def judges(peer: str) -> Mapping[str, list[Judge]]:
     for function in check_functions(peer):
         check: Check = function.check
         found.setdefault(check.requirement, []).append(
-            Judge(function.__name__, "L1", paragraph(function.__doc__), check.observable)
+            Judge(function.__name__, check.level, paragraph(function.__doc__), check.observable)
         )
     return found
 

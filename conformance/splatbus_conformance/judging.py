@@ -35,7 +35,7 @@ def judge(plan: Plan, arguments: argparse.Namespace, out: Console) -> int:
     began = time.monotonic()
     run = Run(plan, stand, live)
     try:
-        if not plan.launch:
+        if not plan.starts_it:
             out.print(_what_to_start(stand, plan), markup=False)
         stand.introduce()
         run.recordings.append(list(stand.peer.entries))
@@ -72,7 +72,7 @@ def _report(
     judged, name = of_run(run), run.stand.testee.name
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, recorded=bool(arguments.record))
-    sentence, verdicts = summary(results, judged, "L1")
+    sentence, verdicts = summary(results, judged, "L2" if run.plan.adapter else "L1")
     status = exit_code(verdicts, strict=arguments.strict)
     out.print(f"{sentence}\n{run.delivered} cases delivered in {seconds:.1f} s")
     if arguments.json:

@@ -24,6 +24,13 @@ class Plan:
     seed: int = 0
     select: tuple[str, ...] = ()
     allow_crash: bool = False
+    adapter: str | None = None
+    """The command that starts an adapter, which starts the testee (conformance/ADAPTER.md)."""
+
+    @property
+    def starts_it(self) -> bool:
+        """The harness starts the testee itself."""
+        return bool(self.launch or self.adapter)
 
 
 class Usage(Exception):  # noqa: N818 - a finding, no error of ours

@@ -40,6 +40,8 @@ class Run:
     progress: Progress
     results: list[Result] = field(default_factory=list)
     recordings: list[list[Entry]] = field(default_factory=list)
+    trial: Trial | None = None
+    """Of the check that runs now."""
     delivered: int = 0
     """Cases delivered and followed by something that proves it."""
 
@@ -74,10 +76,11 @@ class CheckPlugin:
         """A trial with fresh connections; whatever crossed the wire is kept for the rules."""
         run, check = self.run, declared(request.node)
         peer, testee = run.stand.peer, run.stand.testee
+        run.trial = None
         run.progress.start(request.node.name, check.requirement)
         if reason := self._missing(check):
             pytest.skip(reason)
-        trial = run.stand.trial(self.known[check.requirement])
+        trial = run.trial = run.stand.trial(self.known[check.requirement])
         trial.seed, trial.profile = run.plan.seed, run.plan.profile
         yield trial
         peer.pump(SETTLE_SECONDS)
@@ -101,7 +104,8 @@ class CheckPlugin:
 
     def _result(self, item: pytest.Item, call: pytest.CallInfo[None]) -> Result:
         check, error = declared(item), call.excinfo
-        verdict, text = Verdict.PASS, ""
+        measurements = tuple(self.run.trial.measurements) if self.run.trial else ()
+        verdict, text = Verdict.PASS, "; ".join(map(str, measurements))
         evidence: tuple[str, ...] = ()
         if error is not None:
             text = str(error.value)
@@ -113,7 +117,14 @@ class CheckPlugin:
             else:
                 verdict, text = Verdict.ERROR, f"{error.typename}: {text}"
         return Result(
-            check.requirement, item.name, Level.WIRE, verdict, text, evidence, call.duration
+            check.requirement,
+            item.name,
+            Level(check.level),
+            verdict,
+            text,
+            evidence,
+            call.duration,
+            measurements,
         )
 
 

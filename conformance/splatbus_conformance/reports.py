@@ -49,6 +49,7 @@ def json_report(
                         "text": result.text,
                         "evidence": list(result.evidence),
                         "seconds": round(result.seconds, 4),
+                        "measurements": [it.as_json() for it in result.measurements],
                     }
                     for result in groups.get(requirement.id, [])
                 ],

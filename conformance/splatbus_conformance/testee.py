@@ -47,6 +47,9 @@ class Testee(Protocol):
     def output(self) -> str:
         """The last lines that it printed."""
 
+    def close(self) -> None:
+        """End it, and give back what it took."""
+
 
 class Launched:
     """A testee that the harness starts, again for each scenario that left none alive."""

@@ -9,6 +9,7 @@ from splatbus_schemas import LIMITS
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.drawing import draw
+from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.testee import Testee
 
@@ -39,6 +40,7 @@ class Trial:
         self.patience = patience
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
+        self.measurements = Measurements()
         self.seed = 0
         self.profile = "quick"
         peer.clear()
@@ -62,6 +64,19 @@ class Trial:
         if ended is None:
             return None
         return "dies" if ended.crashed else "exits"
+
+    def measured(
+        self, quantity: str, error: float, budget: float | None, unit: str, input: str
+    ) -> None:
+        """Note the error of one case; the worst of each quantity reaches the reports."""
+        self.measurements.add(quantity, error, budget, unit, input)
+
+    def expect_within_budgets(self) -> None:
+        """The requirement is violated if anything that was measured passed its budget."""
+        if beyond := self.measurements.beyond():
+            others = [it for it in self.measurements if it not in beyond]
+            told = [f"{it}, {it.beyond} of them beyond the budget" for it in beyond]
+            self.violated("; ".join([*told, *map(str, others)]))
 
     def judge(self, outcome: str, what: str) -> None:
         """Compare an outcome with those that the specification accepts for this requirement."""

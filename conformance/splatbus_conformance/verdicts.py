@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from splatbus_conformance.measurements import Measurement
+
 EXIT_CONFORMING = 0
 EXIT_NOT_CONFORMING = 1
 EXIT_USAGE = 2
@@ -46,6 +48,8 @@ class Result:
     evidence: tuple[str, ...] = field(default=())
     """Lines of transcript that show it."""
     seconds: float = 0.0
+    measurements: tuple[Measurement, ...] = ()
+    """How far off the testee was."""
 
 
 def worst(results: Iterable[Result]) -> Verdict:

@@ -24,11 +24,17 @@ class Check:
     """What of the requirement can be seen from outside."""
     needs: tuple[str, ...]
     """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
-    `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability."""
+    `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter
+    beside it, `adapter:pixels`, and its engine, `axes:unity`."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
     """`quick` runs always, `full` only in the full profile."""
+
+    @property
+    def level(self) -> str:
+        """The assurance of its verdict."""
+        return "L2" if any(need.startswith("adapter:") for need in self.needs) else "L1"
 
 
 def check(

@@ -1,0 +1,266 @@
+"""A client with an adapter beside it: the harness's side of conformance/ADAPTER.md.
+
+While an answer is awaited the sockets are served, for the client may need the harness's own.
+"""
+
+import contextlib
+import json
+import os
+import queue
+import shlex
+import subprocess
+import tempfile
+import threading
+import time
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jsonschema import Draft202012Validator
+
+from splatbus_conformance.data import read_json
+from splatbus_conformance.lenient_json import shorten
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Peer
+from splatbus_conformance.plan import NoVerdict
+from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Ended
+
+ANSWER_SECONDS = 10.0
+GLANCE_SECONDS = 0.002
+"""How often the sockets are looked at while an answer is awaited."""
+LONGEST_LINE = 1 << 24
+CRASHED = 128
+"""Exit statuses above this one tell of a signal, as shells say it."""
+
+
+class AdapterBroken(NoVerdict):
+    """The adapter breaks its protocol; nothing can be said of the client beside it."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"the adapter is broken: {what}")
+
+
+class ClientCrashed(Exception):  # noqa: N818 - a finding, no error of ours
+    """The client died, by a signal or an abort, while the adapter was asked for something."""
+
+
+class Greeting(NamedTuple):
+    """What an adapter says of itself in its first line."""
+
+    client: str
+    """Name and version."""
+    axes: str
+    units_per_metre: float
+    single: bool
+    """The engine holds poses in single precision."""
+    can: frozenset[str]
+
+
+class Adapted:
+    """A testee that the harness starts, and asks, through its adapter."""
+
+    expendable = True
+
+    def __init__(
+        self, command: str, environment: Mapping[str, str], peer: Peer, patience: float
+    ) -> None:
+        self.name = command
+        self.greeting: Greeting | None = None
+        """Of the adapter that was started last."""
+        self._command = shlex.split(command) if os.name == "posix" else command
+        self._environment = {**os.environ, **environment}
+        self._peer, self._patience = peer, patience
+        self._process: subprocess.Popen[bytes] | None = None
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._last = 0
+        self._mute = False
+        """It broke off: nothing more is asked of it."""
+        file, name = tempfile.mkstemp(prefix="splatbus-adapter-", suffix=".log")
+        os.close(file)
+        self._log = Path(name)
+
+    def ensure_running(self) -> bool:
+        """Start it if it does not run, with its client. Raises AdapterBroken, OSError."""
+        if self._process is not None and self._process.poll() is None:
+            return False
+        self.open()
+        with contextlib.suppress(ClientCrashed):  # `ended` says so
+            self.ask("start")
+        return True
+
+    def open(self) -> Greeting:
+        """Start the adapter, without its client, and read its first line.
+
+        Raises AdapterBroken, and OSError if the command cannot be started.
+        """
+        with self._log.open("wb") as log:
+            process = self._process = subprocess.Popen(
+                self._command,
+                env=self._environment,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+            )
+        self._mute = False
+        self._lines, self._commands = queue.SimpleQueue(), queue.SimpleQueue()
+        for what, lines in ((_read, self._lines), (_write, self._commands)):
+            threading.Thread(target=what, args=(process, lines), daemon=True).start()
+        said = self._next_line("its first line", self._patience)
+        _require(said, "greeting", "its first line")
+        self.greeting = Greeting(
+            f"{said['client']['name']} {said['client']['version']}",
+            said["axes"],
+            said["unitsPerMetre"],
+            said["precision"] == "single",
+            frozenset(said["can"]),
+        )
+        return self.greeting
+
+    def ask(self, command: str, seconds: float = ANSWER_SECONDS, **members: Any) -> Json:
+        """Give a command; its answer. Raises AdapterBroken, ClientCrashed."""
+        answer = self.attempt(command, seconds, **members)
+        if "error" in answer:
+            raise AdapterBroken(f"to {command} it answered the error {answer['error']!r}")
+        _require(answer, f"answers/{command}", f"its answer to {command}")
+        return answer
+
+    def attempt(self, command: str, seconds: float = ANSWER_SECONDS, **members: Any) -> Json:
+        """Give a command, which may be one that nobody knows; its answer, which may be an error."""
+        self._last += 1
+        given = {"id": self._last, "command": command, **members}
+        if command in _schema()["$defs"]["commands"]:
+            complaint = _complaint(given, f"commands/{command}")
+            assert complaint is None, f"the harness gave a bad command: {complaint}"
+        self._commands.put(json.dumps(given, allow_nan=False).encode() + b"\n")
+        answer = self._next_line(f"its answer to {command}", seconds)
+        if answer.get("id") != self._last:
+            raise AdapterBroken(
+                f"its answer to {command} has the id {answer.get('id')!r}, not {self._last}"
+            )
+        return answer
+
+    def ended(self) -> Ended | None:
+        """How it ended, or None while it runs."""
+        status = self._process.poll() if self._process else None
+        if status is None:
+            return None
+        crashed = status < 0 or status >= (WINDOWS_CRASH if os.name == "nt" else CRASHED)
+        return Ended(status, crashed)
+
+    def stop(self) -> Ended | None:
+        """Ask it to end, then make it."""
+        if self._process is None:
+            return None
+        try:
+            self.ask("stop", STOP_SECONDS)
+        except (AdapterBroken, ClientCrashed):
+            return self.end(patience=0.0)
+        return self.end()
+
+    def end(self, patience: float = STOP_SECONDS) -> Ended | None:
+        """Wait for its end, and make it end where it does not."""
+        process = self._process
+        if process is None:
+            return None
+        self._commands.put(None)
+        for force, seconds in (
+            (process.poll, patience),
+            (process.terminate, STOP_SECONDS),
+            (process.kill, STOP_SECONDS),
+        ):
+            force()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(seconds)
+                break
+        ended, self._process = self.ended(), None
+        return ended
+
+    def output(self) -> str:
+        """The end of what it said on stderr."""
+        return self._log.read_text("utf-8", errors="replace")[-2000:]
+
+    def close(self) -> None:
+        """End it and remove its log."""
+        self.stop()
+        self._log.unlink(missing_ok=True)
+
+    def _next_line(self, what: str, seconds: float) -> Json:
+        deadline = time.monotonic() + seconds
+        while True:
+            self._peer.pump()
+            with contextlib.suppress(queue.Empty):
+                return self._understood(self._lines.get(timeout=GLANCE_SECONDS), what)
+            if time.monotonic() >= deadline or self._mute:
+                self._mute = True
+                raise AdapterBroken(f"it was silent for {seconds:g} s: {what} did not come")
+
+    def _understood(self, line: bytes, what: str) -> Json:
+        if not line:
+            self._ended_instead(what)
+        try:
+            said = json.loads(line, parse_constant=_no_json)
+        except (ValueError, RecursionError):
+            shown = shorten(line.decode("utf-8", "backslashreplace").rstrip())
+            raise AdapterBroken(f"on stdout, in place of {what}, is no JSON: {shown}") from None
+        if not isinstance(said, dict):
+            raise AdapterBroken(f"{what} is no JSON object: {shorten(json.dumps(said))}")
+        return said
+
+    def _ended_instead(self, what: str) -> None:
+        assert self._process is not None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(STOP_SECONDS)
+        ended = self.ended()
+        if ended and ended.crashed:
+            raise ClientCrashed(f"it {ended} in place of {what}")
+        told = self.output().strip()
+        how = f"it {ended}" if ended else "it closed its stdout"
+        raise AdapterBroken(f"{how} in place of {what}" + (f"; on stderr:\n{told}" if told else ""))
+
+
+def _read(process: subprocess.Popen[bytes], lines: "queue.SimpleQueue[bytes]") -> None:
+    """Hand over each line, and at the end an empty one."""
+    assert process.stdout is not None
+    with process.stdout as stdout:
+        while line := stdout.readline(LONGEST_LINE):
+            lines.put(line)
+    lines.put(b"")
+
+
+def _write(process: subprocess.Popen[bytes], lines: "queue.SimpleQueue[bytes | None]") -> None:
+    """Write each line: in a thread, for an adapter that does not read must not hold us up."""
+    assert process.stdin is not None
+    with contextlib.suppress(OSError), process.stdin as stdin:
+        while (line := lines.get()) is not None:
+            stdin.write(line)
+            stdin.flush()
+
+
+def _no_json(name: str) -> float:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _require(said: Json, name: str, what: str) -> None:
+    if complaint := _complaint(said, name):
+        raise AdapterBroken(f"{what} breaks its schema: {complaint}")
+
+
+def _complaint(said: Json, name: str) -> str | None:
+    error = next(_validator(name).iter_errors(said), None)
+    if error is None:
+        return None
+    where = "".join(f"/{step}" for step in error.absolute_path)
+    return f"{where or 'it'}: {shorten(error.message)}"
+
+
+@cache
+def _validator(name: str) -> Draft202012Validator:
+    return Draft202012Validator({**_schema(), "$ref": f"#/$defs/{name}"})
+
+
+@cache
+def _schema() -> Json:
+    schema: Json = read_json("adapter.schema.json")
+    return schema

@@ -1,0 +1,101 @@
+"""The smoke test of an adapter: a broken shim is told from a broken client, before any verdict."""
+
+from typing import Any
+
+import numpy as np
+
+from splatbus_conformance import painting
+from splatbus_conformance.adapter import Adapted, AdapterBroken, ClientCrashed
+from splatbus_conformance.peer import Peer
+from splatbus_conformance.role import Role
+from splatbus_conformance.testee import STOP_SECONDS
+
+UNKNOWN = "x_splatbus_conformance"
+"""A command that no version will define."""
+IMAGE_SECONDS = 3.0
+IDENTITY = {"position": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
+HARMLESS: dict[str, dict[str, Any]] = {
+    "send_camera": IDENTITY,
+    "send_object": IDENTITY,
+    "init_packet": {},
+    "pixels": {"at": [[0, 0]]},
+    "digest": {},
+    "composite": {"color": [0.0, 0.5, 1.0], "depth": 4.0, "at": [[0, 0]]},
+    "subscribe": {"channels": ["color", "depth"]},
+}
+
+
+def smoke(adapted: Adapted, peer: Peer, role: Role) -> None:
+    """Try everything that the adapter says it can, with a well-behaved server at hand.
+
+    Raises AdapterBroken, and OSError if the command cannot be started.
+    """
+    peer.clear()
+    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    for slot in range(role.slots):
+        image = painting.coordinates(slot, role.width, role.height)
+        painting.write(role.memory, image, slot, role.slots)
+    try:
+        greeting = adapted.open()
+        adapted.ask("start")
+        peer.until(lambda: _settled(role), IMAGE_SECONDS)
+        _requires_an_error(adapted)
+        for command, members in HARMLESS.items():
+            if command in greeting.can:
+                adapted.ask(command, **members)
+        if "ask" in greeting.can and any(c.channel == "msg" for c in peer.connections):
+            _asks(adapted)
+        if {"pixels", "digest"} <= greeting.can:
+            _digest_fits_the_pixels(adapted, role)
+        if "stop" in greeting.can:
+            _stops(adapted)
+    except ClientCrashed as crash:
+        raise AdapterBroken(f"nothing but harmless commands were given, and {crash}") from None
+    finally:
+        adapted.stop()
+        peer.clear()
+
+
+def _settled(role: Role) -> bool:
+    return any(dealings.released or dealings.failed for dealings in role.dealings.values())
+
+
+def _requires_an_error(adapted: Adapted) -> None:
+    answer = adapted.attempt(UNKNOWN)
+    if not isinstance(answer.get("error"), str):
+        raise AdapterBroken(f"a command that nobody knows was not answered by an error: {answer}")
+
+
+def _asks(adapted: Adapted) -> None:
+    requests = ["viewport_size", {"camera": 0}]
+    replies = adapted.ask("ask", requests=requests)["replies"]
+    kinds = ["width" in reply for reply in replies]
+    if kinds != [True, False]:
+        raise AdapterBroken(f"its replies do not answer {requests} in that order: {replies}")
+
+
+def _digest_fits_the_pixels(adapted: Adapted, role: Role) -> None:
+    digest = adapted.ask("digest")
+    at = [[x, y] for y in range(role.height) for x in range(role.width)]
+    pixels = adapted.ask("pixels", at=at)
+    if digest["seq"] is None or pixels["seq"] != digest["seq"]:
+        return
+    for name, numbers in (("color", 4), ("depth", 1)):
+        told, shape = pixels[name], (role.height, role.width, numbers)
+        if told is None or digest[name] is None:
+            continue
+        if len(told) != len(at):
+            raise AdapterBroken(f"asked for {len(at)} pixels, it told {len(told)}")
+        image = np.array(told, np.float64).reshape(shape).astype(np.float32)
+        if painting.sha256(image) != digest[name]:
+            raise AdapterBroken(
+                f"its digest of {name} does not fit its pixels; of {len(at)} pixels the first is"
+                f" {told[0]}, their digest {painting.sha256(image)}, and its own {digest[name]}"
+            )
+
+
+def _stops(adapted: Adapted) -> None:
+    adapted.ask("stop", STOP_SECONDS)
+    ended: Any = adapted.end()
+    if ended is None or ended.status != 0:
+        raise AdapterBroken(f"after stop it {ended or 'went on'}, where status 0 was to come")
