@@ -1,7 +1,6 @@
 """A trial of a client, from its connecting to judgement: the harness plays the server."""
 
-from collections.abc import Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any
 
 from splatbus_schemas.requirements import Requirement
 
@@ -15,7 +14,6 @@ from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
 
-T = TypeVar("T")
 MANY_CONNECTIONS = 6
 """From which on the quick profile delivers one of `RARELY` cases."""
 RARELY = 16
@@ -40,15 +38,13 @@ class ClientTrial(Trial):
         peer.on_open = role.on_open
         peer.on_packet = role.on_packet
 
-    def affordable(self, cases: Iterable[T]) -> Iterator[T]:
-        """All cases; in the quick profile few of them once the testee needs many connections.
+    def affords(self, place: int) -> bool:
+        """In the quick profile few cases are, once the testee needs many connections.
 
         A client may close the connection on whatever is wrong, and each case then costs it a pause.
         """
-        for number, case in enumerate(cases):
-            few = self.profile == "full" or len(self.peer.connections) < MANY_CONNECTIONS
-            if few or number % RARELY == 0:
-                yield case
+        few = self.thorough or len(self.peer.connections) < MANY_CONNECTIONS
+        return few or place % RARELY == 0
 
     # Meeting the testee
 

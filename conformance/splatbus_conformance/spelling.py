@@ -5,6 +5,7 @@ choices, and drawn one by one they would take longer than the testee that reads 
 """
 
 import json
+from collections.abc import Container
 from decimal import Decimal
 from random import Random
 from typing import Any
@@ -22,6 +23,9 @@ SHORT_ESCAPES = {
     "\r": "\\r",
     "\t": "\\t",
 }
+LIBERTIES = ("order of members", "white space", "escapes", "digits and exponents")
+"""What a spelling is free in; each can be left as `json.dumps` has it."""
+ORDER, SPACE, ESCAPES, DIGITS = LIBERTIES
 LONGEST_PLAIN = 40
 """Digits on either side of the point beyond which a number is written with an exponent."""
 
@@ -35,31 +39,40 @@ def spelled(value: Any) -> SearchStrategy[str]:
     return st.randoms(use_true_random=True).map(lambda random: spell(value, random))
 
 
-def spell(value: Any, random: Random) -> str:
-    """One text that means `value`."""
-    return f"{_gap(random)}{_token(value, random)}{_gap(random)}"
+def spell(value: Any, random: Random, liberties: Container[str] = LIBERTIES) -> str:
+    """One text that means `value`, spelled freely in so far as `liberties` say."""
+    gap = _gap if SPACE in liberties else lambda random: ""
+    return f"{gap(random)}{_token(value, random, liberties)}{gap(random)}"
 
 
-def _token(value: Any, random: Random) -> str:
+def _token(value: Any, random: Random, liberties: Container[str]) -> str:
+    gap = _gap if SPACE in liberties else lambda random: ""
     if isinstance(value, dict):
         members = list(value.items())
-        random.shuffle(members)
+        if ORDER in liberties:
+            random.shuffle(members)
         pairs = (
-            f"{_gap(random)}{_string(name, random)}{_gap(random)}:{spell(each, random)}"
+            f"{gap(random)}{_text(name, random, liberties)}{gap(random)}:"
+            f"{spell(each, random, liberties)}"
             for name, each in members
         )
-        return "{" + (",".join(pairs) or _gap(random)) + "}"
+        return "{" + (",".join(pairs) or gap(random)) + "}"
     if isinstance(value, list | tuple):
-        return "[" + (",".join(spell(each, random) for each in value) or _gap(random)) + "]"
+        inside = ",".join(spell(each, random, liberties) for each in value)
+        return "[" + (inside or gap(random)) + "]"
     if isinstance(value, str):
-        return _string(value, random)
-    if isinstance(value, bool) or value is None:
+        return _text(value, random, liberties)
+    if isinstance(value, bool) or value is None or DIGITS not in liberties:
         return json.dumps(value)
     return _number(value, random)
 
 
 def _gap(random: Random) -> str:
     return "".join(random.choice(" \t\n\r") for _ in range(random.choice((0, 0, 1, 3))))
+
+
+def _text(value: str, random: Random, liberties: Container[str]) -> str:
+    return _string(value, random) if ESCAPES in liberties else json.dumps(value)
 
 
 def _string(value: str, random: Random) -> str:

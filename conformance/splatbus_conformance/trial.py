@@ -1,6 +1,6 @@
 """A trial: one check's dealings with the testee, whichever side that is, and its judgement."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NoReturn, TypeVar
 
 import pytest
@@ -11,6 +11,7 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.drawing import draw
 from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.peer import Peer
+from splatbus_conformance.script import Case, Cases
 from splatbus_conformance.testee import Testee
 
 T = TypeVar("T")
@@ -43,11 +44,83 @@ class Trial:
         self.measurements = Measurements()
         self.seed = 0
         self.profile = "quick"
+        self.script: Cases | None = None
+        """The cases to deliver, where they are not the check's own choice."""
+        self.went_through: list[list[Case]] = []
+        """Every case that was begun, for each time that the check went through some."""
+        self.simpler: list[Callable[[Any], Iterable[Any]]] = []
+        """For each time, what makes a drawn case simpler."""
+        self._going_through = False
         peer.clear()
+
+    @property
+    def thorough(self) -> bool:
+        """The run takes its time."""
+        return self.profile != "quick"
+
+    def each(
+        self,
+        listed: Iterable[T] = (),
+        drawn: SearchStrategy[T] | None = None,
+        *,
+        quick: int = 0,
+        full: int = 0,
+        simpler: Callable[[T], Iterable[T]] = lambda case: (),
+    ) -> Iterator[T]:
+        """Go through cases: those listed, then so many that Hypothesis draws in each profile.
+
+        What breaks a requirement can be delivered again, since each case that is begun is noted.
+        One loop at a time: a case that belongs to an outer one would not be known.
+
+        Args:
+            listed: cases that are always the same.
+            drawn: what to draw from; the same seed draws the same cases.
+            quick: how many to draw in the quick profile.
+            full: how many to draw in the full one.
+            simpler: what makes a drawn case simpler, and leaves it a case.
+        """
+        assert not self._going_through, "a check goes through cases while it goes through cases"
+        number = len(self.went_through)
+        noted: list[Case] = []
+        self.went_through.append(noted)
+        self.simpler.append(simpler)
+        self._going_through = True
+        try:
+            chosen = self._chosen(number, listed, drawn, quick, full)
+            for place, (case, value) in enumerate(chosen):
+                if self.script is not None or self.affords(place):
+                    noted.append(case)
+                    yield value
+        finally:
+            self._going_through = False
+
+    def affords(self, place: int) -> bool:
+        """Whether there is time for the case at this place."""
+        return True
+
+    def _chosen(
+        self,
+        number: int,
+        listed: Iterable[T],
+        drawn: SearchStrategy[T] | None,
+        quick: int,
+        full: int,
+    ) -> Iterator[tuple[Case, T]]:
+        if self.script is not None:
+            known = list(listed)
+            for case in self.script[number] if number < len(self.script) else ():
+                if case.drawn or case.value < len(known):
+                    yield case, case.value if case.drawn else known[case.value]
+            return
+        for place, value in enumerate(listed):
+            yield Case(False, place), value
+        if drawn is not None:
+            for value in self.cases(drawn, quick, full):
+                yield Case(True, value), value
 
     def cases(self, strategy: SearchStrategy[T], quick: int, full: int) -> list[T]:
         """Cases drawn by Hypothesis, so many in each profile; the same ones for the same seed."""
-        return draw(strategy, full if self.profile == "full" else quick, self.seed)
+        return draw(strategy, full if self.thorough else quick, self.seed)
 
     def wait(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
         """Wait until the condition holds or the testee's process has ended; whether it holds."""

@@ -94,7 +94,7 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     """No init packet for 1.5 seconds (12 in the full profile)."""
     trial.role.offers_memory = False
     connection = trial.connection("ipc")
-    seconds = 12.0 if trial.profile == "full" else 1.5
+    seconds = 12.0 if trial.thorough else 1.5
     closed = trial.ends(connection, seconds)
     outcome = "closes" if closed else trial.fate() or "waits"
     trial.judge(outcome, f"{seconds:g} s without an init packet")
@@ -219,7 +219,7 @@ def check_comes_back_soon(trial: ClientTrial) -> None:
     for channel in CHANNELS:
         trial.peer.refuse(channel)
     trial.peer.clear()
-    trial.rest(8.0 if trial.profile == "full" else 1.0)
+    trial.rest(8.0 if trial.thorough else 1.0)
     for channel in CHANNELS:
         trial.peer.listen(channel)
     for channel in CHANNELS:

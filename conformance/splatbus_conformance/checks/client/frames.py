@@ -23,7 +23,7 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
     """Frames are lent one after the other, in every slot; each must be released once."""
     connection = reading(trial)
     dealings = trial.role.with_(connection)
-    for _ in range(1000 if trial.profile == "full" else 60):
+    for _ in range(1000 if trial.thorough else 60):
         seq = trial.role.lend(connection)
         trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
         trial.delivered += 1
@@ -44,7 +44,7 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
     """Frames of generations that were never announced, and of slots beyond the ring."""
     wrong = ({"generation": 77}, {"slot": trial.role.slots}, {"slot": 2**40}, {"slot": -1})
     connection = reading(trial)
-    for changes in wrong:
+    for changes in trial.each(wrong):
         if connection.ended:
             connection = reading(trial)
         dealings = trial.role.with_(connection)

@@ -10,6 +10,7 @@ from splatbus_conformance.checks.client.channels import closing
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
+from splatbus_conformance.shrinking import without_one
 
 BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
 
@@ -23,7 +24,7 @@ BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
 def check_bad_length_closes_ipc(trial: ClientTrial) -> None:
     """A header that announces nothing, or more than the limit, makes the testee close."""
     trial.role.offers_memory = False
-    for length in BAD_LENGTHS:
+    for length in trial.each(BAD_LENGTHS):
         connection = trial.greeted("ipc")
         outcome = trial.outcome_on_ipc(connection, length.to_bytes(4, "little"))
         trial.judge(outcome, f"a header that announces {length:,} bytes")
@@ -37,7 +38,7 @@ def check_bad_length_closes_ipc(trial: ClientTrial) -> None:
 )
 def check_bad_length_closes_message_channel(trial: ClientTrial) -> None:
     """The same on the message channel, in place of a reply."""
-    for length in BAD_LENGTHS:
+    for length in trial.each(BAD_LENGTHS):
         connection = trial.asking()
         connection.send(length.to_bytes(4, "little"))
         trial.ends(connection)  # what was under way may still arrive before
@@ -55,9 +56,9 @@ def check_any_segmentation(trial: ClientTrial) -> None:
     trial.role.offers_memory = False
     connection = trial.greeted("ipc")
     dealings = trial.role.with_(connection)
-    cuts_drawn = trial.cases(st.lists(st.integers(1, 700), max_size=6), quick=20, full=300)
     every_byte = list(range(1, 700))
-    for cuts in [every_byte, *cuts_drawn]:
+    some = st.lists(st.integers(1, 700), max_size=6)
+    for cuts in trial.each([every_byte], some, quick=20, full=300, simpler=without_one):
         if "reinit" not in trial.facts.capabilities() and dealings.generation:
             connection = trial.greeted("ipc")
             dealings = trial.role.with_(connection)
@@ -97,7 +98,7 @@ def check_incomplete_packet_is_given_up(trial: ClientTrial) -> None:
 def check_half_packet_is_discarded(trial: ClientTrial) -> None:
     """The connection ends inside an init packet, at the first byte, in the header and later."""
     trial.role.offers_memory = False
-    for kept in (1, 3, 4, 5, 200):
+    for kept in trial.each((1, 3, 4, 5, 200)):
         connection = trial.greeted("ipc")
         connection.send(packet(encode(trial.role.init_packet(connection)))[:kept])
         connection.close()

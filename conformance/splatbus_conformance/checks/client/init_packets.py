@@ -55,7 +55,7 @@ def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[
     """
     trial.role.offers_memory = False
     with HostMemory(ROOM) as memory:
-        for breach in trial.affordable(breaches):
+        for breach in trial.each(breaches):
             connection = trial.for_init_packet()
             generation = trial.role.init_packet(connection)["generation"]
             broken = packet(encode(breach.packet(memory.name, generation)))
@@ -75,11 +75,9 @@ def check_accepts_good_init_packets(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = trial.role.lends_frames = False
     long_name = f"-_AZaz.09-splatbus-{secrets.token_hex(6)}"[: LIMITS["max_shm_name_chars"]]
-    drawn = [
-        (f"the ring {case['ring']}", case) for case in trial.cases(layouts(), quick=25, full=400)
-    ]
+    drawn = layouts().map(lambda case: (f"the ring {case['ring']}", case))
     with HostMemory(ROOM, long_name) as memory:
-        for what, case in trial.affordable([*unusual_packets(), *drawn]):
+        for what, case in trial.each(unusual_packets(), drawn, quick=25, full=400):
             opened, _ = offer(trial, changed(case, {"memory/name": memory.name}))
             trial.expect(opened, f"an init packet with {what} was not opened")
             trial.delivered += 1
@@ -127,10 +125,10 @@ def check_ignores_what_is_no_init_packet(trial: ClientTrial) -> None:
     """
     names = st.text("abcdefghijklmnopqrstuvwxyz", min_size=9, max_size=20)
     values = st.none() | st.booleans() | st.integers(-9, 9) | names
-    drawn = trial.cases(st.dictionaries(names, values | st.lists(values), max_size=5), 10, 200)
+    drawn = st.dictionaries(names, values | st.lists(values), max_size=5)
     filler = "n" * (LIMITS["max_payload_bytes"] - len(encode({"note": ""})))
     trial.role.offers_memory = False
-    for other in trial.affordable([{"note": filler}, *OTHERS, *drawn]):
+    for other in trial.each([{"note": filler}, *OTHERS], drawn, quick=10, full=200):
         connection = trial.for_init_packet()
         outcome = trial.outcome_on_ipc(connection, packet(encode(other)))
         shown = encode(other)[:80].decode("ascii", "replace")

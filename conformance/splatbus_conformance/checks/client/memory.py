@@ -105,7 +105,7 @@ def check_refuses_bad_names(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = False
     with ExitStack() as held:
-        for name, what in trial.affordable(bad_names(held)):
+        for name, what in trial.each(bad_names(held)):
             connection = trial.for_init_packet()
             generation = trial.role.init_packet(connection)["generation"]
             offered = init_packet_1_1("", generation)

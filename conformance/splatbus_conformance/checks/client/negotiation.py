@@ -77,7 +77,7 @@ def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
     trial.role.welcomes = False
     names = st.lists(st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64), max_size=5)
-    for unknown in trial.cases(names, quick=3, full=12):
+    for unknown in trial.each(drawn=names, quick=3, full=12):
         connection = trial.connection("ipc")
         trial.says_hello(connection)
         real = [name for name in trial.facts.capabilities() if name != "subscribe"]
@@ -101,7 +101,7 @@ def check_ignores_unknown_types(trial: ClientTrial) -> None:
     messages = st.builds(lambda kind, rest: {**rest, "type": kind}, names, values)
     trial.role.offers_memory = False
     connection = trial.greeted("ipc")
-    for message in trial.cases(messages, quick=10, full=100):
+    for message in trial.each(drawn=messages, quick=10, full=100):
         if connection.ended or "reinit" not in trial.facts.capabilities():
             connection = trial.greeted("ipc")
         outcome = trial.outcome_on_ipc(connection, packet(encode(message)))
@@ -183,7 +183,7 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
 )
 def check_survives_errors(trial: ClientTrial) -> None:
     """An error of each code, and of one that nobody knows, on both channels."""
-    for code in CODES:
+    for code in trial.each(CODES):
         error = packet(encode({"type": "error", "code": code, "message": "a test", "pointer": "/"}))
         trial.role.offers_memory = False
         connection = trial.greeted("ipc")

@@ -4,6 +4,7 @@ import struct
 from collections import Counter
 from contextlib import ExitStack
 
+from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, changed
@@ -14,6 +15,7 @@ from splatbus_conformance.messages import Json, encode, init_packet_1_1
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.processes import holders, owner
+from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.sound_packets import SEMANTICS, layouts
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import whole
@@ -38,6 +40,11 @@ def awaits_answer(trial: ClientTrial, connection: Connection, generation: int) -
     return generation in dealings.opened | dealings.failed
 
 
+def names_memory(init_packet: Json) -> bool:
+    """The name of the memory is no longer open."""
+    return bool(init_packet["memory"]["name"])
+
+
 @check(
     "OPN-1",
     observable="the number of opened and open_failed for each generation",
@@ -49,15 +56,20 @@ def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = trial.role.lends_frames = False
     with HostMemory(ROOM) as memory:
-        cases = trial.cases(layouts(), quick=8, full=100)
-        cases += [changed(init_packet_1_1("", 0), meaning) for meaning in SEMANTICS]
-        offers = [changed(case, {"memory/name": memory.name}) for case in cases]
-        offers.insert(3, init_packet_1_1(NOWHERE, 0))
-        rows = [offers[i : i + 3] for i in range(0, len(offers), 3)]
-        if "reinit" not in trial.facts.capabilities():
-            rows = [[offer] for offer in offers]
+        named = {"memory/name": memory.name}
+        meanings = [[changed(init_packet_1_1("", 0), meaning)] for meaning in SEMANTICS]
+        most = 3 if "reinit" in trial.facts.capabilities() else 1
+        drawn = st.lists(layouts(), min_size=1, max_size=most)
+        rows = trial.each(
+            [[init_packet_1_1(NOWHERE, 0)], *meanings],
+            drawn,
+            quick=5,
+            full=100,
+            simpler=without_one,
+        )
         used: set[Connection] = set()
-        for row in trial.affordable(rows):
+        for cases in rows:
+            row = [case if names_memory(case) else changed(case, named) for case in cases]
             connection = trial.for_init_packet()
             used.add(connection)
             for offer in row:
@@ -127,7 +139,7 @@ def check_says_why_it_failed(trial: ClientTrial) -> None:
     reasons = []
     with HostMemory(16) as short:
         cases.append(init_packet_1_1(short.name, 0))
-        for case in trial.affordable(cases):
+        for case in trial.each(cases):
             connection = trial.for_init_packet()
             case["generation"] = trial.role.init_packet(connection)["generation"]
             trial.outcome_on_ipc(connection, packet(encode(case)))

@@ -75,6 +75,6 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
 )
 def check_survives_bad_replies(trial: ClientTrial) -> None:
     """The first request is answered with a reply that breaks its form, one way after another."""
-    for bad in BAD_REPLIES if trial.profile == "full" else BAD_REPLIES[::3]:
+    for bad in trial.each(BAD_REPLIES if trial.thorough else BAD_REPLIES[::3]):
         outcome = trial.outcome_of_reply(packet(encode(bad)))
         trial.judge(outcome, f"the reply {json.dumps(bad)}")

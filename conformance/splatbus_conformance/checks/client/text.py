@@ -1,6 +1,7 @@
 """Checks on the text of payloads (spec 1.0 section 2.2)."""
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from random import Random
 
 from hypothesis import strategies as st
@@ -13,10 +14,13 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.spelling import Plain, spell
+from splatbus_conformance.shrinking import without_one
+from splatbus_conformance.spelling import LIBERTIES, Plain, spell
 from splatbus_conformance.unknown_members import with_unknown_members
 
-Writer = Callable[[Json, Random], bytes]
+Writer = Callable[[Json], bytes]
+Spelling = tuple[int, list[str]]
+"""A seed, and the liberties that are taken."""
 CASES_ON_A_CONNECTION = 10
 PAUSE_SECONDS = 0.003
 """Between payloads of a row, so that a close is seen before the next is sent."""
@@ -34,28 +38,45 @@ ODD_MESSAGES: tuple[Json, ...] = (
 """Messages that break rules of their own; none of them announces memory."""
 
 
-def odd_spelling(message: Json, random: Random) -> bytes:
-    """The message, spelled as RFC 8259 allows; the size plainly, for REQ-3 asks for that."""
-    if "viewport_size" in message:
-        message = message | {"viewport_size": [Plain(n) for n in message["viewport_size"]]}
-    return spell(message, random).encode()
+def odd_spelling(case: Spelling) -> Writer:
+    """Writes messages as RFC 8259 allows; the size plainly, for REQ-3 asks for that."""
+    seed, liberties = case
+    random = Random(seed)
+
+    def write(message: Json) -> bytes:
+        if "viewport_size" in message:
+            message = message | {"viewport_size": [Plain(n) for n in message["viewport_size"]]}
+        return spell(message, random, liberties).encode()
+
+    return write
 
 
-def unknown_members(message: Json, random: Random) -> bytes:
-    """The message with members that nobody knows."""
-    return encode(with_unknown_members(message, random))
+def unknown_members(seed: int) -> Writer:
+    """Writes messages with members that nobody knows."""
+    random = Random(seed)
+    return lambda message: encode(with_unknown_members(message, random))
 
 
-def judge_writer_on_ipc(trial: ClientTrial, writer: Writer, quick: int, full: int) -> None:
+def spellings(trial: ClientTrial, quick: int, full: int) -> Iterator[Spelling]:
+    """Drawn spellings, most of them with all liberties."""
+    some = st.lists(st.sampled_from(LIBERTIES), unique=True, min_size=1)
+    drawn = st.tuples(st.integers(0, 2**32 - 1), st.just(list(LIBERTIES)) | some)
+
+    def simpler(case: Spelling) -> Iterator[Spelling]:
+        seed, liberties = case
+        return ((seed, fewer) for fewer in without_one(liberties) if fewer)
+
+    return trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler)
+
+
+def judge_writers_on_ipc(trial: ClientTrial, writers: Iterable[Writer]) -> None:
     """Write welcome, init packets and frames so; each must have its effect."""
     trial.role.offers_memory = False
-    seeds = trial.cases(st.integers(0, 2**32 - 1), quick, full)
-    for number, seed in enumerate(trial.affordable(seeds)):
-        random = Random(seed)
+    for number, writer in enumerate(writers):
         written: list[bytes] = []
 
         def encode_and_keep(message: Json) -> bytes:
-            written.append(writer(message, random))  # noqa: B023 - the closures end with the round
+            written.append(writer(message))  # noqa: B023 - the closures end with the round
             return written[-1]  # noqa: B023
 
         trial.role.encode["ipc"] = encode_and_keep
@@ -75,15 +96,21 @@ def judge_writer_on_ipc(trial: ClientTrial, writer: Writer, quick: int, full: in
         trial.delivered += 1
 
 
-def judge_writer_on_msg(trial: ClientTrial, writer: Writer, quick: int, full: int) -> None:
+def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
     """Write welcome and replies so; the testee must go on."""
-    for seed in trial.cases(st.integers(0, 2**32 - 1), quick, full):
-        random = Random(seed)
-        trial.role.encode["msg"] = lambda message: writer(message, random)  # noqa: B023
+    for writer in writers:
+        written: list[bytes] = []
+
+        def encode_and_keep(message: Json) -> bytes:
+            written.append(writer(message))  # noqa: B023 - the closures end with the round
+            return written[-1]  # noqa: B023
+
+        trial.role.encode["msg"] = encode_and_keep
         connection = trial.connection("msg")
         trial.wait(lambda: connection.packets)  # noqa: B023
         outcome = trial.outcome_on_msg(connection)
-        what = f"welcome and replies written with seed {seed}"
+        last = shorten(written[-1].decode(), 400) if written else ""
+        what = f"{len(written)} messages on the message channel, the last {last!r}"
         trial.judge("accepts" if outcome == "ignores" else outcome, what)
 
 
@@ -96,7 +123,7 @@ def check_takes_any_spelling_on_ipc(trial: ClientTrial) -> None:
     """welcome, init packets and frames with members in any order, white space between all tokens,
     escapes in strings and names, numbers with fractions, exponents and many digits.
     """
-    judge_writer_on_ipc(trial, odd_spelling, quick=40, full=1000)
+    judge_writers_on_ipc(trial, map(odd_spelling, spellings(trial, quick=40, full=1000)))
 
 
 @check(
@@ -106,7 +133,7 @@ def check_takes_any_spelling_on_ipc(trial: ClientTrial) -> None:
 )
 def check_takes_any_spelling_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
-    judge_writer_on_msg(trial, odd_spelling, quick=6, full=60)
+    judge_writers_on_msg(trial, map(odd_spelling, spellings(trial, quick=6, full=60)))
 
 
 @check(
@@ -118,7 +145,8 @@ def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
     """welcome, init packets and frames with unknown members at every level: odd names, names from
     other levels, values nested to the limit, a decoy of the message itself.
     """
-    judge_writer_on_ipc(trial, unknown_members, quick=40, full=1000)
+    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=40, full=1000)
+    judge_writers_on_ipc(trial, map(unknown_members, seeds))
 
 
 @check(
@@ -128,7 +156,8 @@ def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
 )
 def check_ignores_unknown_members_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
-    judge_writer_on_msg(trial, unknown_members, quick=3, full=60)
+    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=3, full=60)
+    judge_writers_on_msg(trial, map(unknown_members, seeds))
 
 
 @check(
@@ -143,7 +172,7 @@ def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = False
     count = len(broken_texts(trial.role.init_packet(trial.for_init_packet())))
-    for number in trial.affordable(range(count)):
+    for number in trial.each(range(count)):
         connection = trial.for_init_packet()
         broken = broken_texts(trial.role.init_packet(connection))[number]
         outcome = trial.outcome_on_ipc(connection, packet(broken.payload))
@@ -164,7 +193,7 @@ def check_handles_the_next_packet_on_ipc(trial: ClientTrial) -> None:
     texts = broken_texts({"type": "weather_report", "sunny": True})
     rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
     ignored = 0
-    for row in trial.affordable(rows):
+    for row in trial.each(rows):
         script = b"".join(packet(text.payload) for text in row)
         outcome = trial.outcome_on_ipc(trial.for_init_packet(), script)
         if outcome != "closes":
@@ -186,9 +215,9 @@ def check_handles_the_next_packet_on_the_message_channel(trial: ClientTrial) -> 
     """
     trial.role.welcomes = False
     texts = broken_texts({"type": "weather_report", "sunny": True})
-    step = 1 if trial.profile == "full" else 30
+    step = 1 if trial.thorough else 30
     ignored = 0
-    for row in [[], *([text] for text in texts[::step])]:
+    for row in itertools.chain([[]], trial.each([text] for text in texts[::step])):
         connection = trial.connection("msg")
         trial.says_hello(connection)
         for text in row:
@@ -218,9 +247,9 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
     trial.role.offers_memory = False
     texts = [*broken_texts(trial.role.legacy_init_packet()), *_odd_messages()]
     breaches = [*breaches_of_1_0(), *breaches_of_1_1()]
-    few = breaches if trial.profile == "full" else breaches[::4]
+    few = breaches if trial.thorough else breaches[::4]
     cases: list[BrokenText | Breach] = [*texts, *few]
-    for broken in trial.affordable(cases):
+    for broken in trial.each(cases):
         connection = trial.for_init_packet()
         if isinstance(broken, Breach):
             generation = trial.role.init_packet(connection)["generation"]
@@ -273,7 +302,7 @@ def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) ->
 
 def judge_rows(trial: ClientTrial, channel: Channel, payloads: Sequence[BrokenText]) -> None:
     """Send many payloads, and judge what becomes of the testee; if it suffers, one by one."""
-    outcome = outcome_of_row(trial, channel, payloads)
+    outcome = outcome_of_row(trial, channel, trial.each(payloads))
     if outcome not in trial.requirement.acceptable:
         for broken in payloads:
             alone = outcome_of_row(trial, channel, [broken])
@@ -281,14 +310,14 @@ def judge_rows(trial: ClientTrial, channel: Channel, payloads: Sequence[BrokenTe
     trial.judge(outcome, f"{len(payloads)} broken payloads in a row on the {channel} channel")
 
 
-def outcome_of_row(trial: ClientTrial, channel: Channel, payloads: Sequence[BrokenText]) -> str:
+def outcome_of_row(trial: ClientTrial, channel: Channel, payloads: Iterable[BrokenText]) -> str:
     """Send payloads one after the other, again on a new connection when the testee closes one.
 
     Returns `ignores` or `closes` if it connects again at the end, else how it fared. That poses
     come all the while would not do: who sends them need not be who listens.
     """
     connection = trial.asking() if channel == "msg" else trial.connection(channel)
-    for broken in trial.affordable(payloads):
+    for broken in payloads:
         if connection.ended:
             again = trial.next_connection(channel) if channel in trial.facts.returns else None
             if again is None:

@@ -1,0 +1,129 @@
+"""Scripts: the cases that a check delivered, as data that shows a failure without Hypothesis.
+
+A case is one of a list that the check keeps, and then a number says which, or it was drawn, and
+then the script holds it whole.
+"""
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from splatbus_conformance.plan import Side
+
+FORMAT = "1"
+
+
+class Case(NamedTuple):
+    """One case of a check."""
+
+    drawn: bool
+    value: Any
+    """What was drawn; of a case that was not, its place in the list."""
+
+
+Cases = tuple[tuple[Case, ...], ...]
+"""For each time that a check went through cases: those to deliver, in order."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """What to deliver to a testee, and which sentence it breaks."""
+
+    side: Side
+    requirement: str
+    check: str
+    """The check that delivers the cases."""
+    by_rule: bool
+    """A passive rule finds the breach in what crossed the wire, not the check itself."""
+    cases: Cases
+    profile: str = "quick"
+    viewport: tuple[int, int] = (64, 48)
+    seen: str = ""
+    """What the testee did."""
+    confirmed: bool = False
+    """It was delivered twice more to new testees, and failed both times."""
+    transcript: tuple[str, ...] = field(default=())
+
+
+class ScriptError(ValueError):
+    """A file is no script; the message says what is wrong with it."""
+
+
+def save(script: Script, path: Path) -> None:
+    """Write a script, for people and for `load`."""
+    members = asdict(script)
+    members["cases"] = [[_case_as_json(Case(*case)) for case in row] for row in script.cases]
+    text = json.dumps({"format": FORMAT, **members}, indent=1, ensure_ascii=True)
+    path.write_text(text + "\n", "utf-8")
+
+
+def load(path: Path) -> Script:
+    """Read a script. Raises ScriptError for what is none, OSError for the file."""
+    try:
+        members = json.loads(path.read_text("utf-8"))
+        if members.pop("format") != FORMAT:
+            raise ScriptError(f"{path}: it is of another format than {FORMAT}")
+        members["cases"] = tuple(
+            tuple(_case_from_json(case) for case in row) for row in members["cases"]
+        )
+        members["viewport"] = tuple(members["viewport"])
+        members["transcript"] = tuple(members["transcript"])
+        return Script(**members)
+    except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
+        if isinstance(error, ScriptError):
+            raise
+        raise ScriptError(f"{path} is no script: {type(error).__name__}: {error}") from None
+
+
+def _case_as_json(case: Case) -> dict[str, Any]:
+    return {"drawn": _as_json(case.value)} if case.drawn else {"listed": case.value}
+
+
+def _case_from_json(case: dict[str, Any]) -> Case:
+    if "listed" in case:
+        return Case(False, int(case["listed"]))
+    return Case(True, _from_json(case["drawn"]))
+
+
+def _as_json(value: Any) -> Any:
+    """JSON for a value; what JSON has no form for is an object whose one member names its type."""
+    if isinstance(value, bytes):
+        return {"$bytes": value.hex()}
+    if isinstance(value, tuple):
+        return {"$tuple": [_as_json(each) for each in value]}
+    if isinstance(value, list):
+        return [_as_json(each) for each in value]
+    if isinstance(value, dict):
+        return {"$object": [[name, _as_json(each)] for name, each in value.items()]}
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError(f"a drawn case holds {value!r}, which a script has no form for")
+
+
+def _from_json(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_from_json(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    ((kind, content),) = value.items()
+    if kind == "$bytes":
+        return bytes.fromhex(content)
+    if kind == "$tuple":
+        return tuple(_from_json(each) for each in content)
+    return {name: _from_json(each) for name, each in content}
+
+
+def flat(cases: Cases) -> list[tuple[int, Case]]:
+    """Every case, with which going-through it belongs to."""
+    return [(row, case) for row, found in enumerate(cases) for case in found]
+
+
+def rows(pairs: Iterable[tuple[int, Case]], count: int) -> Cases:
+    """The reverse of `flat`, for so many rows."""
+    return tuple(tuple(_of(pairs, row)) for row in range(count))
+
+
+def _of(pairs: Iterable[tuple[int, Case]], row: int) -> Iterator[Case]:
+    return (case for number, case in pairs if number == row)
