@@ -42,6 +42,18 @@ KEPT = session(FIRST, release(1), server(frame(4)), release(4))
 CASES = [
     Case("IMG-1", "server", KEPT, session(FIRST, release(1), server(frame(1)))),
     Case("IMG-2", "server", KEPT, session(FIRST, server(frame(2)))),
+    Case(
+        "IMG-23",
+        "server",
+        KEPT,
+        talk(
+            "ipc",
+            *greeting("host_shm"),
+            server(HOST_INIT),
+            client(about_generation("opened")),
+            FIRST,
+        ),
+    ),
     Case("IMG-12", "client", KEPT, session(FIRST, release(1), release(1))),
     Case("IMG-19", "client", subscribe(["color"]), subscribe(["colour"])),
 ]

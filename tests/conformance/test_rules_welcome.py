@@ -53,6 +53,12 @@ CASES = [
         talk("ipc", *greeting("frames")),
         talk("ipc", client(hello("frames")), server(welcome("frames", "reinit"))),
     ),
+    Case(
+        "NEG-31",
+        "server",
+        talk("ipc", *greeting("frames")),
+        talk("ipc", *greeting("frames"), server(welcome("frames"))),
+    ),
     Case("NEG-10", "server", answers(UNSUPPORTED), answers(error("unsupported_version"))),
     Case("NEG-18", "server", answers(UNAUTHORIZED), answers(welcome(), UNAUTHORIZED)),
     Case("NEG-22", "server", answers(BUSY), msg(server(BUSY))),

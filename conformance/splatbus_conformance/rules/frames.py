@@ -72,6 +72,17 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
             lent = (generation, whole(value.get("seq")))
 
 
+@rule("IMG-23")
+def frames_are_agreed(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-23: a `frame` only where `welcome` lists `frames`."""
+    for message, _, welcome in placed(conversation):
+        granted = capabilities(welcome)
+        if message.kind == "frame" and (welcome is None or granted is not None):
+            text = "frame, although no welcome lists frames"
+            wrong = None if "frames" in (granted or ()) else text
+            yield about(conversation, message, "IMG-23", wrong)
+
+
 @rule("IMG-12")
 def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-12: each `release` is the first for a `frame` of this connection.
@@ -169,6 +180,7 @@ def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
 RULES: tuple[Rule, ...] = (
     well_formed_frame,
     lent_one_at_a_time,
+    frames_are_agreed,
     one_release_for_each_frame,
     well_formed_subscription,
 )

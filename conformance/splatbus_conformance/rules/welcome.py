@@ -49,6 +49,15 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
             yield about(conversation, message, "NEG-6", text if common else None, "/supported")
 
 
+@rule("NEG-31")
+def one_welcome(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-31: at most one `welcome`."""
+    for message, _, welcome in placed(conversation):
+        if message.kind == "welcome":
+            wrong = "a second welcome on the connection" if welcome else None
+            yield about(conversation, message, "NEG-31", wrong)
+
+
 @rule("NEG-30")
 def well_formed_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-30: the members of `welcome`."""
@@ -190,6 +199,7 @@ def _code(message: Message) -> object:
 
 RULES: tuple[Rule, ...] = (
     welcome_comes_first,
+    one_welcome,
     well_formed_welcome,
     capabilities_of_both,
     unsupported_version_ends,
