@@ -3,20 +3,21 @@
 from splatbus_conformance.excerpt import excerpt, fold
 from splatbus_conformance.recording import Entry
 
-POSE = b'\x10\x00\x00\x00{"type":"camera_pose"}'
+POSE = b'\x16\x00\x00\x00{"type":"camera_pose"}'
 ERROR = b'\x10\x00\x00\x00{"type":"error"}'
 
 
 def test_poses_do_not_hide_what_tells() -> None:
     entries = [Entry(0.0, "msg", 1, "s2c", ERROR), *[Entry(1.0, "msg", 1, "c2s", POSE)] * 100]
     lines = list(excerpt(entries, 12))
-    assert "error" in lines[0]
-    assert lines[1:] == ["           and 100 poses of the testee"]
+    assert '16 bytes: {"type":"error"}' in lines[1]
+    assert lines[-1].strip() == "and 100 times poses of the client"
+    assert len(lines) == 4
 
 
 def test_where_there_are_only_poses_they_are_shown() -> None:
     lines = list(excerpt([Entry(1.0, "msg", 1, "c2s", POSE)] * 100, 5))
-    assert len([line for line in lines if "camera_pose" in line]) == 5
+    assert len([line for line in lines if "client → server" in line]) == 5
 
 
 def test_long_data_is_folded_and_its_length_told() -> None:
@@ -25,5 +26,22 @@ def test_long_data_is_folded_and_its_length_told() -> None:
     assert len(folded) < 400
 
 
-def test_what_is_no_letter_is_a_dot() -> None:
-    assert fold(b"a\x00\x1b[31mb").startswith("|a··[31mb|")
+def test_what_cannot_be_printed_is_a_dot() -> None:
+    assert fold(b"a\x00\x1b[31mb\xff").startswith("|a··[31mb·|")
+    assert "\u202e" not in fold("a\u202eb".encode())
+
+
+def test_packets_are_told_from_what_is_none() -> None:
+    two = b"\x02\x00\x00\x00{}" * 2
+    lines = list(excerpt([Entry(0.0, "ipc", 3, "s2c", two + b"\x05\x00\x00\x00{")], 1))
+    assert [line.strip() for line in lines[1:4]] == [
+        "2 bytes: {}",
+        "2 bytes: {}",
+        "5 bytes that are no whole packet: ····{",
+    ]
+    assert lines[0].endswith("ipc #3  server → client")
+
+
+def test_a_bad_header_is_read_out() -> None:
+    lines = list(excerpt([Entry(0.0, "ipc", 1, "s2c", b"\xff\xff\xff\xff")], 1))
+    assert "a header that announces 4,294,967,295 bytes" in lines[1]

@@ -1,0 +1,103 @@
+"""Deliver scripts: confirm a failure, make it small, and show it again."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import pytest
+from splatbus_schemas.requirements import requirements
+
+from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.excerpt import excerpt
+from splatbus_conformance.rules import sightings
+from splatbus_conformance.script import Case, Script, ScriptError, flat, rows
+from splatbus_conformance.shrinking import simplest, smallest
+from splatbus_conformance.stand import Stand
+from splatbus_conformance.trial import SETTLE_SECONDS, Trial, Violation
+
+CONFIRMATIONS = 2
+"""How often a script has to fail before it is called confirmed."""
+TRANSCRIPT_LINES = 24
+
+Pair = tuple[int, Case]
+
+
+class Replay(NamedTuple):
+    """What came of delivering a script once."""
+
+    broken: str | None
+    """What the testee did that is not accepted; None if it did nothing of the kind."""
+    trial: Trial
+    transcript: tuple[str, ...]
+
+
+def replay(stand: Stand, script: Script) -> Replay:
+    """Deliver a script to a new testee, where the harness can start one.
+
+    Raises ScriptError if it names no check.
+    """
+    check = next((f for f in check_functions(script.side) if f.__name__ == script.check), None)
+    if check is None:
+        raise ScriptError(f"there is no check {script.check} of a {script.side} any more")
+    stand.testee.stop()
+    trial = stand.trial(requirements("1.1")[check.check.requirement])
+    trial.profile, trial.script = script.profile, script.cases
+    broken: str | None = None
+    try:
+        check(trial)
+    except Violation as violation:
+        broken = str(violation)
+    except pytest.skip.Exception:
+        pass
+    trial.rest(SETTLE_SECONDS)
+    entries = list(stand.peer.entries)
+    if script.by_rule:
+        found = (s for s in sightings(entries) if s.breach and s.peer == script.side)
+        broken = next((s.breach for s in found if s.requirement == script.requirement), None)
+    return Replay(broken, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
+
+
+def worked_out(stand: Stand, script: Script, seconds: float) -> Script:
+    """The smallest script found within so many seconds that breaks the same sentence.
+
+    A smaller one counts once it has failed twice of two, each time with a new testee. If not even
+    the script itself does, it comes back unconfirmed.
+    """
+    until = time.monotonic() + seconds
+    last: list[Replay] = []
+
+    def in_time() -> bool:
+        return time.monotonic() < until
+
+    def fails(pairs: Sequence[Pair]) -> bool:
+        smaller = replace(script, cases=rows(pairs, len(script.cases)))
+        for _ in range(CONFIRMATIONS):
+            given = replay(stand, smaller)
+            if given.broken is None:
+                return False
+            last.append(given)
+        return True
+
+    whole = flat(script.cases)
+    kept = smallest(whole, fails, in_time)
+    if kept == whole and not fails(whole):
+        return script
+    simpler = last[-1].trial.simpler
+    for place, (row, case) in enumerate(kept):
+        if case.drawn and row < len(simpler):
+            kept[place] = simplest(
+                kept[place],
+                lambda pair: (
+                    (pair[0], Case(True, value)) for value in simpler[pair[0]](pair[1].value)
+                ),
+                lambda pair: fails([*kept[:place], pair, *kept[place + 1 :]]),  # noqa: B023
+                in_time,
+            )
+    return replace(
+        script,
+        cases=rows(kept, len(script.cases)),
+        seen=last[-1].broken or "",
+        confirmed=True,
+        transcript=last[-1].transcript,
+    )

@@ -1,0 +1,93 @@
+"""A failure is delivered again: smaller, to new testees, and with the same outcome."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.replaying import replay, worked_out
+from splatbus_conformance.script import Case, Script, ScriptError
+from splatbus_conformance.stand import Stand, set_up
+from splatbus_conformance.trial import Violation
+from splatbus_schemas.requirements import requirements
+
+MINIATURE = Path(__file__).parent / "miniatures" / "client.py"
+SEGMENTS = "check_any_segmentation"
+
+
+@pytest.fixture
+def stand(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stand]:
+    """A stand for the miniature, with the replacements of the test made in it."""
+    source = MINIATURE.read_text("utf-8")
+    for old, new in getattr(request, "param", ()):
+        assert old in source
+        source = source.replace(old, new)
+    path = tmp_path / "client.py"
+    path.write_text(source, "utf-8")
+    command = f'"{sys.executable}" "{path}" 1.1'
+    plan = Plan("client", command, "127.0.0.1", (0, 0), (64, 48), 10.0)
+    stand = set_up(plan)
+    stand.introduce()
+    yield stand
+    stand.close()
+
+
+def failing(stand: Stand, name: str) -> Script:
+    """The script of a check that fails."""
+    check = next(f for f in check_functions("client") if f.__name__ == name)
+    trial = stand.trial(requirements("1.1")[check.check.requirement])
+    with pytest.raises(Violation) as caught:
+        check(trial)
+    cases = tuple(map(tuple, trial.went_through))
+    return Script("client", check.check.requirement, name, False, cases, seen=str(caught.value))
+
+
+LOSES_WHAT_COMES_IN_PIECES = (
+    ("data = data[4 + length :]", "data = b''"),
+    (
+        "        while len(data) >= 4:\n",
+        "        if len(data) < 4:\n            data = b''\n        while len(data) >= 4:\n",
+    ),
+)
+
+
+@pytest.mark.parametrize("stand", [LOSES_WHAT_COMES_IN_PIECES], indirect=True)
+def test_a_failure_is_made_small_and_confirmed(stand: Stand) -> None:
+    whole = failing(stand, SEGMENTS)
+    small = worked_out(stand, whole, 5.0)
+    assert small.confirmed
+    assert sum(map(len, small.cases)) == 1
+    assert "was not opened" in small.seen
+    assert small.transcript
+    assert replay(stand, small).broken
+
+
+def test_what_a_good_client_does_is_no_failure(stand: Stand) -> None:
+    script = Script("client", "FRM-4", SEGMENTS, False, ((Case(True, [1, 2, 3]),),))
+    assert replay(stand, script).broken is None
+    again = worked_out(stand, script, 10.0)
+    assert not again.confirmed
+    assert again == script
+
+
+def test_only_the_cases_of_the_script_are_delivered(stand: Stand) -> None:
+    script = Script("client", "FRM-4", SEGMENTS, False, ((Case(False, 0), Case(True, [5])),))
+    given = replay(stand, script)
+    assert given.trial.went_through == [[Case(False, 0), Case(True, [5])]]
+
+
+MARK = "b'\\xef\\xbb\\xbf' + "
+BREAKS_A_RULE = (("payload = json", f"payload = {MARK}json"),)
+
+
+@pytest.mark.parametrize("stand", [BREAKS_A_RULE], indirect=True)
+def test_a_breach_that_a_rule_finds_is_found_again(stand: Stand) -> None:
+    script = Script("client", "JSN-2", "check_keeps_the_ipc_connection", True, ())
+    assert "byte-order mark" in str(replay(stand, script).broken)
+
+
+def test_a_check_that_is_gone_is_named(stand: Stand) -> None:
+    with pytest.raises(ScriptError, match="check_of_old"):
+        replay(stand, Script("client", "FRM-3", "check_of_old", False, ()))
