@@ -66,9 +66,9 @@ def check_any_segmentation(trial: ClientTrial) -> None:
         for begin, end in itertools.pairwise([0, *sorted(cuts), len(data)]):
             connection.send(data[begin:end])
             trial.rest(0.0 if len(cuts) > 6 else 0.0005)
-        opened = trial.wait(lambda: dealings.generation in dealings.opened)  # noqa: B023
         trial.expect(
-            opened, f"an init packet of {len(data)} bytes cut at {cuts[:6]} was not opened"
+            trial.opens(connection),
+            f"an init packet of {len(data)} bytes cut at {cuts[:6]} was not opened",
         )
         trial.delivered += 1
 
