@@ -1,20 +1,27 @@
 """A trial of a server: the harness plays its clients."""
 
+import itertools
 from typing import NamedTuple
 
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.memory_reading import Pixels
-from splatbus_conformance.messages import Json
+from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import ServerFacts, reach
 from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
+from splatbus_conformance.values import numbers
 from splatbus_conformance.viewer import Viewer
 
 VIEWPORT_REQUEST: Json = {"type": "get_viewport_size"}
+STEP = 2.0**-4
+"""How far apart the places are where a trial poses the camera, in scene units."""
+GREETINGS = 10
+"""How often a server is greeted that closes at once: it may not have seen the last viewer leave."""
+_places = itertools.count(1)
 
 
 class Image(NamedTuple):
@@ -44,6 +51,7 @@ class ServerTrial(Trial):
         self.facts = facts
         peer.on_open = viewer.on_open
         peer.on_packet = viewer.on_packet
+        self._mover: Connection | None = None
 
     # Meeting the testee
 
@@ -59,13 +67,26 @@ class ServerTrial(Trial):
 
     def greeted(self, channel: Channel, **changes: object) -> Connection:
         """A new connection that was given `welcome`; with members of `hello` changed as named."""
-        connection = self.dial(channel)
-        self.viewer.greet(connection, **changes)
-        if not self.wait(lambda: self.viewer.with_(connection).welcome or connection.ended):
+        connection, answer = self.answered(channel, **changes)
+        if answer is None:
             self.not_observable("the server answers no hello")
-        if self.viewer.with_(connection).welcome is None:
+        if answer["type"] != "welcome":
             self.not_observable("the server gives this hello no welcome")
         return connection
+
+    def answered(self, channel: Channel, **changes: object) -> tuple[Connection, Json | None]:
+        """A new connection with members of `hello` changed as named, and the answer to that: a
+        `welcome` or an `error`; None if the server closes, or says neither in time.
+        """
+        for _ in range(GREETINGS):
+            connection = self.dial(channel)
+            heard = self.viewer.with_(connection).heard
+            self.viewer.greet(connection, **changes)
+            self.wait(lambda: _answer(heard) or connection.ended)  # noqa: B023
+            if heard or not connection.ended:
+                break
+            self.rest(0.05)
+        return connection, _answer(heard)
 
     def reading(self, **changes: object) -> Connection:
         """A new IPC connection on which images are announced and their memory is open here."""
@@ -130,20 +151,18 @@ class ServerTrial(Trial):
         return self._end_of(connection)
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
-        """Deliver scripts on an IPC connection; the control is that images still come, or, where
-        none can, that the connection stays open.
+        """Deliver scripts on an IPC connection; the control is that images still follow the camera,
+        or, where none can, that the connection stays open.
 
         Returns `ignores`, `reports`, `closes` (and a new connection is served), `exits`, `dies` or
         `hangs`.
         """
         dealings = self.viewer.with_(connection)
-        errors, frames = len(dealings.errors()), len(dealings.frames)
+        errors = len(dealings.errors())
         for script in scripts:
             connection.send(script)
-        if dealings.memory is not None:
-            self.viewer.say(connection, {"type": "subscribe", "channels": ["color", "depth"]})
-            self.wait(lambda: len(dealings.frames) > frames or connection.ended)
-            goes_on = len(dealings.frames) > frames
+        if dealings.memory is not None and "frames" in dealings.granted:
+            goes_on = self.sees(connection, self.move()) is not None
         else:
             self.wait(lambda: connection.ended, REACTION_SECONDS)
             goes_on = not connection.ended
@@ -178,6 +197,29 @@ class ServerTrial(Trial):
 
     # Images
 
+    def move(self) -> Json:
+        """Pose the camera elsewhere, from the first connection of this trial to pose (POS-11)."""
+        if self._mover is None or self._mover.ended or not self._mover.open:
+            self._mover = self.dial("msg")
+            if self.viewer.token is not None:
+                self.viewer.greet(self._mover)
+        row, column = divmod(next(_places), 64)
+        pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
+        self.viewer.say(self._mover, pose)
+        return pose
+
+    def sees(
+        self, connection: Connection, pose: Json, seconds: float = EFFECT_SECONDS
+    ) -> Json | None:
+        """The first frame on this connection that was rendered from this pose, if it comes."""
+        frames = self.viewer.with_(connection).frames
+
+        def found() -> Json | None:
+            return next((frame for frame in frames if shows(frame, pose)), None)
+
+        self.wait(lambda: found() or connection.ended, seconds)
+        return found()
+
     def image(self, connection: Connection, after: int = 0) -> Image:
         """The next image past so many frames of this connection, copied before it is released.
 
@@ -192,3 +234,19 @@ class ServerTrial(Trial):
         image = Image(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
         self.viewer.release(connection, frame)
         return image
+
+
+def shows(frame: Json, pose: Json) -> bool:
+    """Whether a frame says that its camera was where this pose put it."""
+    camera = frame.get("camera")
+    position = camera.get("position") if isinstance(camera, dict) else None
+    meant = pose["position"].values()
+    return (
+        isinstance(position, list)
+        and numbers(position, 3)
+        and all(abs(is_ - wanted) < STEP / 4 for is_, wanted in zip(position, meant, strict=True))
+    )
+
+
+def _answer(heard: list[Json]) -> Json | None:
+    return next((m for m in heard if m.get("type") in ("welcome", "error")), None)
