@@ -1,0 +1,84 @@
+"""Build the stand-in `libcudart` with the system's C compiler, once for each version of it."""
+
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).parent
+SOURCES = ("objects.c", "cudart.c", "events.c")
+HEADERS = ("objects.h",)
+SONAMES = ("libcudart.so.11.0", "libcudart.so.12", "libcudart.so.13")
+"""What programs of CUDA 11, 12 and 13 ask for; they want the symbols in a version of that name."""
+COMPILE = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-Wall", "-Wextra", "-c")
+LINK = ("-shared", "-pthread")
+COMPILER_SECONDS = 120.0
+
+
+class NotAvailable(Exception):  # noqa: N818 - a finding, no error of ours
+    """The stand-in cannot be had on this machine; the message says why, and what to install."""
+
+
+def library_folder() -> Path:
+    """The folder with `libcudart.so` in all its names, for LD_LIBRARY_PATH; built if need be.
+
+    It lies in the user's cache, under a digest of the sources. Raises NotAvailable.
+    """
+    if sys.platform != "linux":
+        raise NotAvailable(f"the stand-in CUDA runtime runs on Linux, and this is {sys.platform}")
+    command = shlex.split(os.environ.get("CC", "")) or ["cc"]
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = cache / "splatbus-conformance" / f"cudart-{_digest(command)}"
+    if folder.is_dir():
+        return folder
+    if shutil.which(command[0]) is None:
+        raise NotAvailable(
+            f"the stand-in CUDA runtime needs a C compiler, and there is no {command[0]!r}: "
+            "install one (Debian: apt install gcc libc6-dev), or name yours in the variable CC"
+        )
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    building = Path(tempfile.mkdtemp(prefix="building-", dir=folder.parent))
+    try:
+        _build(command, building)
+        building.rename(folder)
+    except OSError:
+        if not folder.is_dir():  # else somebody else was quicker, with the same result
+            raise
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+    return folder
+
+
+def _digest(command: list[str]) -> str:
+    parts = [(HERE / name).read_bytes() for name in (*SOURCES, *HEADERS)]
+    parts.append(repr((command, COMPILE, LINK, SONAMES)).encode())
+    return hashlib.blake2b(b"\0".join(parts), digest_size=8).hexdigest()
+
+
+def _build(command: list[str], folder: Path) -> None:
+    _run([*command, *COMPILE, *(str(HERE / name) for name in SOURCES)], folder)
+    objects = sorted(path.name for path in folder.glob("*.o"))
+    for soname in SONAMES:
+        script = folder / f"{soname}.map"
+        script.write_text(f"{soname} {{ global: cuda*; local: *; }};\n", "utf-8")
+        named = (f"-Wl,-soname,{soname}", f"-Wl,--version-script,{script.name}", "-o", soname)
+        _run([*command, *LINK, *objects, *named], folder)
+    (folder / "libcudart.so").symlink_to(SONAMES[-1])
+
+
+def _run(command: list[str], folder: Path) -> None:
+    try:
+        ran = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=COMPILER_SECONDS
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NotAvailable(f"the stand-in CUDA runtime could not be compiled: {error}") from None
+    if ran.returncode:
+        raise NotAvailable(
+            "the stand-in CUDA runtime could not be compiled: "
+            f"{shlex.join(command)}\n{ran.stderr.strip()[-2000:]}"
+        )

@@ -1,0 +1,138 @@
+"""The harness's side of the stand-in: device memory and events that it shows to a testee.
+
+They are the files that the library knows, read and written here without the library.
+"""
+
+import contextlib
+import os
+import re
+import secrets
+import shutil
+import struct
+import tempfile
+from pathlib import Path
+
+PARENT = Path("/dev/shm")
+PREFIX = "splatbus-device-"
+POISON = b"\xff"
+"""What memory holds that nobody wrote, or that was freed; four of them are a NaN."""
+HANDLE = re.compile(rb"splatbus-stand-in (memory|event) (\d{10}) ([0-9a-f]{16})\0*")
+HANDLE_BYTES = 64
+PROGRESS = struct.Struct("=QQ")
+"""Of an event: count of its records, and the last of them that is complete."""
+
+
+class Shared:
+    """A file of the device, and the handle that another process opens it by."""
+
+    def __init__(self, folder: Path, content: str, size: int) -> None:
+        self.name = secrets.token_hex(8)
+        """As the trace calls it."""
+        self.size = size
+        handle = f"splatbus-stand-in {content} {os.getpid():010} {self.name}".encode()
+        self.handle = handle.ljust(HANDLE_BYTES, b"\0")
+        self._path = folder / f"{content}-{self.name}"
+        self._file = os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
+        os.posix_fallocate(self._file, 0, size)
+
+    def free(self) -> None:
+        """Remove it: nobody can open it any more. Once is enough, and more does no harm."""
+        if self._file >= 0:
+            self._path.unlink(missing_ok=True)
+            os.close(self._file)
+            self._file = -1
+
+
+class Allocation(Shared):
+    """`size` bytes of device memory, poisoned; OSError if there is no room."""
+
+    def __init__(self, folder: Path, size: int) -> None:
+        super().__init__(folder, "memory", size)
+        self.poison()
+
+    def write(self, offset: int, data: bytes) -> None:
+        """Write bytes; ValueError beyond its end."""
+        if not 0 <= offset <= self.size - len(data):
+            raise ValueError(f"{len(data)} bytes at {offset} of {self.size}")
+        while data:
+            written = os.pwrite(self._file, data, offset)
+            data, offset = data[written:], offset + written
+
+    def poison(self) -> None:
+        """Spoil all of it."""
+        self.write(0, POISON * self.size)
+
+    def free(self) -> None:
+        """Spoil and remove it; who has it mapped reads poison."""
+        if self._file >= 0:
+            self.poison()
+        super().free()
+
+
+class Event(Shared):
+    """An interprocess event: recorded and complete in one, or with time between."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, "event", PROGRESS.size)
+        self._records = 0
+
+    def begin(self) -> None:
+        """Record it behind work that is not done yet: who waits now, waits for `complete`."""
+        self._records += 1
+        os.pwrite(self._file, PROGRESS.pack(self._records, self._records - 1), 0)
+
+    def complete(self) -> None:
+        """The work before the last record is done."""
+        os.pwrite(self._file, PROGRESS.pack(self._records, self._records), 0)
+
+
+class Device:
+    """A folder of device memory; everything in it is gone when it is closed."""
+
+    def __init__(self) -> None:
+        _sweep()
+        parent = PARENT if PARENT.is_dir() else None
+        self.folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=parent))
+        self._shared: list[Shared] = []
+
+    def allocate(self, size: int) -> Allocation:
+        """Device memory; OSError if there is no room."""
+        self._shared.append(allocation := Allocation(self.folder, size))
+        return allocation
+
+    def event(self) -> Event:
+        """An interprocess event that was never recorded: nobody waits for it."""
+        self._shared.append(event := Event(self.folder))
+        return event
+
+    def read(self, handle: bytes, offset: int, size: int) -> bytes:
+        """Bytes of the memory that this handle names, whoever exported it; ValueError if none."""
+        named = HANDLE.fullmatch(handle)
+        if len(handle) != HANDLE_BYTES or not named or named[1] != b"memory":
+            raise ValueError("no handle of memory of the stand-in CUDA runtime")
+        try:
+            with (self.folder / f"memory-{named[3].decode()}").open("rb") as file:
+                file.seek(offset)
+                data = file.read(size)
+        except FileNotFoundError:
+            raise ValueError("the memory that the handle names was freed") from None
+        if len(data) < size:
+            raise ValueError(f"the memory ends before byte {offset + size}")
+        return data
+
+    def close(self) -> None:
+        """Free everything."""
+        for shared in self._shared:
+            with contextlib.suppress(OSError):
+                shared.free()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _sweep() -> None:
+    """Remove what runs of the harness that were killed have left behind."""
+    for folder in PARENT.glob(f"{PREFIX}*-*"):
+        with contextlib.suppress(ValueError, PermissionError):
+            try:
+                os.kill(int(folder.name.removeprefix(PREFIX).split("-")[0]), 0)
+            except ProcessLookupError:
+                shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,103 @@
+"""What the tests of the stand-in share: the library if it can be had, and programs that use it."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from splatbus_conformance.stand_in.building import NotAvailable, library_folder
+from splatbus_conformance.stand_in.session import StandIn
+
+RUNTIME = Path(__file__).with_name("cuda_runtime.py")
+
+
+def library() -> str:
+    """The path of the library; skips the test where there is no compiler."""
+    try:
+        return str(library_folder() / "libcudart.so")
+    except NotAvailable as error:
+        pytest.skip(str(error))
+
+
+@contextmanager
+def stand_in() -> Iterator[StandIn]:
+    library()
+    found = StandIn()
+    try:
+        yield found
+    finally:
+        found.close()
+
+
+class Program:
+    """A process with the library: `program("expression")` evaluates it there.
+
+    It knows `cuda`, `out` (a pointer), `host` (64 KiB) and all of cuda_runtime.py.
+    """
+
+    def __init__(self, stand_in: StandIn) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, str(RUNTIME), library(), "--neighbour"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **stand_in.environment()},
+        )
+
+    def send(self, line: str) -> None:
+        assert self.process.stdin is not None
+        print(line, file=self.process.stdin, flush=True)
+
+    def answer(self) -> Any:
+        assert self.process.stdout is not None
+        return json.loads(self.process.stdout.readline())
+
+    def __call__(self, line: str) -> Any:
+        self.send(line)
+        return self.answer()
+
+    def opened(self, handle: bytes) -> int:
+        """Open memory; its pointer."""
+        code, pointer = self(
+            f"(cuda.IpcOpenMemHandle(ctypes.byref(out), as_handle('{handle.hex()}'), 1), out.value)"
+        )
+        assert code == 0
+        return int(pointer)
+
+    def opened_event(self, handle: bytes) -> int:
+        """Open an event; its pointer."""
+        code, pointer = self(
+            f"(cuda.IpcOpenEventHandle(ctypes.byref(out), as_handle('{handle.hex()}')), out.value)"
+        )
+        assert code == 0
+        return int(pointer)
+
+    def copied(self, pointer: int, size: int) -> bytes:
+        """Bytes that it copies out of device memory."""
+        code, text = self(
+            f"(cuda.Memcpy(host, {pointer}, {size}, D2H), bytes(host[:{size}]).hex())"
+        )
+        assert code == 0
+        return bytes.fromhex(text)
+
+    def leave(self) -> int:
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        status = self.process.wait(30)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return status
+
+
+@contextmanager
+def program(stand_in: StandIn) -> Iterator[Program]:
+    found = Program(stand_in)
+    try:
+        yield found
+    finally:
+        found.leave()
