@@ -51,6 +51,25 @@ class Connection:
                 self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
 
+    def push(self, data: bytes) -> int | None:
+        """Send what TCP takes at once, off the record; how much, or None if the testee has gone.
+
+        For floods, which no rule has to read.
+        """
+        self._sock.setblocking(False)
+        try:
+            return self._sock.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            return None
+        finally:
+            self._sock.settimeout(SEND_SECONDS)
+
+    def stop_reading(self) -> None:
+        """Leave unread whatever comes from now on."""
+        self._peer.forget(self._sock)
+
     def end_stream(self) -> None:
         """Say that nothing more comes, and go on listening (a TCP half-close)."""
         with contextlib.suppress(OSError):

@@ -2,6 +2,7 @@
 leaves to it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -53,6 +54,8 @@ class Viewer:
         """Opens the memory that is announced, and says so."""
         self.releases = True
         """Gives each frame back as soon as it comes."""
+        self.encode: Callable[[Json], bytes] = messages.encode
+        """How a message is written."""
         self.dealings: dict[Connection, Dealings] = {}
 
     def with_(self, connection: Connection) -> Dealings:
@@ -117,7 +120,7 @@ class Viewer:
 
     def say(self, connection: Connection, message: Json) -> None:
         """Send a message."""
-        connection.send(packet(messages.encode(message)))
+        connection.send(packet(self.encode(message)))
 
     def close(self) -> None:
         """Unmap everything that was opened."""

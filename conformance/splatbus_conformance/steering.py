@@ -1,0 +1,153 @@
+"""Steer a server, and see by the `camera` of its frames which pose is in force (IMG-5)."""
+
+import math
+import time
+from typing import NamedTuple
+
+from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.values import numbers
+
+CLOSENESS = 1e-5
+"""How far a number of a pose in force may be from the one that was sent, absolute or relative."""
+AGAIN_SECONDS = 0.5
+"""After which a pose is sent again, as viewers do: a connection that held control may linger."""
+
+
+class Camera(NamedTuple):
+    """What a frame was rendered with: position x, y, z and unit quaternion x, y, z, w."""
+
+    position: tuple[float, ...]
+    rotation: tuple[float, ...]
+
+    def shows(self, other: "Camera") -> bool:
+        """Whether both are the same pose; q and −q are the same rotation."""
+        turned = tuple(-part for part in other.rotation)
+        return _close(self.position, other.position) and (
+            _close(self.rotation, other.rotation) or _close(self.rotation, turned)
+        )
+
+    def __str__(self) -> str:
+        return f"position {_rounded(self.position)}, rotation {_rounded(self.rotation)}"
+
+
+def camera_of(pose: Json) -> Camera:
+    """The camera that a valid pose message asks for."""
+    return Camera(
+        tuple(float(pose["position"][name]) for name in "xyz"),
+        _unit([float(pose["rotation"][name]) for name in "xyzw"]),
+    )
+
+
+class Steering:
+    """A viewer that reads frames on one connection, while others send poses."""
+
+    def __init__(self, trial: ServerTrial) -> None:
+        self.trial = trial
+        self.reader = trial.reading()
+        self._frames = trial.viewer.with_(self.reader).frames
+        self._nudges = 0
+        if not trial.wait(lambda: self._frames or self.reader.ended):
+            trial.not_observable("the server sent no frame")
+        trial.rest(REACTION_SECONDS / 4)
+        before = len(self._frames)
+        trial.rest(REACTION_SECONDS / 4)
+        self._needed = 1 if len(self._frames) == before else 2
+        """Frames to wait for, so that the last was begun after what was handled before: a server
+        that renders all the time may be about to send one that it began earlier."""
+
+    @property
+    def count(self) -> int:
+        """How many frames came."""
+        return len(self._frames)
+
+    def cameras(self, since: int = 0) -> list[Camera]:
+        """What the frames past so many were rendered with; those that do not say are left out."""
+        return [camera for frame in self._frames[since:] if (camera := _camera(frame))]
+
+    def now(self) -> Camera:
+        """What the newest frame was rendered with."""
+        seen = self.cameras()
+        if not seen:
+            self.trial.not_observable("no frame says with which camera it was rendered")
+        return seen[-1]
+
+    def shows(self, connection: Connection, pose: Json, payload: bytes | None = None) -> bool:
+        """Send a valid pose, spelled so, until a frame shows it; whether one does in time."""
+        wanted, before = camera_of(pose), self.count
+        deadline = time.monotonic() + EFFECT_SECONDS
+        while time.monotonic() < deadline and not connection.ended and not self.trial.fate():
+            connection.send(packet(payload or encode(pose)))
+            if self.trial.wait(
+                lambda: any(camera.shows(wanted) for camera in self.cameras(before)), AGAIN_SECONDS
+            ):
+                return True
+        return False
+
+    def takes(self, connection: Connection, pose: Json, payload: bytes | None = None) -> str:
+        """What becomes of a valid pose: `accepts`, `ignores`, `closes`, `exits` or `dies`."""
+        if self.shows(connection, pose, payload):
+            self.trial.delivered += 1
+            return "accepts"
+        return self.trial.fate() or ("closes" if connection.ended else "ignores")
+
+    def nudged(self, connection: Connection, since: int | None = None) -> list[Camera]:
+        """Move the Gaussians, so that an image is due; the cameras since then, or since earlier.
+
+        The last of them was rendered after all that was sent before and has been handled. The
+        connection has to be in control, or to get it by this.
+        """
+        since = self.count if since is None else since
+        for _ in range(self._needed):
+            before = self.count
+            deadline = time.monotonic() + EFFECT_SECONDS
+            while self.count == before and time.monotonic() < deadline:
+                self._nudges += 1
+                moved = camera_pose((0.0, 0.0, self._nudges % 100 / 1000), kind="point_cloud_pose")
+                connection.send(packet(encode(moved)))
+                self.trial.wait(lambda: self.count > before, AGAIN_SECONDS)  # noqa: B023
+            if self.count == before:
+                self.trial.not_observable("the server sent no frame after the Gaussians had moved")
+        return self.cameras(since)
+
+    def outcome_of(self, connection: Connection, payload: bytes) -> str:
+        """Send what must not move the camera, from the connection in control.
+
+        Returns `keeps`, `applies` (the camera is another now), `closes`, `exits`, `dies` or
+        `hangs`. Where the connection is closed, control may pass on, and with it the camera.
+        """
+        former, before = self.now(), self.count
+        outcome = self.trial.outcome_on_msg(connection, packet(payload))
+        if outcome not in ("ignores", "reports", "replies"):
+            return outcome
+        seen = self.nudged(connection, before)
+        return "keeps" if all(camera.shows(former) for camera in seen) else "applies"
+
+
+def _camera(frame: Json) -> Camera | None:
+    told = frame.get("camera")
+    if not isinstance(told, dict):
+        return None
+    position, rotation = told.get("position"), told.get("rotation")
+    if not (numbers(position, 3) and numbers(rotation, 4)):
+        return None
+    return Camera(tuple(map(float, position or ())), _unit([float(n) for n in rotation or ()]))
+
+
+def _unit(rotation: list[float]) -> tuple[float, ...]:
+    norm = math.hypot(*rotation)
+    return tuple(part / norm for part in rotation) if norm > 0 else tuple(rotation)
+
+
+def _close(some: tuple[float, ...], others: tuple[float, ...]) -> bool:
+    return all(
+        math.isclose(a, b, rel_tol=CLOSENESS, abs_tol=CLOSENESS)
+        for a, b in zip(some, others, strict=True)
+    )
+
+
+def _rounded(values: tuple[float, ...]) -> list[float]:
+    return [round(value, 4) for value in values]
