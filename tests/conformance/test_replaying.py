@@ -44,21 +44,23 @@ def failing(stand: Stand, name: str) -> Script:
     return Script("client", check.check.requirement, name, False, cases, seen=str(caught.value))
 
 
-ENDS_ON_A_SPLIT_HEADER = (
+ENDS_ON_AN_ESCAPE = (
     (
-        "        while len(data) >= 4:\n",
-        "        if len(data) < 4:\n            os._exit(1)\n        while len(data) >= 4:\n",
+        "        value = json.loads(payload.decode()",
+        "        if b'\\\\u' in payload:\n            os._exit(1)\n"
+        "        value = json.loads(payload.decode()",
     ),
 )
 
 
-@pytest.mark.parametrize("stand", [ENDS_ON_A_SPLIT_HEADER], indirect=True)
+@pytest.mark.parametrize("stand", [ENDS_ON_AN_ESCAPE], indirect=True)
 def test_a_failure_is_made_small_and_confirmed(stand: Stand) -> None:
-    whole = failing(stand, SEGMENTS)
-    small = worked_out(stand, whole, 5.0)
+    whole = failing(stand, "check_takes_any_spelling_on_ipc")
+    small = worked_out(stand, whole, 15.0)
     assert small.confirmed
-    assert sum(map(len, small.cases)) == 1
-    assert "was not opened" in small.seen
+    (((_, (_, liberties)),),) = small.cases
+    assert liberties == ["escapes"]
+    assert "exited" in small.seen
     assert small.transcript
     assert replay(stand, small).broken
 

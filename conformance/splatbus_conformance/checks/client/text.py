@@ -87,9 +87,8 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterable[Writer]) -> None:
         taken = trial.opens(connection) and (
             not dealings.frames or trial.releases(connection, dealings.frames)
         )
-        outcome = (
-            "accepts" if taken else trial.fate() or "closes" if connection.ended else "ignores"
-        )
+        outcome = trial.fate() or ("closes" if connection.ended else "ignores")
+        outcome = "accepts" if taken else outcome
         trial.judge(
             outcome, f"the message {shorten(written[-1].decode(), 400)!r} on the IPC channel"
         )
