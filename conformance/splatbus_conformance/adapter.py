@@ -120,20 +120,28 @@ class Adapted:
 
     def ask(self, command: str, seconds: float = ANSWER_SECONDS, **members: Any) -> Json:
         """Give a command; its answer. Raises AdapterBroken, ClientCrashed."""
-        answer = self.attempt(command, seconds, **members)
-        if "error" in answer:
-            raise AdapterBroken(f"to {command} it answered the error {answer['error']!r}")
-        _require(answer, f"answers/{command}", f"its answer to {command}")
-        return answer
+        self.give(command, **members)
+        return self.take(command, seconds)
 
-    def attempt(self, command: str, seconds: float = ANSWER_SECONDS, **members: Any) -> Json:
-        """Give a command, which may be one that nobody knows; its answer, which may be an error."""
+    def give(self, command: str, **members: Any) -> None:
+        """Give a command, and do not wait for its answer: `take` it before the next."""
         self._last += 1
         given = {"id": self._last, "command": command, **members}
         if command in _schema()["$defs"]["commands"]:
             complaint = _complaint(given, f"commands/{command}")
             assert complaint is None, f"the harness gave a bad command: {complaint}"
         self._commands.put(json.dumps(given, allow_nan=False).encode() + b"\n")
+
+    def take(self, command: str, seconds: float = ANSWER_SECONDS) -> Json:
+        """The answer to a command that was given. Raises AdapterBroken, ClientCrashed."""
+        answer = self.hear(command, seconds)
+        if "error" in answer:
+            raise AdapterBroken(f"to {command} it answered the error {answer['error']!r}")
+        _require(answer, f"answers/{command}", f"its answer to {command}")
+        return answer
+
+    def hear(self, command: str, seconds: float = ANSWER_SECONDS) -> Json:
+        """The answer to a command that was given, which may be an error. Raises as `take`."""
         answer = self._next_line(f"its answer to {command}", seconds)
         if answer.get("id") != self._last:
             raise AdapterBroken(

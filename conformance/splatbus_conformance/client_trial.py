@@ -4,7 +4,7 @@ from typing import Any
 
 from splatbus_schemas.requirements import Requirement
 
-from splatbus_conformance.adapter import Adapted, ClientCrashed
+from splatbus_conformance.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.client_introduction import ClientFacts
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
@@ -114,16 +114,34 @@ class ClientTrial(Trial):
 
     # Asking the adapter beside it
 
+    @property
+    def greeting(self) -> Greeting:
+        """What the adapter says of itself."""
+        assert self.facts.adapter is not None, "a check that asks needs an adapter"
+        return self.facts.adapter
+
     def ask(self, command: str, **members: Any) -> Json:
         """Give the adapter a command; its answer.
 
         A client that dies over it violates the requirement. Raises AdapterBroken.
         """
-        assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
+        self.give(command, **members)
+        return self.take(command)
+
+    def give(self, command: str, **members: Any) -> None:
+        """Give the adapter a command, and do not wait: `take` the answer before the next."""
+        self._adapted().give(command, **members)
+
+    def take(self, command: str) -> Json:
+        """The answer to a command that was given, as `ask` has it."""
         try:
-            return self.testee.ask(command, **members)
+            return self._adapted().take(command)
         except ClientCrashed as crash:
             self.violated(f"told to {command}, {crash}")
+
+    def _adapted(self) -> Adapted:
+        assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
+        return self.testee
 
     # Waiting and watching
 

@@ -61,7 +61,8 @@ def _settled(role: Role) -> bool:
 
 
 def _requires_an_error(adapted: Adapted) -> None:
-    answer = adapted.attempt(UNKNOWN)
+    adapted.give(UNKNOWN)
+    answer = adapted.hear(UNKNOWN)
     if not isinstance(answer.get("error"), str):
         raise AdapterBroken(f"a command that nobody knows was not answered by an error: {answer}")
 

@@ -6,6 +6,7 @@ in the quaternion columns of the table cannot hide here.
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import cache
 from typing import NamedTuple
 
 from splatbus_conformance.oracle.rotations import (
@@ -27,7 +28,7 @@ class Engine(NamedTuple):
     """B, the change of world axes, a signed permutation."""
     camera: Rows
     """D, the change of the camera's (object's) own axes; its determinant is that of B."""
-    scale: int
+    scale: int | Fraction
     """Units of the engine per scene unit."""
 
     def position_from_wire(self, position: Sequence[Real]) -> Vector:
@@ -70,7 +71,12 @@ class Engine(NamedTuple):
 
     @property
     def _turn(self) -> Vector:
-        return quaternion_of(multiply(self.world, transpose(self.camera)))
+        return _turn(self.world, self.camera)
+
+
+@cache
+def _turn(world: Rows, camera: Rows) -> Vector:
+    return quaternion_of(multiply(world, transpose(camera)))
 
 
 def _rows(*rows: Sequence[int]) -> Rows:

@@ -1,0 +1,55 @@
+"""Requests of a client, answered as a check wants it: late, and with cameras of its choice."""
+
+from splatbus_conformance import messages
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.messages import Json
+from splatbus_conformance.packets import Packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.stress import Pose
+from splatbus_conformance.values import whole
+
+
+class Answering:
+    """Takes the place of a role's own replies.
+
+    Attributes:
+        cameras: poses on the wire; index i asks for the one at i modulo their number (REQ-6).
+        holds: requests wait for `answer_all`.
+    """
+
+    def __init__(self, trial: ClientTrial) -> None:
+        self.cameras = [Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))]
+        self.holds = False
+        self.waiting: list[tuple[Connection, Json]] = []
+        self._trial = trial
+        self._former = trial.peer.on_packet
+        trial.role.replies = False
+        trial.peer.on_packet = self._on_packet
+
+    def answer_all(self) -> None:
+        """Answer what waits, in order, and from now on at once."""
+        self.holds = False
+        for connection, request in self.waiting:
+            self._answer(connection, request)
+        self.waiting = []
+
+    def _on_packet(self, connection: Connection, arrived: Packet) -> None:
+        heard = self._trial.role.with_(connection).heard
+        before = len(heard)
+        self._former(connection, arrived)
+        for message in heard[before:]:
+            if connection.channel == "msg" and str(message.get("type")).startswith("get_"):
+                self.waiting.append((connection, message))
+        if not self.holds:
+            self.answer_all()
+
+    def _answer(self, connection: Connection, request: Json) -> None:
+        role = self._trial.role
+        typed = role.with_(connection).welcome is not None
+        reply = messages.reply(request, typed=typed, width=role.width, height=role.height)
+        if reply is None:
+            return
+        if "position" in reply:
+            camera = self.cameras[(whole(request.get("cam_idx")) or 0) % len(self.cameras)]
+            reply |= {"position": list(camera.position), "rotation": list(camera.rotation)}
+        role.say(connection, reply)

@@ -1,0 +1,187 @@
+"""Checks on the poses that a client sends (spec 1.0 chapters 7 and 8): the harness gives a pose in
+the engine's axes, and reads on the wire what became of it.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+
+from splatbus_conformance.adapter import AdapterBroken
+from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.posing import (
+    ORDER,
+    Kind,
+    Off,
+    engine_of,
+    off,
+    read_pose,
+    rotation_budget,
+    why,
+)
+from splatbus_conformance.stress import Pose, poses
+
+COMMANDS: dict[Kind, str] = {
+    "camera_pose": "send_camera",
+    "point_cloud_pose": "send_object",
+}
+RESEND_SECONDS = 1.0
+"""A client that resends poses unasked shows a new one within this time."""
+OBSERVABLE = "the pose on the wire, against the oracle's for the pose that the engine was given"
+
+
+def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tuple[Pose, Pose, Off]]:
+    """Poses given to the engine, what came of each on the wire, and how far that is off."""
+    greeting = trial.greeting
+    engine, connection = engine_of(greeting, kind), trial.connection("msg")
+    salt = f"{trial.requirement.id} {kind}"
+    if trial.facts.speaks_1_1("msg"):
+        trial.wait(lambda: trial.role.with_(connection).welcome)
+    for pose in trial.cases(poses(salt, single=greeting.single), quick, full):
+        p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
+        size = trial.role.width, trial.role.height
+        for came in _arriving(trial, connection, kind, pose):
+            found = off(came, p, q, single=greeting.single, size=size)
+            if not found.far:
+                break
+        trial.delivered += 1
+        yield pose, came, found
+
+
+def _arriving(trial: ClientTrial, connection: Connection, kind: Kind, pose: Pose) -> Iterator[Pose]:
+    """The pose that comes when this one is to be sent; more of them, if it sends some unasked."""
+    heard = trial.role.with_(connection).heard
+    at = len(heard)
+    trial.ask(COMMANDS[kind], position=list(pose.position), rotation=list(pose.rotation))
+    first = True
+    while True:
+        found = None
+        seconds = trial.patience if first else RESEND_SECONDS
+        trial.wait(partial(_more, heard, at, connection), seconds)
+        if len(heard) > at:
+            found, at = heard[at], at + 1
+        elif first and connection.ended:
+            trial.not_observable("the testee closed the connection")
+        elif first:
+            raise AdapterBroken(f"it said that {pose} was taken, and no {kind} came")
+        else:
+            return
+        if found.get("type") == kind:
+            if (came := read_pose(found)) is None:
+                trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
+            yield came
+            if not trial.facts.poses:
+                return
+            first = False
+
+
+def _more(heard: list[Json], than: int, connection: Connection) -> bool:
+    return len(heard) > than or connection.ended is not None
+
+
+def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None:
+    """A pose that is another one than was given is a violation; one with fewer digits is none."""
+    for pose, came, found in sent(trial, kind, quick, full):
+        if found.far:
+            engine = engine_of(trial.greeting, kind)
+            reason = (
+                why(pose, came, engine)
+                or f"it is {found.angle:.3g} rad and {found.distance:.3g} of its distance away"
+            )
+            trial.violated(f"{COMMANDS[kind]} of {pose} became {came}: {reason}")
+
+
+@check("CNV-1", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+def check_camera_poses_are_camera_to_world(trial: ClientTrial) -> None:
+    """Camera poses in the engine's axes, near every edge of what is allowed."""
+    judge_mapping(trial, "camera_pose", 40, 1000)
+
+
+@check("CNV-2", observable=OBSERVABLE, needs=("msg", "adapter:send_object"))
+def check_object_poses_are_object_to_world(trial: ClientTrial) -> None:
+    """Poses of the splats in the engine's axes, near every edge of what is allowed."""
+    judge_mapping(trial, "point_cloud_pose", 40, 1000)
+
+
+@check("CNV-3", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+def check_quaternions_are_hamilton_with_w_last(trial: ClientTrial) -> None:
+    """Poses whose quaternion would be another with its members in another order or of other sign.
+
+    A pose that is wrong in another way is left to CNV-1.
+    """
+    for pose, came, found in sent(trial, "camera_pose", 20, 200):
+        if found.far:
+            reason = why(pose, came, engine_of(trial.greeting, "camera_pose"))
+            if reason == ORDER:
+                trial.violated(f"send_camera of {pose} became {came}: {reason}")
+            trial.not_observable(f"the pose that came is wrong in another way: {reason or came}")
+
+
+def judge_row(trial: ClientTrial) -> None:
+    """Cameras, and objects where the adapter can send them, by the engine's row of the table."""
+    judge_mapping(trial, "camera_pose", 30, 500)
+    if "send_object" in trial.greeting.can:
+        judge_mapping(trial, "point_cloud_pose", 30, 500)
+
+
+@check("CNV-4", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:unity"))
+def check_unity_s_row(trial: ClientTrial) -> None:
+    """Poses of cameras and of the splats, from Unity's axes."""
+    judge_row(trial)
+
+
+@check("CNV-5", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:unreal"))
+def check_unreal_s_row(trial: ClientTrial) -> None:
+    """Poses of cameras and of the splats, from Unreal's axes and centimetres."""
+    judge_row(trial)
+
+
+@check("CNV-6", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:blender"))
+def check_blender_s_rows(trial: ClientTrial) -> None:
+    """Poses of cameras by one row, and of the splats by the other, from Blender's axes."""
+    judge_row(trial)
+
+
+@check("CNV-7", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:opengl"))
+def check_opengl_s_row(trial: ClientTrial) -> None:
+    """Poses of cameras and of the splats, from OpenGL's axes, world and camera."""
+    judge_row(trial)
+
+
+@check("ACC-1", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
+    """Camera poses whose numbers need all their digits; what is lost is told in pixels too.
+
+    Where the mapping only moves and negates numbers they arrive as they were; elsewhere its own
+    rounding (ACC-7) is allowed for.
+    """
+    engine = engine_of(trial.greeting, "camera_pose")
+    quaternions = rotation_budget(trial.greeting, "camera_pose")
+    for pose, _, found in sent(trial, "camera_pose", 60, 1500):
+        budget = 0.0 if engine.scale == 1 else 2.0
+        _measure(trial, pose, found, budget, 2 * quaternions)
+    trial.expect_within_budgets()
+
+
+@check("ACC-7", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+def check_axes_change_exactly_on_the_way_out(trial: ClientTrial) -> None:
+    """Camera poses from the engine's axes to the wire's: positions exact, or within half an ULP
+    where they are scaled; quaternions within 4u.
+    """
+    engine = engine_of(trial.greeting, "camera_pose")
+    quaternions = rotation_budget(trial.greeting, "camera_pose")
+    for pose, _, found in sent(trial, "camera_pose", 60, 1500):
+        _measure(trial, pose, found, 0.0 if engine.scale == 1 else 0.5, quaternions)
+    trial.expect_within_budgets()
+
+
+def _measure(
+    trial: ClientTrial, pose: Pose, found: Off, position_budget: float, rotation_budget: float
+) -> None:
+    words = str(pose)
+    trial.measured("position", found.position, position_budget, "ULP", words)
+    trial.measured("quaternion", found.rotation, rotation_budget, "u", words)
+    trial.measured("angle", found.angle, None, "rad", words)
+    width, height = trial.role.width, trial.role.height
+    trial.measured(f"image of {width}x{height}", found.pixels, None, "px", words)

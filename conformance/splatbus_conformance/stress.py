@@ -1,0 +1,115 @@
+"""Poses that are hard on arithmetic: near every edge of what the standard allows."""
+
+import math
+import random
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+
+NORM_SLACK = 0.0095
+"""Short of the 0.01 of POS-3, so that rounding does not step over it."""
+HALF = math.sqrt(0.5)
+
+
+class Pose(NamedTuple):
+    """A position, and a quaternion x, y, z, w; in whatever axes."""
+
+    position: tuple[float, ...]
+    rotation: tuple[float, ...]
+
+    def __str__(self) -> str:
+        return f"position {_words(self.position)}, rotation {_words(self.rotation)}"
+
+
+def poses(salt: str, *, single: bool = False) -> st.SearchStrategy[Pose]:
+    """Poses of every kind; others for another `salt`, exact in single precision if so asked."""
+    kinds = st.tuples(st.sampled_from(POSITIONS), st.sampled_from(ROTATIONS))
+    return st.builds(
+        lambda kind, seed: _pose(kind[0], kind[1], random.Random(f"{salt} {seed}"), single),
+        kinds,
+        st.integers(0, 2**32 - 1),
+    )
+
+
+def _pose(
+    position: Callable[[random.Random], Sequence[float]],
+    rotation: Callable[[random.Random], Sequence[float]],
+    rng: random.Random,
+    single: bool,
+) -> Pose:
+    held = np.float32 if single else np.float64
+    return Pose(
+        tuple(float(held(number)) for number in position(rng)),
+        tuple(float(held(number)) for number in rotation(rng)),
+    )
+
+
+def _words(numbers: Sequence[float]) -> str:
+    return f"({', '.join(map(repr, numbers))})"
+
+
+# Positions
+
+
+def _each(magnitude: Callable[[random.Random], float]) -> Callable[[random.Random], list[float]]:
+    return lambda rng: [rng.choice((-1, 1)) * magnitude(rng) for _ in range(3)]
+
+
+def _alike(rng: random.Random) -> list[float]:
+    scale = 10 ** rng.uniform(-3, 9)
+    return [rng.uniform(-scale, scale) for _ in range(3)]
+
+
+POSITIONS = (
+    _alike,
+    _each(lambda rng: 10 ** rng.uniform(-3, 9)),
+    _each(lambda rng: float(np.float32(10 ** rng.uniform(-3, 9)))),
+    _each(lambda rng: float(rng.randrange(10**9))),
+    _each(lambda rng: rng.randrange(1, 2**20) * 2.0**-149),
+    _each(lambda rng: rng.choice((0.0, 1e-3, 0.1, 1.0, 1e9, 2.0**-1074))),
+)
+
+
+# Rotations
+
+
+def _unit(numbers: Sequence[float]) -> list[float]:
+    norm = math.hypot(*numbers)
+    return [number / norm for number in numbers]
+
+
+def _any(rng: random.Random) -> list[float]:
+    return _unit([rng.gauss(0, 1) for _ in range(4)])
+
+
+def _off_norm(rng: random.Random) -> list[float]:
+    norm = rng.choice((rng.uniform(1 - NORM_SLACK, 1 + NORM_SLACK), 1 + rng.gauss(0, 1e-7)))
+    return [norm * number for number in _any(rng)]
+
+
+def _half_turn(rng: random.Random) -> list[float]:
+    almost = rng.choice((0.0, -0.0, rng.choice((-1, 1)) * 10 ** rng.uniform(-18, -3)))
+    return _unit([*_axis(rng), almost])
+
+
+def _near_identity(rng: random.Random) -> list[float]:
+    small = 10 ** rng.uniform(-18, -3)
+    return _unit([*(small * number for number in _axis(rng)), rng.choice((-1.0, 1.0))])
+
+
+def _with_zeros(rng: random.Random) -> list[float]:
+    numbers = rng.choice(
+        ([1.0, 0.0, -0.0, 0.0], [HALF, HALF, 0.0, -0.0], [0.5] * 4, [0.6, 0.8, -0.0, 0.0])
+    )
+    signed = [rng.choice((-1, 1)) * number for number in numbers]
+    rng.shuffle(signed)
+    return signed
+
+
+def _axis(rng: random.Random) -> list[float]:
+    return _unit([rng.gauss(0, 1) for _ in range(3)])
+
+
+ROTATIONS = (_any, _off_norm, _half_turn, _near_identity, _with_zeros)
