@@ -28,6 +28,8 @@ class Replay(NamedTuple):
 
     broken: str | None
     """What the testee did that is not accepted; None if it did nothing of the kind."""
+    skipped: str
+    """Why nothing can be said, if nothing can."""
     trial: Trial
     transcript: tuple[str, ...]
 
@@ -44,18 +46,19 @@ def replay(stand: Stand, script: Script) -> Replay:
     trial = stand.trial(requirements("1.1")[check.check.requirement])
     trial.profile, trial.script = script.profile, script.cases
     broken: str | None = None
+    skipped = ""
     try:
         check(trial)
     except Violation as violation:
         broken = str(violation)
-    except pytest.skip.Exception:
-        pass
+    except pytest.skip.Exception as skip:
+        skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
     entries = list(stand.peer.entries)
     if script.by_rule:
         found = (s for s in sightings(entries) if s.breach and s.peer == script.side)
         broken = next((s.breach for s in found if s.requirement == script.requirement), None)
-    return Replay(broken, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
+    return Replay(broken, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
 
 
 def worked_out(stand: Stand, script: Script, seconds: float) -> Script:
