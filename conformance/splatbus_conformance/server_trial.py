@@ -88,6 +88,20 @@ class ServerTrial(Trial):
             self.rest(0.05)
         return connection, _answer(heard)
 
+    def ready(self, channel: Channel, **changes: object) -> Connection:
+        """A new connection that was given `welcome`, with memory open if the server gives any."""
+        connection = self.greeted(channel, **changes)
+        if channel == "ipc" and self.facts.opens:
+            dealings = self.viewer.with_(connection)
+            self.wait(lambda: dealings.memory or dealings.refusal or connection.ended)
+        return connection
+
+    def outcome(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on a connection of either channel, by that channel's control."""
+        if connection.channel == "ipc":
+            return self.outcome_on_ipc(connection, *scripts)
+        return self.outcome_on_msg(connection, *scripts)
+
     def reading(self, **changes: object) -> Connection:
         """A new IPC connection on which images are announced and their memory is open here."""
         connection = self.greeted("ipc", **changes)

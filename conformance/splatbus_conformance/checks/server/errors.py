@@ -1,0 +1,197 @@
+"""Checks on `error`, and on requests after `hello` (spec 1.1 sections 2.5 and 2.6)."""
+
+from typing import Any, NamedTuple
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
+from splatbus_conformance.messages import Json, camera_pose, encode, hello
+from splatbus_conformance.packets import packet
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.values import SAFE, integer_in, whole
+
+
+class Fault(NamedTuple):
+    """Something wrong to send."""
+
+    channel: Channel
+    what: str
+    script: bytes
+
+
+def said(channel: Channel, what: str, message: Json) -> Fault:
+    """A fault in a message."""
+    return Fault(channel, what, packet(encode(message)))
+
+
+FOR_THE_HEADER = {
+    "a header that announces nothing": 0,
+    "a header beyond the limit": LIMITS["max_payload_bytes"] + 1,
+}
+IN_HEADERS = [
+    Fault(channel, what, length.to_bytes(4, "little"))
+    for channel in ("msg", "ipc")
+    for what, length in FOR_THE_HEADER.items()
+]
+IN_TEXT = [
+    Fault(channel, what, packet(payload))
+    for channel in ("msg", "ipc")
+    for what, payload in {
+        "a brace": b"{",
+        "an array": b"[1]",
+        "a number that is not finite": b'{"type":"camera_pose","timestamp":1e999}',
+    }.items()
+]
+IN_MESSAGES = [
+    said("msg", "no type", {}),
+    said("msg", "an unknown type", {"type": "weather_report"}),
+    said("msg", "a pose without members", {"type": "camera_pose"}),
+    said("msg", "a rotation of norm 2", camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))),
+    said("msg", "a position beyond single precision", camera_pose((1e39, 0.0, 0.0))),
+    said("msg", "a subscription on the message channel", {"type": "subscribe", "channels": []}),
+    said("msg", "a request without cam_idx", {"type": "get_camera_pose", "id": 1}),
+    said("msg", "a second hello", hello([])),
+    said("ipc", "an unknown type", {"type": "weather_report"}),
+    said("ipc", "opened without generation", {"type": "opened"}),
+    said("ipc", "opened of another generation", {"type": "opened", "generation": 2**40}),
+    said("ipc", "release of what is not held", {"type": "release", "generation": 1, "seq": 2**40}),
+    said("ipc", "subscribe to smells", {"type": "subscribe", "channels": ["smell"]}),
+    said("ipc", "a pose on the IPC channel", camera_pose()),
+    said("ipc", "a second hello", hello(["host_shm"])),
+]
+
+
+@check("NEG-22", observable="what a server says to faults before hello")
+def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
+    """Every fault that a server may report later, and a `hello` that nobody can read."""
+    broken = packet(encode(hello([]))[:-1])
+    faults = [*IN_TEXT, *IN_MESSAGES, *IN_HEADERS]
+    unread = [Fault("msg", "half a hello", broken), Fault("ipc", "half a hello", broken)]
+    for channel, what, script in trial.each(listed=[f for f in unread + faults if no_hello(f)]):
+        connection = trial.dial(channel)
+        connection.send(script)
+        if channel == "msg":
+            trial.answers(connection)
+        errors = trial.viewer.with_(connection).errors()
+        if channel == "ipc":
+            trial.wait(lambda: errors or connection.ended, 0.03)  # noqa: B023
+        errors = trial.viewer.with_(connection).errors()
+        trial.expect(not errors, f"{channel}: {what}: error {', '.join(errors)} before hello")
+        connection.close()
+        trial.delivered += 1
+    trial.expect(trial.serves(), "a new connection is not served")
+
+
+def no_hello(fault: Fault) -> bool:
+    """Whether a connection on which this was said has still said no hello."""
+    return fault.what != "a second hello"
+
+
+@check(
+    "NEG-25",
+    observable="the end of the connection after an error",
+    needs=("1.1",),
+    may_crash=True,
+)
+def check_closes_after_an_error_that_ends(trial: ServerTrial) -> None:
+    """Headers that break FRM-2, and a version that nobody speaks; judged where an error comes."""
+    errors = 0
+    for channel, what, script in trial.each(listed=IN_HEADERS):
+        connection = trial.greeted(channel)
+        dealings = trial.viewer.with_(connection)
+        connection.send(script)
+        trial.wait(lambda: dealings.errors() or connection.ended)  # noqa: B023
+        if codes := [code for code in dealings.errors() if code in CLOSING_ERRORS]:
+            outcome = "closes" if trial.ends(connection) else "waits"
+            trial.judge(outcome, f"{channel}: {what}, {codes[0]}")
+            errors += 1
+        connection.close()
+    for channel in ("msg", "ipc"):
+        connection, answer = trial.answered(channel, versions=["4000.0"])
+        if (answer or {}).get("type") == "error":
+            outcome = "closes" if trial.ends(connection) else "waits"
+            trial.judge(outcome, f"{channel}: unsupported_version")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error after which it closes")
+    trial.delivered += errors
+
+
+@check("NEG-26", observable="the connection goes on after an error", needs=("1.1",))
+def check_goes_on_after_an_error(trial: ServerTrial) -> None:
+    """Faults in texts and messages; judged where an error comes."""
+    errors = 0
+    for channel, what, script in trial.each(listed=[*IN_TEXT, *IN_MESSAGES]):
+        connection = trial.ready(channel)
+        dealings = trial.viewer.with_(connection)
+        outcome = trial.outcome(connection, script)
+        codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
+        goes_on = outcome in ("ignores", "reports", "replies")
+        told = f"{channel}: {what}: error {', '.join(codes)}, then"
+        trial.expect(goes_on or not codes, f"{told} the connection did not go on")
+        errors += len(codes)
+        connection.close()
+    errors += one_too_many_poses(trial)
+    if not errors:
+        trial.not_observable("the server sends no error after which a connection goes on")
+
+
+def one_too_many_poses(trial: ServerTrial) -> int:
+    """A second client poses: it may be told `busy`, and is answered none the less."""
+    trial.move()
+    second = trial.greeted("msg")
+    dealings = trial.viewer.with_(second)
+    outcome = trial.outcome(second, packet(encode(camera_pose())))
+    codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
+    goes_on = outcome in ("ignores", "reports", "replies")
+    trial.expect(goes_on or not codes, f"a second client: error {codes}, then nothing went on")
+    return len(codes)
+
+
+@check("NEG-29", observable="answers come in order, one each, after hello", needs=("1.1",))
+def check_answers_each_request_in_order(trial: ServerTrial) -> None:
+    """Requests with and without ids, good ones and others that break REQ-2, many at a time."""
+    ids = st.none() | st.integers(0, LIMITS["max_safe_integer"])
+    good = st.builds(request, ids, st.none() | st.integers(-(2**31), 2**31))
+    bad = st.builds(request, ids, st.sampled_from(("0", 0.5, True, None, [0], 2**60)))
+    requests = st.lists(good | good | bad, min_size=1, max_size=20)
+    connection = trial.greeted("msg")
+    for asked in trial.each(drawn=requests, quick=20, full=1000):
+        if connection.ended:
+            connection = trial.greeted("msg")
+        heard = trial.viewer.with_(connection).heard
+        before = len(heard)
+        connection.send(b"".join(packet(encode(each)) for each in asked))
+        trial.wait(lambda: len(heard) - before >= len(asked) or connection.ended)  # noqa: B023
+        answers = heard[before:]
+        for number, each in enumerate(asked):
+            if len(answers) == number and connection.ended and not is_good(each):
+                break
+            trial.expect(len(answers) > number, f"{encode(each).decode()} was not answered")
+            expect_answer(trial, each, answers[number])
+        trial.delivered += 1
+
+
+def request(id: int | None, index: Any) -> Json:
+    """A request for the size if there is no index, else for a camera."""
+    added: Json = {} if id is None else {"id": id}
+    if index is None:
+        return VIEWPORT_REQUEST | added
+    return {"type": "get_camera_pose", "cam_idx": index} | added
+
+
+def is_good(asked: Json) -> bool:
+    """Whether a request breaks no rule."""
+    return integer_in(asked.get("cam_idx", 0), -SAFE)
+
+
+def expect_answer(trial: ServerTrial, asked: Json, answer: Json) -> None:
+    """The answer is a reply to this request, or an error that names it if it has an id."""
+    text, kind = encode(asked).decode(), answer.get("type")
+    reply = "camera" if "cam_idx" in asked else "viewport_size"
+    trial.expect(kind in (reply, "error"), f"{text} was answered by {kind}")
+    named = whole(answer.get("id"))
+    trial.expect(named in (None, asked.get("id")), f"{text} was answered by one with id {named}")

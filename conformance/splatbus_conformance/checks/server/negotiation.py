@@ -1,0 +1,180 @@
+"""Checks on how a server answers `hello` (spec 1.1 sections 2.1 to 2.3)."""
+
+from itertools import combinations
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.kinds import CAPABILITIES, CLIENT_1_0, CLIENT_1_1
+from splatbus_conformance.messages import encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import show, strings
+
+VERSIONS = ("1.1", "1.0")
+ON_IPC = CAPABILITIES["ipc"]
+CHANNEL = st.sampled_from(CHANNELS)
+UNSPOKEN = st.builds("{}.{}".format, st.integers(4000, 10**30), st.integers(0, 10**30))
+"""Versions that nobody speaks yet."""
+LETTERS = "abcdefghijklmnopqrstuvwxyz_"
+
+
+def offers() -> list[tuple[Channel, tuple[str, ...]]]:
+    """Every set of capabilities, on either channel."""
+    return [
+        (channel, offer)
+        for channel in CHANNELS
+        for count in range(len(ON_IPC) + 1)
+        for offer in combinations(ON_IPC, count)
+    ]
+
+
+def spoken(trial: ServerTrial) -> list[str]:
+    """The versions that the server welcomes when nothing else is offered."""
+    return [version for version in VERSIONS if named(trial, "msg", [version]) == version]
+
+
+def named(trial: ServerTrial, channel: Channel, versions: list[str]) -> object:
+    """The version that `welcome` names after a hello that lists these; None without `welcome`."""
+    connection, answer = trial.answered(channel, versions=versions)
+    connection.close()
+    return (answer or {}).get("version")
+
+
+@check("NEG-6", observable="the version that welcome names, for many lists", needs=("1.1",))
+def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
+    """Lists of up to 16 versions, of which the server speaks one or two, in any order."""
+    speaks = spoken(trial)
+    strangers = st.lists(UNSPOKEN, max_size=LIMITS["max_versions"] - len(VERSIONS))
+    known = st.lists(st.sampled_from(speaks), min_size=1, unique=True)
+    lists = st.tuples(known, strangers).flatmap(lambda both: st.permutations(both[0] + both[1]))
+    for channel, versions in trial.each(drawn=st.tuples(CHANNEL, lists), quick=25, full=1000):
+        first = next(version for version in versions if version in speaks)
+        found = named(trial, channel, versions)
+        what = f"{channel}: of {', '.join(versions)[:80]} it speaks {first} first"
+        trial.expect(found is not None, f"{what}, and it sent no welcome")
+        trial.expect(found == first, f"{what}, and welcome names {found}")
+        trial.delivered += 1
+
+
+@check("NEG-7", observable="the capabilities of welcome, for every set offered", needs=("1.1",))
+def check_grants_what_both_have(trial: ServerTrial) -> None:
+    """Offers everything first; what is granted then is what the server has."""
+    has = {channel: granted(trial, channel, ON_IPC) for channel in CHANNELS}
+    for channel, offer in trial.each(listed=offers()):
+        found, both = granted(trial, channel, offer), has[channel] & set(offer)
+        trial.expect(
+            found == both,
+            f"{channel}: it has {listing(has[channel])}, was offered {listing(offer)}, and "
+            f"granted {listing(found)}",
+        )
+        trial.delivered += 1
+
+
+def granted(trial: ServerTrial, channel: Channel, offer: tuple[str, ...]) -> set[str]:
+    """The capabilities of `welcome` after a hello that lists these."""
+    connection, answer = trial.answered(channel, capabilities=list(offer))
+    trial.expect(answer, f"{channel}: a hello that offers {listing(offer)} got no welcome")
+    connection.close()
+    return set(trial.viewer.with_(connection).granted)
+
+
+def listing(names: object) -> str:
+    """Names in words."""
+    return ", ".join(sorted(names)) or "nothing"  # type: ignore[call-overload]
+
+
+@check("NEG-8", observable="welcome and images are as without the unknown ones", needs=("1.1",))
+def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
+    """`hello` lists capabilities of another time among the real ones, up to 64 in all."""
+    offered = trial.viewer.capabilities["ipc"]
+    most, longest = LIMITS["max_capabilities"], LIMITS["max_name_chars"]
+    unknown = st.text(max_size=longest).filter(lambda name: name not in ON_IPC)
+    names = st.lists(unknown, min_size=1, max_size=most - len(offered), unique=True)
+    orders = names.flatmap(lambda strange: st.permutations([*strange, *offered]))
+    for capabilities in trial.each(drawn=orders, quick=10, full=500):
+        what = f"a hello that lists {len(capabilities) - len(offered)} unknown capabilities"
+        connection, answer = trial.answered("ipc", capabilities=capabilities)
+        trial.expect(answer and answer["type"] == "welcome", f"{what} was given no welcome")
+        found = set(trial.viewer.with_(connection).granted)
+        trial.expect(found == set(trial.facts.capabilities()), f"{what} was given {listing(found)}")
+        connection.close()
+        connection = trial.ready("ipc", capabilities=capabilities)
+        outcome = trial.outcome(connection)
+        trial.judge("accepts" if outcome == "ignores" else outcome, what)
+        connection.close()
+
+
+@check("NEG-9", observable="the server goes on after messages of unknown types", needs=("1.1",))
+def check_ignores_unknown_types(trial: ServerTrial) -> None:
+    """Messages of types that nobody knows, after `hello` on either channel."""
+    names = st.text(LETTERS, min_size=12, max_size=30) | st.text(max_size=100).filter(
+        lambda name: name not in (*CLIENT_1_0, *CLIENT_1_1)
+    )
+    values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)
+    messages = st.builds(lambda kind, rest: {**rest, "type": kind}, names, values)
+    ready: dict[Channel, Connection] = {}
+    for channel, message in trial.each(drawn=st.tuples(CHANNEL, messages), quick=30, full=1500):
+        if channel not in ready or ready[channel].ended:
+            ready[channel] = trial.ready(channel)
+        outcome = trial.outcome(ready[channel], packet(encode(message)))
+        trial.judge(outcome, f"a message of type {message['type']!r} on the {channel} channel")
+
+
+@check("NEG-10", observable="the error, and the end of the connection", needs=("1.1",))
+def check_refuses_unknown_versions(trial: ServerTrial) -> None:
+    """Lists of versions that nobody speaks yet."""
+    lists = st.lists(UNSPOKEN, min_size=1, max_size=LIMITS["max_versions"])
+    speaks = set(spoken(trial))
+    for channel, versions in trial.each(drawn=st.tuples(CHANNEL, lists), quick=10, full=500):
+        connection, answer = trial.answered(channel, versions=versions)
+        what = f"{channel}: a hello that lists {', '.join(versions)[:60]}"
+        code = (answer or {}).get("code", "welcome" if answer else "no error")
+        trial.expect(code == "unsupported_version", f"{what} got {code}, not unsupported_version")
+        listed = strings((answer or {}).get("supported")) or []
+        trial.expect(listed, f"{what} was not told what is supported")
+        unlisted = speaks - set(listed)
+        trial.expect(not unlisted, f"{what} was not told of {listing(unlisted)}, which it speaks")
+        trial.expect(trial.ends(connection), f"{what} was refused, and not closed")
+        trial.delivered += 1
+
+
+@check("NEG-11", observable="no init packet comes before it is wanted", needs=("1.1",))
+def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> None:
+    """Connections without `hello`, and with one that does not list `host_shm`."""
+    memory = (trial.facts.init_packet or {}).get("memory")
+    if not isinstance(memory, dict) or memory.get("kind") != "host_shm":
+        trial.not_observable("the server announces no memory of the host")
+    others = [name for name in ON_IPC if name not in ("host_shm", "cuda_ipc")]
+    waiting = [
+        ("before hello", trial.dial("ipc")),
+        ("after a hello that lists nothing", trial.greeted("ipc", capabilities=[])),
+        (f"after a hello that lists {listing(others)}", trial.greeted("ipc", capabilities=others)),
+    ]
+    for moment, connection in waiting:
+        dealings = trial.viewer.with_(connection)
+        trial.wait(lambda: dealings.init_packets, REACTION_SECONDS)  # noqa: B023
+        trial.expect(not dealings.init_packets, f"an init packet {moment}")
+    trial.ready("ipc")
+    trial.judge("waits", "connections that cannot open memory of the host")
+    trial.delivered += len(waiting)
+
+
+@check("NEG-15", observable="the first packet on a silent connection", needs=("1.1",))
+def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
+    """A connection on which nothing is said, to a server that announces CUDA memory."""
+    greeted = trial.viewer.with_(trial.greeted("ipc", capabilities=list(ON_IPC)))
+    trial.wait(lambda: greeted.init_packets)
+    memory = (greeted.init_packets or [trial.facts.init_packet or {}])[0].get("memory")
+    if not (trial.facts.at_once or (isinstance(memory, dict) and memory["kind"] == "cuda_ipc")):
+        trial.not_observable("the server announces no CUDA memory")
+    silent = trial.viewer.with_(trial.dial("ipc"))
+    trial.wait(lambda: silent.heard)
+    trial.expect(silent.init_packets, "no init packet came before hello")
+    version = silent.heard[0].get("version")
+    trial.expect(version == "1.1", f"the version of its init packet is {show(version)}")
+    trial.delivered += 1
