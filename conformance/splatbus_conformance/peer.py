@@ -33,6 +33,8 @@ class Connection:
         self.channel = channel
         self.number = number
         self.opened = time.monotonic()
+        self.port: int = sock.getsockname()[1]
+        """The port at this end."""
         self.testee_port: int = sock.getpeername()[1]
         """The port at the testee's end."""
         self.packets: list[Packet] = []

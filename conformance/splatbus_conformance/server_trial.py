@@ -1,6 +1,10 @@
 """A trial of a server: the harness plays its clients."""
 
+import contextlib
 import itertools
+import os
+import signal
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from splatbus_schemas.requirements import Requirement
@@ -9,9 +13,10 @@ from splatbus_conformance.lenient_json import read
 from splatbus_conformance.memory_reading import Pixels
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection, Peer
+from splatbus_conformance.processes import owner
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import ServerFacts, reach
-from splatbus_conformance.testee import Testee
+from splatbus_conformance.testee import Ended, Launched, Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
 from splatbus_conformance.values import numbers
 from splatbus_conformance.viewer import Viewer
@@ -111,6 +116,34 @@ class ServerTrial(Trial):
         if dealings.memory is None:
             self.not_observable(f"the memory cannot be opened here: {dealings.refusal}")
         return connection
+
+    @contextlib.contextmanager
+    def relaunched(self, **environment: str) -> Iterator[None]:
+        """The server is launched anew with these variables, and as usual afterwards."""
+        testee = self.testee
+        if not isinstance(testee, Launched):
+            self.not_observable("only a server that the harness launches can be launched anew")
+        self.peer.close_all()
+        self._mover = None
+        try:
+            testee.add_to_environment(environment)
+            yield
+        finally:
+            self.peer.close_all()
+            testee.add_to_environment({})
+            self.viewer.token = None
+
+    def kill(self, connection: Connection) -> Ended:
+        """Kill the process at the other end of a connection, as a user does who is in a hurry."""
+        process = owner(connection.testee_port, connection.port)
+        if process is None or not self.testee.expendable:
+            self.not_observable("the process that serves cannot be found here, or not be killed")
+        os.kill(process, signal.SIGKILL)
+        self.wait(self.testee.ended)
+        ended = self.testee.ended()
+        if ended is None:
+            self.not_observable("the launched command outlives the process that serves")
+        return ended
 
     # Asking
 

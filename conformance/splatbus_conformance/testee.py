@@ -61,6 +61,7 @@ class Launched:
         # Windows splits command lines itself, and by rules of its own.
         self._command = shlex.split(command) if os.name == "posix" else command
         self._environment = {**os.environ, **environment}
+        self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
         file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
         os.close(file)
@@ -73,12 +74,17 @@ class Launched:
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
                 self._command,
-                env=self._environment,
+                env={**self._environment, **self._added},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
         return True
+
+    def add_to_environment(self, added: Mapping[str, str]) -> None:
+        """End it; from now on it is started with these variables beside the usual ones."""
+        self.stop()
+        self._added = added
 
     def ended(self) -> Ended | None:
         """How it ended, or None while it runs."""
