@@ -53,6 +53,13 @@ def test_what_has_no_sign_of_a_reply_is_a_broken_one() -> None:
     assert [p.answer.value for p in found.pairs] == [{"size": [1, 2]}]
 
 
+def test_1_0_knows_no_ids() -> None:
+    first = {**ASK_SIZE, "id": {"of": "mine"}}
+    found = matched(client(first), client(ASK_SIZE), server(SIZE), server(SIZE))
+    assert [(p.question.value, p.late) for p in found.pairs] == [(first, 0), (ASK_SIZE, 0)]
+    assert not found.extra
+
+
 def test_ids_decide_between_requests_of_one_kind() -> None:
     first, second = {**ASK_SIZE, "id": 1}, {**ASK_SIZE, "id": 2}
     found = matched(*GREETING, client(first), client(second), server({**TYPED_SIZE, "id": 2}))

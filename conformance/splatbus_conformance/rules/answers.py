@@ -66,8 +66,8 @@ class _Pending(NamedTuple):
 
     @property
     def id(self) -> Id:
-        """Its id."""
-        return _id(self.question)
+        """Its id; 1.0 knows none."""
+        return _id(self.question) if self.after_hello else None
 
 
 @dataclass
@@ -144,7 +144,8 @@ def exchanges(conversation: Conversation) -> Exchanges:
         if message.sender == "client":
             cause = message
             if valid_request(message):
-                queue.add(_Pending(message, _certain(message), hello is not None))
+                certain = _certain(message, after_hello=hello is not None)
+                queue.add(_Pending(message, certain, hello is not None))
             continue
         if message.kind == "error" and hello is None:
             continue
@@ -199,6 +200,7 @@ def _id(message: Message) -> Id:
     return show(value["id"]) if number is None and "id" in value else number
 
 
-def _certain(message: Message) -> bool:
+def _certain(message: Message, *, after_hello: bool) -> bool:
     value = message.value or {}
-    return is_number(value.get("timestamp", 0)) and integer_in(value.get("id", 0), 0)
+    numbered = not after_hello or integer_in(value.get("id", 0), 0)
+    return is_number(value.get("timestamp", 0)) and numbered
