@@ -21,6 +21,8 @@ MOST_CAMERAS = 64
 class ServerFacts:
     """What the server showed of itself when it was first met."""
 
+    listens: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, True))
+    """It accepts connections on that channel."""
     welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
     init_packet: Json | None = None
     """The first that a client of 1.1 was sent, or else a client of 1.0."""
@@ -64,22 +66,25 @@ class ServerFacts:
 def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> ServerFacts:
     """Meet the server as a well-behaved client of 1.0, then of 1.1.
 
-    Raises NoVerdict if it does not accept connections on both channels within `patience` seconds.
+    Raises NoVerdict if it accepts no connections on either channel within `patience` seconds.
     """
     peer.clear()
     peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
     testee.ensure_running()
-    for channel in CHANNELS:
-        if reach(peer, testee, channel, patience) is None:
-            raise NoVerdict(_why_nothing(peer, testee, channel, patience))
     facts = ServerFacts()
-    old_ipc, old_msg = peer.connections[0], peer.connections[-1]
-    viewer.ask(old_msg, {"type": "get_viewport_size"})
-    peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
-    peer.until(lambda: old_ipc.packets or testee.ended(), 0.2)
-    facts.at_once = bool(viewer.with_(old_ipc).init_packets)
+    old = {channel: reach(peer, testee, channel, patience) for channel in CHANNELS}
+    facts.listens = {channel: connection is not None for channel, connection in old.items()}
+    if not any(facts.listens.values()):
+        raise NoVerdict(_why_nothing(peer, testee, patience))
+    if (old_msg := old["msg"]) is not None:
+        viewer.ask(old_msg, {"type": "get_viewport_size"})
+        peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
+    if (old_ipc := old["ipc"]) is not None:
+        peer.until(lambda: old_ipc.packets or testee.ended(), 0.2)
+        facts.init_packet = next(iter(viewer.with_(old_ipc).init_packets), None)
+        facts.at_once = facts.init_packet is not None
     peer.close_all()
-    for channel in CHANNELS:
+    for channel in (channel for channel in CHANNELS if facts.listens[channel]):
         connection = reach(peer, testee, channel, patience)
         if connection is None:
             continue
@@ -90,10 +95,9 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         facts.unauthorized |= "unauthorized" in dealings.errors()
         if channel == "ipc" and dealings.welcome:
             peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
-            facts.init_packet = next(iter(dealings.init_packets), None)
+            facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
             facts.opens = dealings.memory is not None
             facts.renders = bool(dealings.frames)
-    facts.init_packet = facts.init_packet or next(iter(viewer.with_(old_ipc).init_packets), None)
     meta = (facts.init_packet or {}).get("meta", {})
     facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
     peer.close_all()
@@ -115,11 +119,11 @@ def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Conne
     return found[0] if found else None
 
 
-def _why_nothing(peer: Peer, testee: Testee, channel: Channel, patience: float) -> str:
-    where = f"{peer.host}:{peer.ports[channel]}"
-    text = f"nothing listens on {where}, the {channel} channel, after {patience:g} s"
+def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
+    where = " and ".join(f"{peer.host}:{peer.ports[channel]}" for channel in CHANNELS)
+    text = f"nothing listens on {where} after {patience:g} s"
     if ended := testee.ended():
-        text = f"nothing listens on {where}, the {channel} channel: the server {ended}"
+        text = f"nothing listens on {where}: the server {ended}"
     if output := testee.output().strip():
         text += "; the last that it printed:\n" + output
     return text + (

@@ -75,6 +75,10 @@ class Steering:
             self.trial.not_observable("no frame says with which camera it was rendered")
         return seen[-1]
 
+    def shows_now(self, pose: Json) -> bool:
+        """Whether the newest frame shows a pose."""
+        return self.now().shows(camera_of(pose))
+
     def shows(self, connection: Connection, pose: Json, payload: bytes | None = None) -> bool:
         """Send a valid pose, spelled so, until a frame shows it; whether one does in time."""
         wanted, before = camera_of(pose), self.count

@@ -29,6 +29,8 @@ class Dealings:
     """What the last init packet announced, mapped."""
     refusal: str = ""
     """Why that could not be opened."""
+    holds: bool = False
+    """Frames on this connection are not given back."""
 
     def errors(self) -> list[str]:
         """The codes of the errors that were heard, in order."""
@@ -77,7 +79,7 @@ class Viewer:
             dealings.welcome = dealings.welcome or message
         elif connection.channel == "ipc" and kind == "frame":
             dealings.frames.append(message)
-            if self.releases:
+            if self.releases and not dealings.holds:
                 self.release(connection, message)
         elif connection.channel == "ipc" and kind is None and "meta" in message:
             dealings.init_packets.append(message)

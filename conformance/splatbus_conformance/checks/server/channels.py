@@ -1,0 +1,235 @@
+"""Checks on the channels of servers and their life (spec 1.0 chapter 3)."""
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.broken_text import broken_texts
+from splatbus_conformance.checks import check
+from splatbus_conformance.messages import encode
+from splatbus_conformance.misdeeds import (
+    CROWD,
+    MISDEEDS,
+    MISDEEDS_OF_READERS,
+    Misdeed,
+    crowd,
+)
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.steering import Steering
+from splatbus_conformance.trial import REACTION_SECONDS
+
+BURST = 200
+FURTHER = 12
+"""More connections than most servers keep on a channel."""
+NOBODYS: tuple[bytes, ...] = (
+    encode({"type": "weather_report", "sunny": True}),
+    encode({"type": "release", "generation": 1, "seq": 1}),
+    encode({"type": "subscribe", "channels": ["color"]}),
+    encode(VIEWPORT_REQUEST),
+    encode({"hello": "there"}),
+    b"\x00",
+    b" " * LIMITS["max_payload_bytes"],
+    *(text.payload for text in broken_texts({"type": "weather_report", "sunny": True})[::9]),
+)
+"""Payloads on the IPC channel of 1.0, where no client says anything."""
+
+
+@check("CHN-1", observable="both ports accept connections, and the message channel answers")
+def check_offers_both_channels(trial: ServerTrial) -> None:
+    """A connection to each channel, the one beside the other."""
+    for channel in CHANNELS:
+        trial.expect(
+            trial.facts.listens[channel],
+            f"nothing listens on port {trial.peer.ports[channel]}, the {channel} channel",
+        )
+    ipc, msg = trial.dial("ipc"), trial.dial("msg")
+    trial.expect(trial.answers(msg), "no reply on the message channel")
+    trial.expect(not ipc.ended, "the IPC connection was ended")
+
+
+@check(
+    "CHN-4",
+    observable="every IPC connection is sent an init packet",
+    needs=("cuda",),
+)
+def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
+    """Client after client, on the IPC channel, which say nothing."""
+    for number in range(1, 6):
+        connection = trial.dial("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
+        trial.expect(dealings.init_packets, f"the IPC client number {number} got no init packet")
+        connection.close()
+        trial.delivered += 1
+
+
+@check(
+    "CHN-7",
+    observable="the IPC connection stays open, and says welcome to the hello that follows",
+    may_crash=True,
+)
+def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
+    """Messages that no client of 1.0 sends there, broken text, and the longest packet."""
+    connection = trial.dial("ipc")
+    for payload in trial.each(NOBODYS):
+        connection.send(packet(payload))
+        closed = trial.ends(connection, REACTION_SECONDS / 10)
+        outcome = trial.fate() or ("closes" if closed else "ignores")
+        trial.judge(outcome, f"{payload[:60]!r} on the IPC channel")
+        trial.delivered += 1
+    closed = trial.ends(connection, REACTION_SECONDS)
+    trial.judge(trial.fate() or ("closes" if closed else "ignores"), "all these on the IPC channel")
+
+
+@check("CHN-12", observable="a client on each channel is served while the other is there")
+def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
+    """Either channel first; then requests, and frames where there are any."""
+    orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
+    for first, second in orders:
+        trial.peer.close_all()
+        connections = {channel: trial.dial(channel) for channel in (first, second)}
+        what = f"beside a client on the {second} channel that came after one on the {first} channel"
+        trial.expect(trial.answers(connections["msg"]), f"no reply {what}")
+        if trial.facts.welcome["ipc"] is not None:
+            trial.viewer.greet(connections["ipc"])
+            dealings = trial.viewer.with_(connections["ipc"])
+            trial.wait(lambda: dealings.welcome or connections["ipc"].ended)  # noqa: B023
+            trial.expect(dealings.welcome, f"no welcome on the IPC channel {what}")
+        for channel, connection in connections.items():
+            trial.expect(not connection.ended, f"the {channel} connection was ended {what}")
+
+
+@check("CHN-13", observable="each further connection is answered, or it or another is closed")
+def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
+    """Twelve clients on the message channel, none of which goes."""
+    connections: list[Connection] = []
+    for number in trial.each(range(1, FURTHER + 1)):
+        connections.append(trial.dial("msg"))
+        newest = connections[-1]
+        served = trial.answers(newest)
+        if trial.fate() or not (served or newest.ended):
+            trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
+
+
+@check(
+    "CHN-13",
+    observable="each further connection hears something, or it is closed",
+    needs=("1.1",),
+)
+def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
+    """Twelve clients on the IPC channel, which say hello, and none of which goes."""
+    trial.greeted("ipc")
+    for number in trial.each(range(2, FURTHER + 1)):
+        connection = trial.dial("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.viewer.greet(connection)
+        trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
+        if trial.fate() or not (dealings.heard or connection.ended):
+            trial.judge(trial.fate() or "waits", f"client number {number} on the IPC channel")
+        trial.delivered += 1
+
+
+@check(
+    "CHN-14",
+    observable="another client is answered and sees a new image; the next client is served",
+    may_crash=True,
+)
+def check_others_are_served_whatever_one_does(trial: ServerTrial) -> None:
+    """One client on the message channel sends what it should not, or too little, does not read,
+    resets or vanishes.
+    """
+    judge_misdeeds(trial, "msg", MISDEEDS)
+
+
+@check(
+    "CHN-14",
+    observable="another client is answered and sees a new image; the next client is served",
+    may_crash=True,
+)
+def check_others_are_served_whatever_one_does_on_ipc(trial: ServerTrial) -> None:
+    """The same on the IPC channel, and what only a reader of images can do: hold a lease, or reset
+    while it does.
+    """
+    readers = MISDEEDS_OF_READERS if trial.facts.renders else ()
+    judge_misdeeds(trial, "ipc", (*MISDEEDS, *readers))
+
+
+@check(
+    "CHN-14",
+    observable="a client that was there is answered; after the crowd has gone, so is the next",
+    may_crash=True,
+)
+def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
+    """Eight clients on a channel that say nothing, and forty that come and go at once."""
+    for channel in CHANNELS:
+        witness = trial.dial("msg")
+        trial.expect(trial.answers(witness), "no reply on the message channel")
+        crowd(trial, channel)
+        trial.expect(
+            witness.ended or trial.answers(witness),
+            f"no reply beside {CROWD} idle clients on the {channel} channel",
+        )
+        trial.peer.close_all()
+        trial.expect(
+            trial.serves(), f"no reply after {CROWD} idle clients on the {channel} channel"
+        )
+
+
+@check("CHN-16", observable="every reply comes, and then the end of the stream")
+def check_answers_before_the_end(trial: ServerTrial) -> None:
+    """Requests in one write, and then the client's end of stream: one, three, and two hundred."""
+    request = packet(encode(VIEWPORT_REQUEST))
+    for count in trial.each((1, 3, BURST)):
+        connection = trial.dial("msg")
+        connection.send(request * count)
+        connection.end_stream()
+        closed = trial.ends(connection)
+        replies = len(trial.replies(connection))
+        what = f"{count} requests and the end of the stream"
+        trial.expect(replies == count, f"{replies} replies to {what}")
+        trial.expect(closed, f"the server kept the connection open after {what}")
+        trial.expect(connection.ended == "eof", f"the server reset the connection after {what}")
+        trial.delivered += 1
+
+
+def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed, ...]) -> None:
+    """Let one client misbehave, and see how the others fare.
+
+    A server may serve one client on a channel and close the former in favour of the next (CHN-13):
+    who is closed before the misdeed begins is no witness.
+    """
+    beside = serves_several(trial, channel)
+    witness = trial.dial("msg")
+    trial.expect(trial.answers(witness), "no reply on the message channel")
+    readable = trial.facts.renders and (channel == "msg" or beside)
+    steering = Steering(trial) if readable else None
+    watched = channel == "ipc" or beside
+    for misdeed in trial.each(misdeeds):
+        what = f"a client that {misdeed.what}, on the {channel} channel"
+        culprit = trial.dial(channel)
+        misdeed.commit(trial, culprit)
+        if watched:
+            trial.expect(trial.answers(witness), f"no reply beside {what}")
+            if steering:
+                since = steering.count
+                steering.nudged(witness)
+                trial.expect(steering.count > since, f"no new image beside {what}")
+        culprit.close()
+        if not watched:
+            trial.expect(trial.serves(), f"no reply after {what}")
+        trial.delivered += 1
+    trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
+
+
+def serves_several(trial: ServerTrial, channel: Channel) -> bool:
+    """Whether a channel keeps a client when the next comes."""
+    former, latter = trial.dial(channel), trial.dial(channel)
+    if channel == "msg":
+        several = trial.answers(latter) and trial.answers(former)
+    else:
+        trial.rest(REACTION_SECONDS)
+        several = not former.ended and not latter.ended
+    former.close()
+    latter.close()
+    return several

@@ -1,0 +1,343 @@
+"""Checks on how servers take the text of payloads (spec 1.0 section 2.2)."""
+
+from collections.abc import Callable, Sequence
+from random import Random
+
+from hypothesis import strategies as st
+
+from splatbus_conformance.broken_poses import broken_poses
+from splatbus_conformance.broken_text import BrokenText, broken_texts
+from splatbus_conformance.checks import check
+from splatbus_conformance.lenient_json import shorten
+from splatbus_conformance.messages import Json, camera_pose, encode, hello
+from splatbus_conformance.packets import packet
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.spelling import spell
+from splatbus_conformance.steering import Steering
+from splatbus_conformance.unknown_members import with_unknown_members
+
+Writer = Callable[[Json, Random], bytes]
+SEEDS = st.integers(0, 2**32 - 1)
+STRIDE = 5
+"""In the quick profile every so many-th of the broken texts is a pose's."""
+CASES_ON_A_CONNECTION = 10
+UNKNOWN: Json = {"type": "weather_report", "sunny": True}
+
+REQUESTS: tuple[Json, ...] = (
+    VIEWPORT_REQUEST,
+    {"type": "get_camera_pose", "cam_idx": 0},
+    {"type": "get_camera_pose", "cam_idx": -9_007_199_254_740_991},
+    {"type": "get_camera_pose", "cam_idx": 1_000_000, "timestamp": 1_700_000_000.25},
+    {"type": "get_viewport_size", "timestamp": 5e-324},
+)
+FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
+"""A good pose that no check asks for otherwise."""
+NEAR: Json = camera_pose((-1.0153546333312988, 0.0, 2.5e-7), (0.0, 0.6, 0.0, 0.8))
+
+ODD_MESSAGES: tuple[Json, ...] = (
+    {"type": "hello"},
+    {"type": "hello", "versions": 1.1, "client": None, "capabilities": {}},
+    {"type": "hello", "versions": [[]], "client": {"name": 5}, "capabilities": [None]},
+    {"type": "get_camera_pose"},
+    {"type": "get_camera_pose", "cam_idx": [0]},
+    {"type": "get_camera_pose", "cam_idx": 1.5},
+    {"type": "get_camera_pose", "cam_idx": 10**300},
+    {"type": "get_viewport_size", "timestamp": "now"},
+    {"type": "get_viewport_size", "id": {"": []}},
+    {"type": "opened", "generation": -1},
+    {"type": "release", "generation": "1", "seq": None},
+    {"type": "closed"},
+    {"type": "open_failed", "generation": 1e300, "reason": 5},
+    {"type": "subscribe", "channels": "color"},
+    {"type": {"type": "camera_pose"}},
+    {"type": "\x00" * 1000},
+    {"type": "weather_report", "report": "r" * 1_000_000},
+)
+"""Messages that break rules of their own."""
+
+
+def odd_spelling(message: Json, random: Random) -> bytes:
+    """The message, spelled as RFC 8259 allows."""
+    return spell(message, random).encode()
+
+
+def unknown_members(message: Json, random: Random) -> bytes:
+    """The message with members that nobody knows."""
+    return encode(with_unknown_members(message, random))
+
+
+def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
+    """Write requests so; each must be answered, and once."""
+    connection = trial.dial("msg")
+    for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
+        payload = writer(REQUESTS[number % len(REQUESTS)], Random(seed))
+        packets = len(connection.packets)
+        connection.send(packet(payload) + packet(encode(VIEWPORT_REQUEST)))
+        trial.wait(lambda: len(connection.packets) >= packets + 2 or connection.ended)  # noqa: B023
+        taken = len(connection.packets) >= packets + 2
+        closed = "closes" if connection.ended else "ignores"
+        trial.judge("accepts" if taken else trial.fate() or closed, f"the request {shown(payload)}")
+        trial.delivered += 1
+
+
+def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
+    """Write poses so; each must be shown by a frame."""
+    steering, poser = Steering(trial), trial.dial("msg")
+    for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
+        pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
+        payload = writer(pose, Random(seed))
+        trial.judge(steering.takes(poser, pose, payload), f"the pose {shown(payload)}")
+
+
+def judge_writer_on_ipc(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
+    """Write hello, opened and release so; welcome, memory and frames must follow."""
+    trial.greeted("ipc").close()
+    poser, nudges = trial.dial("msg"), 0
+    for seed in trial.each(drawn=SEEDS, quick=quick, full=full):
+        random, written = Random(seed), list[bytes]()
+
+        def encode_and_keep(message: Json) -> bytes:
+            written.append(writer(message, random))  # noqa: B023 - the closures end with the round
+            return written[-1]  # noqa: B023
+
+        connection = trial.dial("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.viewer.encode = encode_and_keep
+        trial.viewer.greet(connection)
+        taken = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+        if dealings.welcome and trial.facts.renders:
+            trial.wait(lambda: dealings.frames or connection.ended)  # noqa: B023
+            nudges += 1
+            pose = camera_pose((nudges % 97 / 4, 0.0, 0.0))
+            poser.send(packet(encode(pose)))
+            taken = trial.wait(lambda: len(dealings.frames) > 1 or connection.ended)  # noqa: B023
+        closed = "closes" if connection.ended else "ignores"
+        outcome = "accepts" if taken and not connection.ended else trial.fate() or closed
+        trial.judge(outcome, f"the message {shown(written[-1])} on the IPC channel")
+        trial.viewer.encode = encode
+        connection.close()
+        trial.delivered += 1
+
+
+@check("JSN-6", observable="the server answers requests that are spelled so")
+def check_takes_any_spelling_of_requests(trial: ServerTrial) -> None:
+    """Requests with members in any order, white space between all tokens, escapes in strings and
+    names, numbers with fractions, exponents and many digits.
+    """
+    judge_writer_of_requests(trial, odd_spelling, quick=60, full=2000)
+
+
+@check(
+    "JSN-6", observable="a frame shows the camera of a pose that is spelled so", needs=("frames",)
+)
+def check_takes_any_spelling_of_poses(trial: ServerTrial) -> None:
+    """The same of poses."""
+    judge_writer_of_poses(trial, odd_spelling, quick=30, full=1000)
+
+
+@check("JSN-6", observable="welcome and frames follow what is spelled so", needs=("1.1",))
+def check_takes_any_spelling_on_ipc(trial: ServerTrial) -> None:
+    """The same of hello, opened and release."""
+    judge_writer_on_ipc(trial, odd_spelling, quick=10, full=300)
+
+
+@check("JSN-7", observable="the server answers requests that have such members")
+def check_ignores_unknown_members_of_requests(trial: ServerTrial) -> None:
+    """Requests with unknown members: odd names, values nested to the limit, a decoy of the request
+    itself.
+    """
+    judge_writer_of_requests(trial, unknown_members, quick=60, full=2000)
+
+
+@check(
+    "JSN-7",
+    observable="a frame shows the camera of a pose that has such members",
+    needs=("frames",),
+)
+def check_ignores_unknown_members_of_poses(trial: ServerTrial) -> None:
+    """The same of poses, at every level."""
+    judge_writer_of_poses(trial, unknown_members, quick=30, full=1000)
+
+
+@check("JSN-7", observable="welcome and frames follow what has such members", needs=("1.1",))
+def check_ignores_unknown_members_on_ipc(trial: ServerTrial) -> None:
+    """The same of hello, opened and release, at every level."""
+    judge_writer_on_ipc(trial, unknown_members, quick=10, full=300)
+
+
+@check("JSN-8", observable="the server does not answer such a request", may_crash=True)
+def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
+    """Requests whose text breaks JSN-1 to JSN-5 one at a time, and `hello` too: whoever reads them
+    leniently answers.
+    """
+    texts = [text for good in (REQUESTS[3], hello([])) for text in broken_texts(good)]
+    connection = trial.dial("msg")
+    for text in trial.each(texts):
+        connection = trial.dial("msg") if connection.ended else connection
+        outcome = trial.outcome_on_msg(connection, packet(text.payload))
+        trial.judge(outcome, named([text]))
+
+
+@check(
+    "JSN-8",
+    observable="no frame shows the camera of such a pose",
+    needs=("frames",),
+    may_crash=True,
+)
+def check_does_not_move_by_broken_text(trial: ServerTrial) -> None:
+    """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
+    texts = broken_texts(FAR)[:: 1 if trial.profile == "full" else STRIDE]
+    steering, poser = Steering(trial), trial.dial("msg")
+    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    for text in trial.each(texts):
+        poser = trial.dial("msg") if poser.ended else poser
+        outcome = steering.outcome_of(poser, text.payload)
+        trial.judge("ignores" if outcome == "keeps" else outcome, f"a pose with {named([text])}")
+
+
+@check(
+    "JSN-9",
+    observable="the server answers the request that follows",
+    may_crash=True,
+)
+def check_handles_the_next_packet(trial: ServerTrial) -> None:
+    """After each text that breaks a rule, and after three of them at once, comes a good request;
+    a server that closes the connection instead has ignored nothing.
+    """
+    texts = broken_texts(UNKNOWN)
+    rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
+    connection, ignored = trial.dial("msg"), 0
+    for row in trial.each(rows):
+        connection = trial.dial("msg") if connection.ended else connection
+        outcome = trial.outcome_on_msg(connection, b"".join(packet(text.payload) for text in row))
+        if outcome != "closes":
+            answered = outcome in ("ignores", "replies", "reports")
+            trial.judge("accepts" if answered else outcome, f"the request after {named(row)}")
+            ignored += 1
+    if not ignored:
+        trial.not_observable("the server closes the connection on all such texts: it ignores none")
+
+
+@check(
+    "JSN-9",
+    observable="the server answers the hello that follows, by welcome",
+    needs=("1.1",),
+    may_crash=True,
+)
+def check_handles_the_next_packet_on_ipc(trial: ServerTrial) -> None:
+    """The same with `hello`, on the IPC channel."""
+    trial.greeted("ipc").close()
+    texts = broken_texts(UNKNOWN)[:: 1 if trial.profile == "full" else STRIDE]
+    ignored = 0
+    for text in trial.each(texts):
+        connection = trial.dial("ipc")
+        dealings = trial.viewer.with_(connection)
+        connection.send(packet(text.payload))
+        trial.viewer.greet(connection)
+        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+        if not connection.ended or trial.fate():
+            outcome = "accepts" if dealings.welcome else trial.fate() or "ignores"
+            trial.judge(outcome, f"the hello after {named([text])} on the IPC channel")
+            ignored += 1
+        connection.close()
+        trial.delivered += 1
+    if not ignored:
+        trial.not_observable("the server closes the connection on all such texts: it ignores none")
+
+
+@check(
+    "JSN-10",
+    observable="the process lives and answers the request that follows, or the next client",
+    may_crash=True,
+)
+def check_survives_broken_payloads(trial: ServerTrial) -> None:
+    """Broken texts, broken poses, messages that miss or mistype members, and payloads of any
+    bytes, on the message channel.
+    """
+    broken = [text.payload for text in broken_texts(FAR)]
+    broken += [pose.payload for pose in broken_poses(FAR)]
+    broken += [encode(message) for message in ODD_MESSAGES]
+    connection = trial.dial("msg")
+    for payload in trial.each(broken, mangled(), quick=60, full=3000):
+        connection = trial.dial("msg") if connection.ended else connection
+        outcome = trial.outcome_on_msg(connection, packet(payload))
+        answered = outcome in ("replies", "reports")
+        trial.judge("ignores" if answered else outcome, f"the payload {shown(payload)}")
+
+
+@check(
+    "JSN-10",
+    observable="the process lives, and goes on or serves the next client",
+    may_crash=True,
+)
+def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
+    """The same, all of them on one IPC connection as long as that lasts."""
+    broken = [text.payload for text in broken_texts(hello(["host_shm"]))]
+    broken += [encode(message) for message in ODD_MESSAGES]
+    connection = trial.dial("ipc")
+    for payload in trial.each(broken, mangled(), quick=60, full=1000):
+        if connection.ended:
+            connection.close()
+            connection = trial.dial("ipc")
+        connection.send(packet(payload))
+        trial.rest(0.0)
+        if fate := trial.fate():
+            trial.judge(fate, f"the payload {shown(payload)} on the IPC channel")
+        trial.delivered += 1
+    served = trial.serves()
+    trial.judge("ignores" if served else trial.fate() or "hangs", "broken payloads in a row")
+    connection.close()
+    if trial.facts.welcome["ipc"] is not None:
+        trial.expect(
+            trial.viewer.with_(trial.greeted("ipc")).welcome, "the next IPC client has no welcome"
+        )
+
+
+@check(
+    "JSN-11",
+    observable="a frame shows all of such a pose, or none of it, or the connection is closed",
+    needs=("frames",),
+    may_crash=True,
+)
+def check_takes_strings_for_numbers_or_not(trial: ServerTrial) -> None:
+    """A pose of a 1.0 client, with every number as a string: taken, or not."""
+    steering, poser = Steering(trial), trial.dial("msg")
+    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    for pose in trial.each(
+        (FAR, camera_pose((-1.0153546333312988, 0.0, 2.5e-7), (0, 0.6, 0, 0.8)))
+    ):
+        poser = trial.dial("msg") if poser.ended else poser
+        texts = {part: _as_strings(pose[part]) for part in ("position", "rotation")}
+        outcome = steering.outcome_of(poser, encode(pose | texts))
+        if outcome == "applies" and steering.shows_now(pose):
+            outcome = "accepts"
+        trial.judge(outcome, "a pose whose numbers are strings")
+
+
+def mangled() -> st.SearchStrategy[bytes]:
+    """Payloads that were good before some of their bytes were lost, doubled or changed."""
+    goods = [encode(message) for message in (*REQUESTS, FAR, hello(["host_shm"]))]
+    edit = st.tuples(st.integers(0, 200), st.binary(max_size=3), st.integers(0, 3))
+    whole = st.tuples(st.sampled_from(goods), st.lists(edit, min_size=1, max_size=4))
+    return whole.map(lambda drawn: _edited(*drawn)) | st.binary(min_size=1, max_size=64)
+
+
+def shown(payload: bytes) -> str:
+    """A payload, cut when it is long."""
+    return shorten(repr(payload)[1:], 300)
+
+
+def named(row: Sequence[BrokenText]) -> str:
+    """What is wrong with texts."""
+    return " and ".join(f"{text.what} ({text.requirement})" for text in row)
+
+
+def _as_strings(part: Json) -> Json:
+    return {name: repr(value) for name, value in part.items()}
+
+
+def _edited(payload: bytes, edits: Sequence[tuple[int, bytes, int]]) -> bytes:
+    for place, put, gone in edits:
+        at = place % len(payload) if payload else 0
+        payload = payload[:at] + put + payload[at + gone :]
+    return payload or b"\x00"

@@ -1,0 +1,101 @@
+"""What one client does that must not trouble the others (CHN-14)."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.messages import camera_pose, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+
+CROWD = 8
+PASSERS_BY = 40
+UNREAD = 4000
+"""Requests whose replies fit into the buffers of the system."""
+REQUEST = packet(encode(VIEWPORT_REQUEST))
+LONGEST = LIMITS["max_payload_bytes"]
+
+
+class Misdeed(NamedTuple):
+    """Something that a client does on its connection."""
+
+    what: str
+    commit: Callable[[ServerTrial, Connection], object]
+
+
+def sends(what: str, data: bytes) -> Misdeed:
+    """A misdeed that consists in what is sent."""
+    return Misdeed(what, lambda trial, connection: connection.send(data))
+
+
+def sends_and_resets(what: str, data: bytes) -> Misdeed:
+    """The same, and then the connection is reset."""
+
+    def commit(trial: ServerTrial, connection: Connection) -> None:
+        connection.send(data)
+        connection.reset()
+
+    return Misdeed(what, commit)
+
+
+def _never_reads(trial: ServerTrial, connection: Connection) -> None:
+    connection.stop_reading()
+    for _ in range(UNREAD):
+        if connection.push(REQUEST) != len(REQUEST):
+            break
+
+
+def _half_closes(trial: ServerTrial, connection: Connection) -> None:
+    connection.send(REQUEST[:9])
+    connection.end_stream()
+
+
+def _holds_a_lease(trial: ServerTrial, connection: Connection) -> None:
+    """Take a frame and give nothing back."""
+    dealings = trial.viewer.with_(connection)
+    dealings.holds = True
+    trial.viewer.greet(connection)
+    trial.wait(lambda: dealings.frames or connection.ended)
+
+
+def _resets_with_a_lease(trial: ServerTrial, connection: Connection) -> None:
+    _holds_a_lease(trial, connection)
+    connection.reset()
+
+
+MISDEEDS = (
+    sends("says nothing", b""),
+    sends("sends one byte", b"\x1c"),
+    sends("sends a header and no more", REQUEST[:4]),
+    sends("sends half a packet", REQUEST[:16]),
+    sends("sends half of the longest packet", packet(b" " * LONGEST)[: LONGEST // 2]),
+    sends("announces four gigabytes", b"\xff\xff\xff\xff"),
+    sends("announces nothing", b"\x00\x00\x00\x00"),
+    sends("speaks HTTP", b"GET / HTTP/1.1\r\nHost: localhost:6000\r\n\r\n"),
+    sends("sends noise", bytes(range(1, 256)) * 257),
+    sends("sends a thousand packets of noise", 1000 * packet(b"\xff{[")),
+    sends("sends a thousand unknown messages", 1000 * packet(b'{"type":"weather_report"}')),
+    sends("sends deep text", packet(b"[" * 100_000)),
+    Misdeed("never reads its replies", _never_reads),
+    Misdeed("ends its stream in the middle of a packet", _half_closes),
+    sends_and_resets("resets at once", b""),
+    sends_and_resets("resets in the middle of a packet", REQUEST[:16]),
+    sends_and_resets("resets before its replies come", 100 * REQUEST),
+    sends_and_resets("sends a broken pose and resets", packet(encode(camera_pose())[:-1])),
+    Misdeed("closes at once", lambda trial, connection: connection.close()),
+)
+MISDEEDS_OF_READERS = (
+    Misdeed("never gives a frame back", _holds_a_lease),
+    Misdeed("resets while it holds a frame", _resets_with_a_lease),
+)
+
+
+def crowd(trial: ServerTrial, channel: Channel) -> None:
+    """Passers-by who come and go at once, then clients that stay and say nothing."""
+    for _ in range(PASSERS_BY):
+        trial.dial(channel).close()
+    for _ in range(CROWD):
+        trial.dial(channel)
