@@ -1,0 +1,312 @@
+"""Checks on what a client shows: rows, alpha, depth, its own geometry among the splats (spec 1.0
+chapters 5 and 8, 1.1 section 3.4).
+
+Its own geometry is a plane of one colour at one depth; the oracle says what has to be seen.
+"""
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.adapter import AdapterBroken
+from splatbus_conformance.broken_packets import changed
+from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.lending import Lending
+from splatbus_conformance.messages import Json
+from splatbus_conformance.oracle import composite, to_single, ulps
+from splatbus_conformance.oracle.rounding import SINGLE
+from splatbus_conformance.painting import Painting
+from splatbus_conformance.sound_packets import SEMANTICS
+
+COMPOSES = ("hello:ipc", "capability:frames", "opens", "adapter:digest", "adapter:composite")
+OBSERVABLE = "colours of the image over a plane, told by the adapter, against the oracle's"
+PLANE = 4.0
+"""Depth of the plane, in scene units."""
+MARGIN = 0.01
+"""How near to the plane no splat lies: a depth buffer decides ties as it likes."""
+EVIDENT = 1e-2
+"""A colour that is off by more is of something else; less is a matter of accuracy (ACC-10)."""
+BUDGET_ULP = 2.0
+"""Of ACC-10."""
+Place = tuple[int, int]
+Colour = tuple[float, ...]
+
+
+def singles(*numbers: float) -> Colour:
+    """The nearest numbers of single precision."""
+    return tuple(to_single(Fraction(number)) for number in numbers)
+
+
+BACKGROUND = singles(0.3, 0.9, 0.15)
+
+
+def seen(
+    trial: ClientTrial,
+    lending: Lending,
+    places: list[Place],
+    background: Colour = BACKGROUND,
+    plane: float = PLANE,
+) -> list[Colour]:
+    """The colours that the client shows at (column, row), of the image that was lent last."""
+    answer = trial.ask(
+        "composite",
+        color=list(background),
+        depth=plane if math.isfinite(plane) else "inf",
+        at=[list(place) for place in places],
+    )
+    if answer["seq"] not in lending.shown:
+        trial.not_observable(f"the client composes image {answer['seq']}, which was not lent")
+    if len(answer["color"]) != len(places):
+        raise AdapterBroken(f"asked for {len(places)} colours, it told {len(answer['color'])}")
+    trial.delivered += 1
+    return [tuple(map(float, colour)) for colour in answer["color"]]
+
+
+def every(lending: Lending, step: int = 1) -> list[Place]:
+    """Each place of an image, or one of so many."""
+    width, height = lending.size
+    return [(x, y) for y in range(height) for x in range(width)][::step]
+
+
+def flat(lending: Lending, colour: Colour, depth: Any) -> Painting:
+    """An image of one colour; `depth` is one number or an array."""
+    width, height = lending.size
+    return Painting(
+        np.broadcast_to(np.array(colour, np.float32), (height, width, 4)).copy(),
+        np.broadcast_to(np.array(depth, np.float32), (height, width)).copy(),
+    )
+
+
+def shows_splats(trial: ClientTrial, lending: Lending) -> None:
+    """The control: a splat before the plane is seen. Skips the check if it is not."""
+    lending.show(flat(lending, singles(0.9, 0.1, 0.6, 1.0), PLANE / 2))
+    for colour in seen(trial, lending, [(0, 0)]):
+        if math.dist(colour, singles(0.9, 0.1, 0.6)) > EVIDENT:
+            trial.not_observable("the client shows no splat that lies before its own geometry")
+
+
+def judge_unchanged(trial: ClientTrial, lending: Lending, image: Painting, what: str) -> None:
+    """The plane has to be seen as if there were no image, near and infinitely far."""
+    lending.show(image)
+    for plane in (PLANE, math.inf):
+        for place, colour in zip(
+            every(lending, 7), seen(trial, lending, every(lending, 7), plane=plane), strict=True
+        ):
+            if singles(*colour) != BACKGROUND:
+                depth = image.depth[place[1], place[0]]
+                trial.violated(
+                    f"{what}, depth {depth} before a plane at {plane}: it shows {colour}, not"
+                    f" {BACKGROUND}"
+                )
+
+
+@check("BUF-8", observable=OBSERVABLE, needs=COMPOSES)
+def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> None:
+    """Pixels of depth +∞ with every alpha, and pixels of alpha 0 before the plane."""
+    lending = Lending(trial)
+    shows_splats(trial, lending)
+    for alpha in (1.0, 0.5, 2.0**-24):
+        image = flat(lending, singles(0.9, 0.1, 0.6, alpha), math.inf)
+        judge_unchanged(trial, lending, image, f"an empty pixel of alpha {alpha:g}")
+    for depth in (1e-6, 1.0, PLANE - MARGIN):
+        image = flat(lending, singles(0.9, 0.1, 0.6, 0.0), depth)
+        judge_unchanged(trial, lending, image, "a pixel of alpha 0")
+
+
+@check("BUF-9", observable=OBSERVABLE, needs=COMPOSES)
+def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
+    """Opaque pixels whose depth is NaN, zero or negative."""
+    lending = Lending(trial)
+    shows_splats(trial, lending)
+    for depth in (math.nan, 0.0, -0.0, -1.0, -1e-30, -PLANE, -3e38, -math.inf):
+        image = flat(lending, singles(0.9, 0.1, 0.6, 1.0), depth)
+        judge_unchanged(trial, lending, image, "an opaque pixel")
+
+
+@check(
+    "MEM-13",
+    observable="pixels of an image that differs from row to row, told by the adapter",
+    needs=("hello:ipc", "capability:frames", "opens", "adapter:digest", "adapter:pixels"),
+)
+def check_shows_rows_from_the_bottom_up(trial: ClientTrial) -> None:
+    """An image that grows green downwards and red to the right."""
+    lending = Lending(trial)
+    width, height = lending.size
+    rows, columns = np.indices((height, width))
+    red, green = (columns + 1) / width, (rows + 1) / height
+    color = np.stack([red, green, np.full_like(red, 0.5), np.ones_like(red)], -1)
+    image = Painting(color.astype(np.float32), (1 + rows + columns / width).astype(np.float32))
+    lending.show(image)
+    places = every(lending, 5)
+    told = trial.ask("pixels", at=[list(place) for place in places])
+    if told["color"] is None or told["depth"] is None:
+        trial.not_observable("the client did not read both channels")
+    trial.delivered += 1
+    for (x, y), colour, depth in zip(places, told["color"], told["depth"], strict=True):
+        right = image.color[y, x]
+        if (
+            math.dist(colour, right.tolist()) > EVIDENT
+            or abs(float(depth) - image.depth[y, x]) > EVIDENT
+        ):
+            trial.violated(
+                f"at column {x}, row {y} it shows {colour} at depth {depth}, not {right} at"
+                f" {image.depth[y, x]}"
+                + (" (rows top-down)" if _is(colour, color[height - 1 - y, x]) else "")
+            )
+
+
+def _is(colour: list[float], other: NDArray[np.float64]) -> bool:
+    return math.dist(colour, other.tolist()) <= EVIDENT
+
+
+@check("MEM-13", observable=OBSERVABLE, needs=COMPOSES)
+def check_shows_images_by_their_semantics(trial: ClientTrial) -> None:
+    """Images whose init packet announces another alpha, colour space, kind or empty value of depth;
+    a client that declines one of them conforms.
+    """
+    trial.role.offers_memory = False
+    for semantics in ({}, *SEMANTICS):
+        connection = trial.for_init_packet()
+        offered = changed(trial.role.init_packet(connection), semantics)
+        trial.role.offer(connection, offered)
+        dealings = trial.role.with_(connection)
+        if not trial.opens(connection):
+            trial.judge(
+                "declines" if dealings.generation in dealings.failed else "ignores", str(semantics)
+            )
+            continue
+        trial.role.lends_frames = False
+        lending = Lending(trial, connection)
+        for image in _telling(lending, offered["semantics"]):
+            lending.show(image)
+            _judge_semantics(trial, lending, image, offered["semantics"])
+        _judge_what_was_understood(trial, offered, semantics)
+
+
+def _telling(lending: Lending, semantics: Json) -> Iterator[Painting]:
+    """Images that look otherwise by other semantics: half transparent, near the plane, empty."""
+    alpha = 0.5
+    colour = (0.8, 0.4, 0.2) if semantics["alpha"] == "straight" else (0.4, 0.2, 0.1)
+    for depth in (PLANE / 2, 1.09 * PLANE, semantics["depth"]["empty"]):
+        yield flat(lending, singles(*colour, alpha), float(depth))
+
+
+def _judge_semantics(
+    trial: ClientTrial, lending: Lending, image: Painting, semantics: Json
+) -> None:
+    places = every(lending, 11)
+    for plane in (PLANE, math.inf):
+        for place, colour in zip(places, seen(trial, lending, places, plane=plane), strict=True):
+            depth = _planar(float(image.depth[place[1], place[0]]), place, lending, semantics)
+            if abs(depth - plane) < MARGIN:
+                continue
+            right = [float(n) for n in expected(image, place, depth, BACKGROUND, plane, semantics)]
+            if math.dist(colour, right) > EVIDENT:
+                trial.violated(
+                    f"with {semantics}, {image.color[place[1], place[0]]} at depth"
+                    f" {image.depth[place[1], place[0]]} before a plane at {plane}, column"
+                    f" {place[0]}, row {place[1]}: it shows {colour}, not {right}"
+                )
+
+
+def _planar(depth: float, place: Place, lending: Lending, semantics: Json) -> float:
+    """The planar depth of a pixel: +∞ where it is empty. fx = fy = w, as in `messages.frame`."""
+    if depth == float(semantics["depth"]["empty"]):
+        return math.inf
+    width, height = lending.size
+    x, y = (place[0] + 0.5 - width / 2) / width, (place[1] + 0.5 - height / 2) / width
+    ray = semantics["depth"]["kind"] == "ray_distance"
+    return depth / math.hypot(x, y, 1.0) if ray else depth
+
+
+def expected(
+    image: Painting, place: Place, depth: float, background: Colour, plane: float, semantics: Json
+) -> tuple[Fraction, ...]:
+    """What has to be seen at a place, exactly."""
+    splat = [float(number) for number in image.color[place[1], place[0]]]
+    premultiplied = semantics["alpha"] == "premultiplied"
+    return composite(splat, depth, background, plane, premultiplied=premultiplied)
+
+
+def _judge_what_was_understood(trial: ClientTrial, offered: Json, changes: Json) -> None:
+    if "init_packet" not in trial.greeting.can:
+        return
+    images = trial.ask("init_packet")["images"]
+    if images is None:
+        trial.violated(f"it opened an init packet with {changes}, and knows of no images")
+    told, right = images.get("semantics", {}), offered["semantics"]
+    for name, value in told.items():
+        if name in right and value != right[name]:
+            trial.violated(f"it took the {name} {right[name]} for {value}")
+    size = offered["meta"]["w"], offered["meta"]["h"]
+    if (images["width"], images["height"]) != size:
+        trial.violated(f"it took images of {size} for {images['width'], images['height']}")
+
+
+@check("ACC-10", observable=OBSERVABLE, needs=COMPOSES)
+def check_composes_within_two_ulp(trial: ClientTrial) -> None:
+    """Images of every colour and alpha, straight and premultiplied, before and behind planes of
+    every colour.
+    """
+    trial.role.offers_memory = False
+    for alpha in ("straight", "premultiplied"):
+        connection = trial.for_init_packet()
+        offered = changed(trial.role.init_packet(connection), {"semantics/alpha": alpha})
+        trial.role.offer(connection, offered)
+        if not trial.opens(connection):
+            continue
+        trial.role.lends_frames = False
+        lending = Lending(trial, connection)
+        for number in range(4 if trial.profile == "full" else 1):
+            rng = np.random.default_rng((trial.seed, number, alpha == "straight"))
+            _measure(trial, lending, rng, offered["semantics"])
+    if not trial.delivered:
+        trial.not_observable("the testee opened no such images")
+    trial.expect_within_budgets()
+
+
+def _measure(
+    trial: ClientTrial, lending: Lending, rng: np.random.Generator, semantics: Json
+) -> None:
+    image = _any_image(rng, *lending.size, premultiplied=semantics["alpha"] == "premultiplied")
+    background = singles(*_edged(rng, 3))
+    lending.show(image)
+    places = every(lending, 3 if trial.profile == "full" else 11)
+    for place, colour in zip(places, seen(trial, lending, places, background), strict=True):
+        depth = float(image.depth[place[1], place[0]])
+        right = expected(image, place, depth, background, PLANE, semantics)
+        error = max(
+            ulps(to_single(Fraction(a)), b, SINGLE) for a, b in zip(colour, right, strict=True)
+        )
+        splat = image.color[place[1], place[0]].tolist()
+        words = f"{semantics['alpha']} {splat} at depth {depth} over {background} at {PLANE}"
+        trial.measured("colour", error, BUDGET_ULP, "ULP", words)
+
+
+def _any_image(
+    rng: np.random.Generator, width: int, height: int, *, premultiplied: bool
+) -> Painting:
+    pixels = width * height
+    alpha = np.where(rng.random(pixels) < 0.8, rng.random(pixels), _edged(rng, pixels))
+    color = _edged(rng, 3 * pixels).reshape(pixels, 3)
+    color = (color * alpha[:, None] if premultiplied else color).astype(np.float32)
+    before = rng.random(pixels) < 0.7
+    depth = np.where(
+        before, rng.uniform(0.1, PLANE - MARGIN, pixels), PLANE + rng.random(pixels) + MARGIN
+    )
+    depth[rng.random(pixels) < 0.05] = math.inf
+    image = np.concatenate([color, alpha[:, None].astype(np.float32)], -1)
+    return Painting(
+        image.reshape(height, width, 4), depth.astype(np.float32).reshape(height, width)
+    )
+
+
+def _edged(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    """Numbers from 0 to 1, many of them near the ends."""
+    edges = rng.choice([0.0, 1e-6, 1 / 255, 0.5, 1 - 2.0**-24, 1.0], count)
+    return np.where(rng.random(count) < 0.6, rng.random(count), edges)

@@ -1,0 +1,138 @@
+"""Checks on what a client reads of images, and when (spec 1.1 chapter 5, 1.0 chapter 3).
+
+Whatever is not lent is spoilt: a client that reads it shows it.
+"""
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.lending import Lending
+from splatbus_conformance.messages import Json
+from splatbus_conformance.painting import Painting, coordinates, sha256, spoilt
+from splatbus_conformance.trial import REACTION_SECONDS
+
+READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
+LINGER_SECONDS = 0.1
+"""A client that reads late has done so after this time."""
+
+
+def parts(answer: Json, image: Painting) -> list[str]:
+    """Which of colour and depth, as the client shows them, are not of this image."""
+    color, depth = image.digests()
+    pairs = (("color", color), ("depth", depth))
+    return [name for name, right in pairs if answer[name] not in (None, right)]
+
+
+def described(answer: Json, names: list[str], lending: Lending) -> str:
+    """What is known of wrong colour or depth."""
+    bad = spoilt(*lending.size)
+    for name in names:
+        if answer[name] == sha256(bad.color if name == "color" else bad.depth):
+            return f"its {name} is what the slot held only while nobody was to read it"
+        for seq, other in lending.shown.items():
+            if answer[name] == sha256(other.color if name == "color" else other.depth):
+                return f"its {name} is that of image {seq}"
+    return f"its {' and '.join(names)} is of no image whole"
+
+
+@check(
+    "IMG-13",
+    observable="digests of what the client read, while a slot is spoilt as soon as it is released",
+    needs=READS,
+)
+def check_releases_when_it_has_read(trial: ClientTrial) -> None:
+    """Images are lent one after the other, as fast as they come back; each slot is written over in
+    the moment in which it is released, and the client's image compared with the one that was lent.
+    """
+    lending = Lending(trial)
+    for number in range(400 if trial.profile == "full" else 30):
+        lending.show(coordinates(number, *lending.size))
+        _judge(trial, lending, "was released before it was read")
+
+
+@check(
+    "IMG-14",
+    observable="digests of what the client shows, while every slot changes and none is lent",
+    needs=READS,
+)
+def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
+    """After an image was given back, every slot is written over, with images that are not lent and
+    with what nobody may show; the client shows the one that it read, or none.
+    """
+    lending = Lending(trial)
+    for number in range(20 if trial.profile == "full" else 3):
+        seq = lending.show(coordinates(number, *lending.size))
+        for slot in range(trial.role.slots):
+            lending.paint(coordinates(1000 + number, *lending.size), slot)
+        trial.rest(LINGER_SECONDS)
+        _judge(trial, lending, f"was shown after the client had given image {seq} back")
+        lending.spoil_everything()
+        trial.rest(LINGER_SECONDS)
+        _judge(trial, lending, f"was shown after the client had given image {seq} back")
+
+
+def _judge(trial: ClientTrial, lending: Lending, otherwise: str) -> None:
+    answer = trial.ask("digest")
+    if answer["seq"] is None:
+        return
+    if answer["seq"] not in lending.shown:
+        trial.violated(f"the client shows image {answer['seq']}, which was never lent")
+    if wrong := parts(answer, lending.shown[answer["seq"]]):
+        trial.violated(f"image {answer['seq']} {otherwise}: {described(answer, wrong, lending)}")
+    trial.delivered += 1
+
+
+@check(
+    "IMG-22",
+    observable="the channel that was not subscribed to, which holds what nobody may show",
+    needs=(*READS, "capability:subscribe", "adapter:subscribe"),
+)
+def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
+    """The client subscribes to one channel; images come in which the other one holds what nobody
+    may show. Then it subscribes to both, and has to show both.
+    """
+    lending = Lending(trial)
+    bad = spoilt(*lending.size)
+    for number, (channel, other) in enumerate((("color", "depth"), ("depth", "color")) * 2):
+        _subscribe(trial, lending, [channel])
+        for step in range(2):  # the first may be taken for one that was sent before
+            image = coordinates(2 * number + step, *lending.size)
+            half = {"depth": bad.depth} if channel == "color" else {"color": bad.color}
+            lending.show(image._replace(**half))
+            answer = trial.ask("digest")
+            if answer[other] == sha256(bad.depth if other == "depth" else bad.color):
+                trial.violated(f"subscribed to {channel} alone, it read {other} of the next image")
+        if answer[channel] is None:
+            trial.not_observable(f"subscribed to {channel} alone, the client did not read it")
+        trial.delivered += 1
+
+
+def _subscribe(trial: ClientTrial, lending: Lending, channels: list[str]) -> None:
+    dealings = trial.role.with_(lending.connection)
+    before = dealings.count("subscribe")
+    trial.ask("subscribe", channels=channels)
+    if not trial.wait(lambda: dealings.count("subscribe") > before):
+        trial.not_observable("the client was told to subscribe, and sent no subscribe")
+
+
+@check(
+    "CHN-18",
+    observable="digests of what the client shows after the connection ended and the memory changed",
+    needs=(*READS, "returns:ipc"),
+)
+def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> None:
+    """The IPC connection ends, while an image is lent and while none is, and every slot is written
+    over; the client may keep a picture that it has copied, and shows nothing of what came later.
+    """
+    lending = Lending(trial)
+    for lent in (False, True):
+        lending.show(coordinates(1 + lent, *lending.size))
+        trial.peer.refuse("ipc")
+        if lent:
+            lending.lend(coordinates(5, *lending.size))
+        lending.connection.close()
+        trial.rest(REACTION_SECONDS)
+        lending.spoil_everything()
+        trial.rest(LINGER_SECONDS)
+        _judge(trial, lending, "is not what the client read while it was connected")
+        trial.peer.listen("ipc")
+        lending = Lending(trial)

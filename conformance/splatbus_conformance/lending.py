@@ -1,0 +1,81 @@
+"""Images lent to a client, in a ring whose other slots hold what nobody may read."""
+
+import time
+
+from splatbus_conformance import painting
+from splatbus_conformance.checks.client.frames import reading
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.messages import Json
+from splatbus_conformance.packets import Packet
+from splatbus_conformance.painting import Painting, spoilt
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.trial import EFFECT_SECONDS
+
+GLANCE_SECONDS = 0.02
+
+
+class Lending:
+    """Paints a slot, lends it, and spoils it in the moment in which it is given back.
+
+    Attributes:
+        connection: the IPC connection on which the testee reads.
+        shown: the image of each number that was lent.
+    """
+
+    def __init__(self, trial: ClientTrial, connection: Connection | None = None) -> None:
+        self.shown: dict[int, Painting] = {}
+        self._trial, self._role = trial, trial.role
+        self.spoil_everything()
+        self.connection = connection or reading(trial)
+        self._former = trial.peer.on_packet
+        trial.peer.on_packet = self._on_packet
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self._role.width, self._role.height
+
+    def lend(self, image: Painting) -> int:
+        """Lend an image, and do not wait; its number."""
+        seq = self._role.with_(self.connection).frames + 1
+        self.shown[seq] = image
+        self.paint(image, seq)
+        return self._role.lend(self.connection)
+
+    def show(self, image: Painting) -> int:
+        """Lend an image, and wait until the client has read it; its number.
+
+        Skips the check if it never does.
+        """
+        seq = self.lend(image)
+        if not self._trial.releases(self.connection, seq):
+            self._trial.not_observable("the testee did not give an image back")
+        if self.newest()["seq"] != seq:
+            self._trial.not_observable("the newest image of the client is not the one it gave back")
+        return seq
+
+    def newest(self) -> Json:
+        """The client's digest of its newest image: the last that was lent, if it comes in time."""
+        trial, last = self._trial, max(self.shown, default=0)
+        answer = trial.ask("digest")
+        deadline = time.monotonic() + EFFECT_SECONDS
+        while answer["seq"] != last and time.monotonic() < deadline:
+            trial.rest(GLANCE_SECONDS)
+            answer = trial.ask("digest")
+        return answer
+
+    def paint(self, image: Painting, seq: int) -> None:
+        """Write an image where that number lies, whether or not it is lent."""
+        painting.write(self._role.memory, image, seq % self._role.slots, self._role.slots)
+
+    def spoil_everything(self) -> None:
+        """Write over every slot."""
+        for slot in range(self._role.slots):
+            self.paint(spoilt(*self.size), slot)
+
+    def _on_packet(self, connection: Connection, arrived: Packet) -> None:
+        released = self._role.with_(connection).released
+        before = len(released)
+        self._former(connection, arrived)
+        for seq in released[before:]:
+            self.paint(spoilt(*self.size), seq)
