@@ -1,0 +1,156 @@
+"""The scene of `conformance/SCENE.md`: what every pixel of an image of it must hold.
+
+Written from that page alone, in double precision.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.pinhole import Camera, Reals, Rigid
+
+Whats = NDArray[np.int64]
+Where = NDArray[np.bool_]
+
+SPHERES = (
+    ((0.0, 0.0, 4.0), 1.0, (0.9, 0.2, 0.15)),
+    ((-1.6, 0.4, 3.2), 0.6, (0.2, 0.7, 0.25)),
+    ((1.5, 0.55, 2.8), 0.45, (0.2, 0.35, 0.9)),
+    ((0.8, -1.0, 4.6), 0.5, (0.95, 0.8, 0.2)),
+    ((-2.2, -0.7, 5.5), 0.8, (0.7, 0.3, 0.8)),
+    ((2.6, 0.2, 5.2), 0.8, (0.3, 0.8, 0.8)),
+)
+FLOOR_Y, FLOOR_EXTENT = 1.05, 8.0
+EVEN, ODD = (0.85, 0.85, 0.8), (0.25, 0.25, 0.3)
+LIGHT = np.array((-2.0, -6.0, -3.0)) / 7.0
+
+NOTHING, FLOOR = -1, 2 * len(SPHERES)
+"""What a pixel shows: 2·k for the first solution on sphere k, 2·k + 1 for the second, then the two
+colours of the square."""
+EDGE = 1e-5
+"""How close to an edge, a tie or a clipping plane nothing is compared; in units of d."""
+COLOR_BUDGET = 1.0 / 255.0
+DEPTH_BUDGET = 1e-6
+"""Relative, beyond what lies within EDGE."""
+KNOWN = 0.99
+"""The share of pixels that agree, from which an image is taken to show the scene."""
+_AROUND = ((0.0, 0.0), (-EDGE, -EDGE), (-EDGE, EDGE), (EDGE, -EDGE), (EDGE, EDGE))
+
+
+class Exact(NamedTuple):
+    """What the pixels of an image must hold; rows top-down."""
+
+    color: Reals
+    """(h, w, 4), red, green, blue, alpha."""
+    depth: Reals
+    """(h, w), planar; +∞ where nothing is seen."""
+    nearest: Reals
+    """(h, w), the least depth around the pixel."""
+    farthest: Reals
+    """(h, w), the greatest."""
+    what: Whats
+    """(h, w), what is seen."""
+    certain: Where
+    """(h, w): no edge, tie or clipping plane is near."""
+
+    def color_error(self, color: Reals) -> Reals:
+        """(h, w): how far off the worst of a pixel's four numbers is; 0 where uncertain."""
+        error = np.abs(np.nan_to_num(color, nan=np.inf) - self.color).max(axis=-1)
+        return np.where(self.certain, error, 0.0)
+
+    def depth_is_right(self, depth: Reals) -> Where:
+        """(h, w): planar depths, +∞ where empty, are right; all that are uncertain are."""
+        with np.errstate(invalid="ignore"):
+            within = (depth >= self.nearest * (1.0 - DEPTH_BUDGET)) & (
+                depth <= self.farthest * (1.0 + DEPTH_BUDGET)
+            )
+        return within | ~self.certain
+
+    def agreement(self, color: Reals, depth: Reals) -> float:
+        """The share of the certain pixels that are right."""
+        right = (self.color_error(color) <= COLOR_BUDGET) & self.depth_is_right(depth)
+        return float(right[self.certain].mean()) if self.certain.any() else 0.0
+
+
+def render(camera: Camera, scene: Rigid = Rigid()) -> Exact:  # noqa: B008 - it is immutable
+    """What a camera sees of the scene, which lies as the pose `scene` says."""
+    origin = scene.sees(camera.pose.position)
+    turned = scene.rotation.T @ camera.pose.rotation
+    rays = camera.rays()
+    hits = [_hit(origin, (rays + np.array((dx, dy, 0.0))) @ turned.T, camera) for dx, dy in _AROUND]
+    what, depth, certain = hits[0]
+    for around, _, _ in hits[1:]:
+        certain &= around == what
+    depths = np.stack([z for _, z, _ in hits])
+    reached = np.where(np.isinf(depth), 0.0, depth)[..., None] * rays
+    color = _color(what, origin + reached @ turned.T)
+    return Exact(color, depth, depths.min(axis=0), depths.max(axis=0), what, certain)
+
+
+def _hit(origin: Reals, rays: Reals, camera: Camera) -> tuple[Whats, Reals, Where]:
+    """What each ray (h, w, 3) meets first, at which planar depth, and whether that is certain."""
+    shape = rays.shape[:2]
+    what = np.full(shape, NOTHING)
+    first, second = np.full(shape, np.inf), np.full(shape, np.inf)
+    clear = np.full(shape, True)
+    for candidate, z in _candidates(origin, rays):
+        with np.errstate(invalid="ignore"):
+            for plane in (camera.near, camera.far):
+                clear &= ~(np.abs(z - plane) <= EDGE * plane)
+            z = np.where((z >= camera.near) & (z <= camera.far), z, np.inf)
+        nearer = z < first
+        second = np.where(nearer, first, np.minimum(second, z))
+        what = np.where(nearer, candidate, what)
+        first = np.where(nearer, z, first)
+    with np.errstate(invalid="ignore"):
+        clear &= ~(second - first <= EDGE * first)
+    return what, first, clear
+
+
+def _candidates(origin: Reals, rays: Reals) -> Iterator[tuple[Whats, Reals]]:
+    """What could be seen, and the planar depths at which the rays meet it; +∞ where they do not."""
+    a = (rays * rays).sum(axis=-1)
+    for number, (center, radius, _) in enumerate(SPHERES):
+        e = np.array(center) - origin
+        b = rays @ e
+        discriminant = b * b - a * (e @ e - radius * radius)
+        root = np.sqrt(np.maximum(discriminant, 0.0))
+        for side, z in enumerate(((b - root) / a, (b + root) / a)):
+            yield np.full(a.shape, 2 * number + side), np.where(discriminant >= 0.0, z, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = (FLOOR_Y - origin[1]) / rays[..., 1]
+        x, across = origin[0] + z * rays[..., 0], origin[2] + z * rays[..., 2]
+        inside = (np.abs(x) <= FLOOR_EXTENT) & (np.abs(across) <= FLOOR_EXTENT)
+    with np.errstate(invalid="ignore"):
+        odd = (np.floor(np.where(inside, x, 0.0)) + np.floor(np.where(inside, across, 0.0))) % 2
+    yield FLOOR + odd.astype(np.int64), np.where(inside, z, np.inf)
+
+
+def _color(what: Whats, points: Reals) -> Reals:
+    """(h, w, 4), of what is seen at points (h, w, 3) in the axes of the scene."""
+    color = np.zeros((*what.shape, 4))
+    for number, (center, radius, albedo) in enumerate(SPHERES):
+        seen = what // 2 == number
+        cosine = (points[seen] - center) @ LIGHT / radius
+        color[seen, :3] = np.array(albedo) * (0.6 + 0.4 * cosine)[:, None]
+    for candidate, albedo in ((FLOOR, EVEN), (FLOOR + 1, ODD)):
+        color[what == candidate, :3] = np.array(albedo) * (0.6 - 0.4 * LIGHT[1])
+    color[what != NOTHING, 3] = 1.0
+    return color
+
+
+def surface(what: Whats, points: Reals) -> tuple[Reals, Reals]:
+    """How far points (n, 3) in the axes of the scene lie outside of what (n,) is seen there, and
+    the outward normals (n, 3). Points that show nothing are not allowed.
+    """
+    distance, normal = np.empty(len(what)), np.empty((len(what), 3))
+    for number, (center, radius, _) in enumerate(SPHERES):
+        here = what // 2 == number
+        outward = points[here] - center
+        length = np.linalg.norm(outward, axis=-1)
+        distance[here], normal[here] = length - radius, outward / length[:, None]
+    here = what >= FLOOR
+    distance[here], normal[here] = FLOOR_Y - points[here, 1], (0.0, -1.0, 0.0)
+    return distance, normal
