@@ -129,7 +129,22 @@ def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) ->
         "--profile", choices=("quick", "full"), default="quick", help="(%(default)s)"
     )
     command.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
-    command.add_argument("--select", metavar="ID,…", default="", help="only these requirements")
+    command.add_argument(
+        "--select",
+        metavar="TERM,…",
+        default="",
+        help="only these: ids (FRM-3), clauses (FRM), levels (L0 to L3), checks (check_…)",
+    )
+    command.add_argument(
+        "--deselect", metavar="TERM,…", default="", help="not these; wins over --select"
+    )
+    command.add_argument(
+        "--parallel",
+        type=at_least_one,
+        metavar="N",
+        default=1,
+        help="judge N testees at a time, each on ports of its own (%(default)s)",
+    )
     command.add_argument(
         "--allow-crash",
         action="store_true",
@@ -139,6 +154,14 @@ def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) ->
     command.add_argument("--json", metavar="FILE", help="write a report for programs")
     command.add_argument("--junit", metavar="FILE", help="write a report for CI systems")
     command.add_argument("--record", metavar="FOLDER", help="keep what crossed the wire")
+
+
+def at_least_one(text: str) -> int:
+    """A number of testees. Raises ValueError."""
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{number} testees are none: 1 or more are wanted")
+    return number
 
 
 def main(argv: Sequence[str] | None = None) -> int:

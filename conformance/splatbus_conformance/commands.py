@@ -13,10 +13,13 @@ from splatbus_conformance import recording
 from splatbus_conformance.audit import audit as judge_recording
 from splatbus_conformance.audit import results as audit_results
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
-from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.coverage import check_functions, judges
+from splatbus_conformance.findings import Traffic
 from splatbus_conformance.judging import judge
 from splatbus_conformance.plan import Plan, Side, Usage
+from splatbus_conformance.plugin import selectable
 from splatbus_conformance.reports import json_report
+from splatbus_conformance.selection import RULE, Item, Selection, UnknownTermError, terms
 from splatbus_conformance.terminal import print_connections, print_failures, summary
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
@@ -28,6 +31,8 @@ from splatbus_conformance.verdicts import (
 
 DEPLOYED_PORTS = (6001, 6000)
 PLAIN_WIDTH = 240
+DEMO_TESTEES = 6
+"""More than cores: most of the time a check waits."""
 LAUNCH_PATIENCE = 10.0
 WAIT_PATIENCE = 120.0
 
@@ -42,46 +47,49 @@ def console(plain: bool) -> Console:
 
 def client(arguments: argparse.Namespace, out: Console) -> int:
     """Judge a client."""
-    starts_it = arguments.launch or arguments.adapter
-    try:
-        plan = Plan(
-            "client",
-            arguments.launch,
-            arguments.host,
-            parse_ports(arguments.ports, (0, 0) if starts_it else DEPLOYED_PORTS),
-            parse_size(arguments.viewport),
-            arguments.patience or (LAUNCH_PATIENCE if starts_it else WAIT_PATIENCE),
-            arguments.profile,
-            arguments.seed,
-            parse_select(arguments.select, "client"),
-            allow_crash=arguments.allow_crash,
-            adapter=arguments.adapter,
-        )
-    except Usage as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
-        return EXIT_USAGE
-    return judge(plan, arguments, out)
+    return _live("client", arguments, out)
 
 
 def server(arguments: argparse.Namespace, out: Console) -> int:
     """Judge a server."""
+    return _live("server", arguments, out)
+
+
+def _live(side: Side, arguments: argparse.Namespace, out: Console) -> int:
     try:
-        plan = Plan(
-            "server",
-            arguments.launch,
-            arguments.host,
-            parse_ports(arguments.ports, (0, 0) if arguments.launch else DEPLOYED_PORTS),
-            (0, 0),
-            arguments.patience or LAUNCH_PATIENCE,
-            arguments.profile,
-            arguments.seed,
-            parse_select(arguments.select, "server"),
-            allow_crash=arguments.allow_crash,
-        )
+        plan = plan_of(side, arguments)
     except Usage as error:
         out.print(f"splatbus-conformance: {error}", markup=False)
         return EXIT_USAGE
     return judge(plan, arguments, out)
+
+
+def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
+    """What the command line asks for. Raises Usage where that cannot be."""
+    adapter = arguments.adapter if side == "client" else None
+    starts_it = bool(arguments.launch or adapter)
+    waits = side == "client" and not starts_it
+    plan = Plan(
+        side,
+        arguments.launch,
+        arguments.host,
+        parse_ports(arguments.ports, (0, 0) if starts_it else DEPLOYED_PORTS),
+        parse_size(arguments.viewport) if side == "client" else (0, 0),
+        arguments.patience or (WAIT_PATIENCE if waits else LAUNCH_PATIENCE),
+        profile=arguments.profile,
+        seed=arguments.seed,
+        selection=parse_selection(arguments.select, arguments.deselect, side),
+        allow_crash=arguments.allow_crash,
+        adapter=adapter,
+        parallel=arguments.parallel,
+        record=arguments.record,
+    )
+    if plan.parallel > 1 and not (starts_it and plan.ports == (0, 0)):
+        raise Usage(
+            f"--parallel {plan.parallel}: several testees at a time need ports of their own, which "
+            "the harness passes to what it starts: use --launch or --adapter, and leave out --ports"
+        )
+    return plan
 
 
 def demo(arguments: argparse.Namespace, out: Console) -> int:
@@ -93,7 +101,8 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
         "Judging the reference client, as you would judge yours:\n"
         '  splatbus-conformance client --launch "splatbus-client view"\n'
     )
-    return client(parser().parse_args(["client", "--launch", command]), out)
+    line = ["client", "--launch", command, "--parallel", str(DEMO_TESTEES)]
+    return client(parser().parse_args(line), out)
 
 
 def audit(arguments: argparse.Namespace, out: Console) -> int:
@@ -122,7 +131,7 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
                     results,
                     exercised,
                     exit_code=codes[-1],
-                    delivered=0,
+                    traffic=Traffic(),
                     seconds=time.monotonic() - began,
                 )
             )
@@ -173,13 +182,25 @@ def parse_size(text: str) -> tuple[int, int]:
     return width, height
 
 
-def parse_select(text: str, side: Side) -> tuple[str, ...]:
-    """`ID,…` as requirements that have a check; Usage for another."""
-    names = tuple(name.strip().upper() for name in text.split(",") if name.strip())
-    known = {function.check.requirement for function in check_functions(side)}
-    if unknown := [name for name in names if name not in known]:
-        raise Usage(
-            f"--select {','.join(unknown)}: no check judges that; "
-            f"`splatbus-conformance list --peer {side}` shows what is judged"
-        )
-    return names
+def parse_selection(only: str, never: str, side: Side) -> Selection:
+    """`--select` and `--deselect`; Usage for a term that means nothing."""
+    items = selectable_on(side)
+    found = []
+    for option, text in (("--select", only), ("--deselect", never)):
+        try:
+            found.append(terms(text, items))
+        except UnknownTermError as error:
+            raise Usage(
+                f"{option}: {error}; `splatbus-conformance list --peer {side}` shows all"
+            ) from None
+    return Selection(*found)
+
+
+def selectable_on(side: Side) -> list[Item]:
+    """All that can be selected: the checks of this side, and the requirements that rules judge."""
+    rules = [
+        Item(name, RULE, "L0")
+        for name, found in judges(side).items()
+        if any(judge.level == "L0" for judge in found)
+    ]
+    return rules + [selectable(it.__name__, it.check) for it in check_functions(side)]

@@ -1,7 +1,10 @@
 """The plan of a run: what the command line asks for, as data that another process can be given."""
 
-from dataclasses import dataclass
+import json
+from dataclasses import asdict, dataclass
 from typing import Literal
+
+from splatbus_conformance.selection import ALL, Selection
 
 Side = Literal["client", "server"]
 """Which of the two the testee is."""
@@ -22,15 +25,34 @@ class Plan:
     """Longest wait for a connection, in seconds."""
     profile: str = "quick"
     seed: int = 0
-    select: tuple[str, ...] = ()
+    selection: Selection = ALL
     allow_crash: bool = False
     adapter: str | None = None
     """The command that starts an adapter, which starts the testee (conformance/ADAPTER.md)."""
+    stand_in_cuda: bool = False
+    """What is launched finds the stand-in CUDA runtime (conformance/STAND_IN_CUDA.md)."""
+    parallel: int = 1
+    """How many testees are judged at a time, each on ports of its own."""
+    record: str | None = None
+    """The folder that keeps what crosses the wire."""
 
     @property
     def starts_it(self) -> bool:
         """The harness starts the testee itself."""
         return bool(self.launch or self.adapter)
+
+    def as_text(self) -> str:
+        """For another process."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_text(cls, text: str) -> "Plan":
+        """The reverse of `as_text`."""
+        members = json.loads(text)
+        given = members["selection"]
+        members["selection"] = Selection(tuple(given["only"]), tuple(given["never"]))
+        members["ports"], members["viewport"] = tuple(members["ports"]), tuple(members["viewport"])
+        return cls(**members)
 
 
 class Usage(Exception):  # noqa: N818 - a finding, no error of ours

@@ -1,121 +1,134 @@
-"""The pytest plugin that runs the checks: gives each its trial and takes its verdict."""
+"""The pytest plugin that runs the checks: gives each its trial and takes its verdict.
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+What it finds out leaves in the reports of pytest, as text, so that it does not matter in which
+process the checks run.
+"""
+
+import time
+import traceback
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
-from splatbus_schemas.requirements import Requirement, requirements
+from splatbus_schemas.requirements import requirements
 
+from splatbus_conformance import recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.excerpt import excerpt
+from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.recording import Entry
+from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
+from splatbus_conformance.tally import add, rules_on, tally
 from splatbus_conformance.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 
 EVIDENCE_LINES = 12
-
-
-class Progress(Protocol):
-    """Told of the run as it goes."""
-
-    def begin(self, total: int) -> None:
-        """So many checks will run."""
-
-    def start(self, check: str, requirement: str) -> None:
-        """This one runs now."""
-
-    def done(self, result: Result) -> None:
-        """One has its verdict."""
-
-
-@dataclass
-class Run:
-    """What a run needs, and what it has found out."""
-
-    plan: Plan
-    stand: Stand
-    progress: Progress
-    results: list[Result] = field(default_factory=list)
-    recordings: list[list[Entry]] = field(default_factory=list)
-    trial: Trial | None = None
-    """Of the check that runs now."""
-    delivered: int = 0
-    """Cases delivered and followed by something that proves it."""
+PLACE = pytest.StashKey[int]()
+"""Of a check among those of a serial run."""
+RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
+"""Properties of reports: place and result of a check, and what crossed the wire meanwhile."""
+Order = Callable[[list[pytest.Item]], list[pytest.Item]]
 
 
 class CheckPlugin:
-    """Handed to `pytest.main`; holds one run."""
+    """Handed to `pytest.main`, with a stand whose testee has been met."""
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
+    def __init__(self, plan: Plan, stand: Stand, order: Order) -> None:
+        self.plan, self.stand, self.order = plan, stand, order
         self.known = requirements("1.1")
+        self.rules = rules_on(
+            {
+                name
+                for name, it in self.known.items()
+                if plan.side in it.binds and plan.selection.takes(Item(name, RULE, "L0"))
+            }
+        )
+        self.traffic = self._nothing_yet()
+        self.trial_now: Trial | None = None
+        self._began = (time.monotonic(), time.process_time())
+        self._keep(0, "introduction")
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Leave out what was not selected, and put what may crash the testee last."""
-        items[:] = [item for item in items if self._selected(declared(item))]
-        items.sort(key=lambda item: declared(item).may_crash)
-        self.run.progress.begin(len(items))
+        """Leave out what was not selected, and put the rest in order."""
+        items[:] = [item for item in items if self._selected(item)]
+        for place, item in enumerate(items, 1):
+            item.stash[PLACE] = place
+        items[:] = self.order(items)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
-    ) -> Iterator[Any]:
-        """Turn what happened into a result."""
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Turn what happened into a result, and send it along with the report."""
         report = yield
+        report.longrepr = None  # it holds what testees sent, which not every transport can carry
         if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
             result = self._result(item, call)
-            self.run.results.append(result)
-            self.run.progress.done(result)
+            report.user_properties.append((RESULT, (item.stash[PLACE], result_as_text(result))))
+        elif call.when == "teardown":
+            report.user_properties.append((TRAFFIC, self.traffic.as_text()))
+            self.traffic = self._nothing_yet()
         return report
 
     @pytest.fixture
     def trial(self, request: pytest.FixtureRequest) -> Iterator[Trial]:
-        """A trial with fresh connections; whatever crossed the wire is kept for the rules."""
-        run, check = self.run, declared(request.node)
-        peer, testee = run.stand.peer, run.stand.testee
-        run.trial = None
-        run.progress.start(request.node.name, check.requirement)
+        """A trial with fresh connections; the rules judge whatever crossed the wire."""
+        check, testee = declared(request.node), self.stand.testee
+        self.trial_now = None
         if reason := self._missing(check):
             pytest.skip(reason)
-        trial = run.trial = run.stand.trial(self.known[check.requirement])
-        trial.seed, trial.profile = run.plan.seed, run.plan.profile
+        self._began = (time.monotonic(), time.process_time())
+        trial = self.trial_now = self.stand.trial(self.known[check.requirement])
+        trial.seed, trial.profile = self.plan.seed, self.plan.profile
         yield trial
-        peer.pump(SETTLE_SECONDS)
-        run.delivered += trial.delivered
+        self.stand.peer.pump(SETTLE_SECONDS)
+        self.traffic.delivered += trial.delivered
         if testee.ended() is not None:
             testee.stop()
-        run.recordings.append(list(peer.entries))
+        self._keep(request.node.stash[PLACE], request.node.name)
 
-    def _selected(self, check: Check) -> bool:
-        if self.run.plan.select:
-            return check.requirement in self.run.plan.select
-        return check.profile == "quick" or self.run.plan.profile == "full"
+    def _nothing_yet(self) -> Traffic:
+        return Traffic(self.stand.testee.name, self.stand.facts.version())
+
+    def _keep(self, place: int, name: str) -> None:
+        """Judge what crossed the wire, count what it took, and save it where that is asked for."""
+        entries = self.stand.peer.entries
+        add(self.traffic.tally, tally(entries, self.plan.side, self.rules))
+        busy = time.process_time() - self._began[1]
+        self.traffic.busy_seconds += busy
+        self.traffic.waiting_seconds += max(0.0, time.monotonic() - self._began[0] - busy)
+        if self.plan.record:
+            recording.save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
+
+    def _selected(self, item: pytest.Item) -> bool:
+        return self.plan.selection.takes(selectable(item.name, declared(item)), self.plan.profile)
 
     def _missing(self, check: Check) -> str | None:
         for need in check.needs:
-            if reason := self.run.stand.facts.lacks(need):
+            if reason := self.stand.facts.lacks(need):
                 return str(reason)
-        if check.may_crash and not (self.run.stand.testee.expendable or self.run.plan.allow_crash):
+        if check.may_crash and not (self.stand.testee.expendable or self.plan.allow_crash):
             return "it may crash a testee that was not launched by the harness: --allow-crash"
         return None
 
     def _result(self, item: pytest.Item, call: pytest.CallInfo[None]) -> Result:
         check, error = declared(item), call.excinfo
-        measurements = tuple(self.run.trial.measurements) if self.run.trial else ()
+        measurements = tuple(self.trial_now.measurements) if self.trial_now else ()
         verdict, text = Verdict.PASS, "; ".join(map(str, measurements))
         evidence: tuple[str, ...] = ()
         if error is not None:
             text = str(error.value)
-            evidence = tuple(excerpt(self.run.stand.peer.entries, EVIDENCE_LINES))
+            evidence = tuple(excerpt(self.stand.peer.entries, EVIDENCE_LINES))
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
             elif isinstance(error.value, pytest.skip.Exception):
                 verdict, evidence = Verdict.SKIP, ()
             else:
                 verdict, text = Verdict.ERROR, f"{error.typename}: {text}"
+                lines = "".join(traceback.format_exception(error.value)).splitlines()
+                evidence += tuple(lines[-EVIDENCE_LINES:])
         return Result(
             check.requirement,
             item.name,
@@ -135,7 +148,6 @@ def declared(item: pytest.Item) -> Check:
     return check
 
 
-def of_run(run: Run) -> dict[str, Requirement]:
-    """The requirements a run could judge: those on its testee, of 1.1 only where it is claimed."""
-    version = run.stand.facts.version()
-    return {id: r for id, r in requirements(version).items() if run.plan.side in r.binds}
+def selectable(name: str, check: Check) -> Item:
+    """A check as something to select."""
+    return Item(check.requirement, name, check.level, check.profile)

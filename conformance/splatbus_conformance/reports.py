@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.findings import Traffic
 from splatbus_conformance.verdicts import Result, Verdict, by_requirement, worst
 
 FORMAT = "1"
@@ -21,7 +22,7 @@ def json_report(
     judged: Mapping[str, Requirement],
     *,
     exit_code: int,
-    delivered: int,
+    traffic: Traffic,
     seconds: float,
 ) -> dict[str, Any]:
     """The report as one object (schema: report.schema.json)."""
@@ -33,8 +34,10 @@ def json_report(
         "testee": testee,
         "summary": sentence,
         "exitCode": exit_code,
-        "casesDelivered": delivered,
+        "casesDelivered": traffic.delivered,
         "seconds": round(seconds, 3),
+        "harnessSeconds": round(traffic.busy_seconds, 3),
+        "waitingSeconds": round(traffic.waiting_seconds, 3),
         "environment": {"python": platform.python_version(), "platform": sys.platform},
         "requirements": [
             {

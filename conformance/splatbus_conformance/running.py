@@ -1,15 +1,22 @@
-"""Run the checks against a testee and gather the results."""
+"""Run the checks against a testee, or against several at a time, and gather the results."""
 
+import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import splatbus_conformance.checks
-from splatbus_conformance.plugin import CheckPlugin, Run, of_run
-from splatbus_conformance.rules import sightings
-from splatbus_conformance.verdicts import Level, Result, Verdict, failing
+from splatbus_conformance import parallel
+from splatbus_conformance.checks import Check
+from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.findings import Findings
+from splatbus_conformance.gathering import Gathering, Progress
+from splatbus_conformance.plan import NoVerdict, Plan
+from splatbus_conformance.plugin import CheckPlugin, declared
+from splatbus_conformance.stand import Stand, set_up
+from splatbus_conformance.verdicts import Level, Result, Verdict
 
 ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
 FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
@@ -19,64 +26,97 @@ class Interrupted(Exception):  # noqa: N818 - a finding, no error of ours
     """Somebody pressed Ctrl-C."""
 
 
-def run_checks(run: Run) -> list[Result]:
-    """Run every check that the run selects, then judge all that crossed the wire by the rules.
+def run_checks(plan: Plan, progress: Progress) -> Findings:
+    """Run every check that the plan selects; the rules judge all that crosses the wire.
 
-    The user's own pytest configuration, options and plugins have no part in it. Raises Interrupted.
+    The user's own pytest configuration, options and plugins have no part in it.
+
+    Raises:
+        Usage: the plan cannot be carried out.
+        NoVerdict: the testee could not be met.
+        Interrupted: somebody pressed Ctrl-C.
     """
-    folder = Path(splatbus_conformance.checks.__file__).parent / run.plan.side
+    findings = Findings()
+    checks: dict[str, Check] = {it.__name__: it.check for it in check_functions(plan.side)}
+    gathering = Gathering(findings, progress, checks)
+    if plan.record:
+        Path(plan.record).mkdir(parents=True, exist_ok=True)
+    if plan.parallel > 1:
+        controller = parallel.Controller(plan, dict(os.environ))
+        status = _pytest(plan, [gathering, controller], *parallel.arguments(plan.parallel))
+        if controller.no_verdict:
+            raise NoVerdict(controller.no_verdict)
+    else:
+        status = _run_here(plan, gathering, progress)
+    _note_what_did_not_run(gathering, status)
+    return findings
+
+
+def _run_here(plan: Plan, gathering: Gathering, progress: Progress) -> int:
+    stand = set_up(plan)
+    try:
+        if not plan.starts_it:
+            progress.say(_what_to_start(stand, plan))
+        stand.introduce()
+        plugin = CheckPlugin(plan, stand, in_order)
+        status = _pytest(plan, [plugin, gathering])
+        gathering.findings.traffic.add(plugin.traffic)
+        return status
+    except OSError as error:
+        raise NoVerdict(f"cannot start the testee: {error}") from error
+    finally:
+        stand.close()
+
+
+def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Checks as they come, those that may crash the testee last."""
+    return sorted(items, key=lambda item: declared(item).may_crash)
+
+
+def _what_to_start(stand: Stand, plan: Plan) -> str:
+    peer = stand.peer
+    where = f"IPC {peer.host}:{peer.ports['ipc']}, message {peer.host}:{peer.ports['msg']}"
+    if plan.side == "server":
+        return f"Looking for a server at {where}."
+    return f"Waiting for a client on {where}: start yours now (in an engine: press Play)."
+
+
+def _note_what_did_not_run(gathering: Gathering, status: int) -> None:
+    """Raises Interrupted."""
+    if status == pytest.ExitCode.INTERRUPTED and not gathering.uncollected:
+        raise Interrupted
+    if gathering.uncollected or status in (
+        pytest.ExitCode.INTERNAL_ERROR,
+        pytest.ExitCode.USAGE_ERROR,
+    ):
+        why = gathering.uncollected or f"pytest ended with {pytest.ExitCode(status)!r}"
+        gathering.findings.put(0, Result("", "collection", Level.WIRE, Verdict.ERROR, why))
+    gathering.close("it was selected and did not run")
+
+
+def _pytest(plan: Plan, plugins: list[object], *more: str) -> int:
+    folder = Path(splatbus_conformance.checks.__file__).parent / plan.side
     arguments = [
         str(folder),
         *("-c", os.devnull, "--rootdir", str(folder), "--import-mode=importlib"),
         *("-p", "no:cacheprovider", "-p", "no:terminal", "-p", "no:logging"),
-        *("-p", "no:faulthandler", "-p", "no:warnings", "--capture=no"),
+        *("-p", "no:faulthandler", "-p", "no:warnings", "--capture=no", "--assert=plain"),
         *("-o", "python_files=*.py", "-o", "python_functions=check_*"),
+        *more,
     ]
+    with _isolated():
+        return int(pytest.main(arguments, plugins=plugins))
+
+
+@contextlib.contextmanager
+def _isolated() -> Iterator[None]:
+    """Keep what the user has set for pytest away from it."""
     before = dict(os.environ)
     os.environ.update(ISOLATED)
     for name in FOREIGN:
         os.environ.pop(name, None)
     try:
-        status = pytest.main(arguments, plugins=[CheckPlugin(run)])
+        yield
     finally:
         os.environ.clear()
         os.environ.update(before)
-    if status == pytest.ExitCode.INTERRUPTED:
-        raise Interrupted
-    if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
-        run.results.append(
-            Result("", "collection", Level.WIRE, Verdict.ERROR, f"pytest ended with {status!r}")
-        )
-    return run.results + passive_results(run)
-
-
-def passive_results(run: Run) -> list[Result]:
-    """What the rules say of the testee in all recordings of the run."""
-    bound = of_run(run)
-    seen: dict[str, int] = {}
-    breaches: dict[str, tuple[int, str]] = {}
-    for recording in run.recordings:
-        for sighting in sightings(recording):
-            if sighting.peer == run.plan.side and sighting.requirement in bound:
-                seen[sighting.requirement] = seen.get(sighting.requirement, 0) + 1
-                if sighting.breach:
-                    times, first = breaches.get(sighting.requirement, (0, sighting.breach))
-                    breaches[sighting.requirement] = (times + 1, first)
-    return [_passive(name, count, breaches, bound[name].level) for name, count in seen.items()]
-
-
-def _passive(
-    requirement: str, count: int, breaches: Mapping[str, tuple[int, str]], level: str
-) -> Result:
-    times, first = breaches.get(requirement, (0, ""))
-    if not times:
-        return Result(
-            requirement, "rule", Level.PASSIVE, Verdict.PASS, f"held {count} times of {count}"
-        )
-    return Result(
-        requirement,
-        "rule",
-        Level.PASSIVE,
-        failing(level),
-        f"broken {times} times of {count}; first: {first}",
-    )

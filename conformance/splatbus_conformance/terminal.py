@@ -26,33 +26,46 @@ class Live:
         self._console = console
         self._total = 0
         self._done = 0
+        self._running: dict[str, str] = {}
+        """By check, what it says that it judges."""
         self._status = console.status("starting") if console.is_terminal else None
+
+    def say(self, text: str) -> None:
+        """Something that the user has to do or know."""
+        self._console.print(text, markup=False)
 
     def begin(self, total: int) -> None:
         """So many checks will run."""
-        self._total = total
+        self._total, self._done = total, 0
+        self._running.clear()
         if self._status:
             self._status.start()
 
     def start(self, check: str, requirement: str) -> None:
-        """This one runs now."""
-        if self._status:
-            self._status.update(f"{self._done + 1}/{self._total}  {requirement}  {words(check)}")
+        """This one runs now, beside those that run already."""
+        self._running[check] = f"{requirement}  {words(check)}"
+        self._show()
 
     def done(self, result: Result) -> None:
         """One has its verdict."""
         self._done += 1
+        self._running.pop(result.check, None)
         line = Text(f"{self._done:4}/{self._total}  {result.requirement:<7} ")
         line.append(f"{result.verdict:<7}", STYLE[result.verdict])
         line.append(f" {words(result.check)}")
         if result.verdict is not Verdict.PASS:
             line.append(f": {result.text.splitlines()[0] if result.text else ''}", "dim")
         self._console.print(line, no_wrap=True, overflow="ellipsis", crop=self._console.is_terminal)
+        self._show()
 
     def end(self) -> None:
         """The run is over."""
         if self._status:
             self._status.stop()
+
+    def _show(self) -> None:
+        if self._status and self._running:
+            self._status.update(f"{self._done}/{self._total}  {'; '.join(self._running.values())}")
 
 
 def words(check: str) -> str:

@@ -53,7 +53,7 @@ def free_port() -> int:
 def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> None:
     report, junit = tmp_path / "report.json", tmp_path / "report.xml"
     code, output = run(
-        *("client", "--launch", GOOD, "--select", "FRM-4,NEG-8"),
+        *("client", "--launch", GOOD, "--select", "FRM-1,FRM-4,NEG-8"),
         *("--json", str(report), "--junit", str(junit), "--record", str(tmp_path / "sessions")),
     )
     assert code == 0, output

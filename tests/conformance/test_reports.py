@@ -6,10 +6,12 @@ import jsonschema
 from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_conformance.data import read_json
+from splatbus_conformance.findings import Traffic
 from splatbus_conformance.reports import json_report, junit_report
 from splatbus_conformance.verdicts import Level, Result, Verdict
 from splatbus_schemas.requirements import requirements
 
+TRAFFIC = Traffic("cmd", "1.1", delivered=3, busy_seconds=0.01, waiting_seconds=1.2)
 KNOWN = requirements("1.1")
 RESULTS = [
     Result("FRM-1", "rule", Level.PASSIVE, Verdict.PASS, "held", (), 0.1),
@@ -21,7 +23,7 @@ RESULTS = [
 
 
 def test_json_report_satisfies_its_schema_and_names_every_requirement() -> None:
-    report = json_report("cmd", "sentence", RESULTS, KNOWN, exit_code=1, delivered=3, seconds=1.5)
+    report = json_report("cmd", "sentence", RESULTS, KNOWN, exit_code=1, traffic=TRAFFIC, seconds=1.5)
     jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(report)
     assert {entry["id"] for entry in report["requirements"]} == set(KNOWN)
     verdicts = {entry["id"]: entry["verdict"] for entry in report["requirements"]}

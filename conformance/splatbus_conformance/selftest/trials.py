@@ -111,7 +111,8 @@ def judge_variation(variation: Variation) -> Row:
 def judge_mutant(mutant: Mutant) -> Row:
     """Run the checks of the requirement that a mutant breaks."""
     began = time.monotonic()
-    report, _, last_words = run_harness(mutant.name, mutant.side, mutant.through, SELECTED_SECONDS)
+    select = f"{mutant.through},{mutant.requirement}"
+    report, _, last_words = run_harness(mutant.name, mutant.side, select, SELECTED_SECONDS)
     cells = cells_of(report)
     fate, note = fate_of(mutant, cells), ""
     if report is None or (fate is Fate.SURVIVED and errors(cells)):

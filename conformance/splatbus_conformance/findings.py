@@ -1,0 +1,104 @@
+"""What a run has found out: verdicts and counts, which cross from worker to controller as text."""
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from splatbus_schemas.requirements import Requirement, requirements
+
+from splatbus_conformance import tally
+from splatbus_conformance.measurements import Measurement
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.selection import RULE, Item
+from splatbus_conformance.tally import Count, Tally
+from splatbus_conformance.verdicts import Level, Result, Verdict, worst
+
+
+@dataclass
+class Traffic:
+    """What crossed the wire, in numbers, and what it took."""
+
+    testee: str = ""
+    version: str = "1.0"
+    """Of the specification, by which the testee is judged."""
+    delivered: int = 0
+    """Cases delivered and followed by something that proves it."""
+    busy_seconds: float = 0.0
+    """CPU time of the harness."""
+    waiting_seconds: float = 0.0
+    """Time in which the harness waited for the testee, or listened to its silence."""
+    tally: Tally = field(default_factory=dict)
+
+    def add(self, other: "Traffic") -> None:
+        """Count what happened elsewhere as well."""
+        self.testee = self.testee or other.testee
+        self.version = max(self.version, other.version)
+        self.delivered += other.delivered
+        self.busy_seconds += other.busy_seconds
+        self.waiting_seconds += other.waiting_seconds
+        tally.add(self.tally, other.tally)
+
+    def as_text(self) -> str:
+        """For another process."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_text(cls, text: str) -> "Traffic":
+        """The reverse of `as_text`."""
+        members = json.loads(text)
+        members["tally"] = {name: Count(*count) for name, count in members["tally"].items()}
+        return cls(**members)
+
+    def sentence(self, seconds: float) -> str:
+        """What was done, in how long, and how much of that the harness took."""
+        text = f"{self.delivered:,} cases delivered in {seconds:.1f} s"
+        if self.delivered:
+            text += (
+                f"; each took {1000 * self.busy_seconds / self.delivered:.2f} ms of the harness"
+                f" and {1000 * self.waiting_seconds / self.delivered:.2f} ms of waiting"
+            )
+        return text
+
+    def judged(self, side: str) -> dict[str, Requirement]:
+        """What the testee could be judged by: of 1.1 only where it is claimed."""
+        return {id: r for id, r in requirements(self.version).items() if side in r.binds}
+
+
+@dataclass
+class Findings:
+    """All that came of a run."""
+
+    traffic: Traffic = field(default_factory=Traffic)
+    placed: dict[int, Result] = field(default_factory=dict)
+    """What each check said, by its place in a serial run."""
+
+    def put(self, place: int, result: Result) -> None:
+        """Note a verdict; of two on one place, which different seeds gave, the worse."""
+        other = self.placed.get(place)
+        if other is None or worst([result, other]) is not other.verdict:
+            self.placed[place] = result
+
+    def results(self, plan: Plan) -> list[Result]:
+        """Every verdict, in the order of a serial run; the rules have the last word."""
+        judged = self.traffic.judged(plan.side)
+        return [self.placed[place] for place in sorted(self.placed)] + [
+            tally.result(name, self.traffic.tally[name], requirement.level)
+            for name, requirement in judged.items()
+            if name in self.traffic.tally and plan.selection.takes(Item(name, RULE, "L0"))
+        ]
+
+
+def result_as_text(result: Result) -> str:
+    """For another process."""
+    return json.dumps(asdict(result))
+
+
+def result_from_text(text: str) -> Result:
+    """The reverse of `result_as_text`."""
+    members: dict[str, Any] = json.loads(text)
+    assert set(members) <= {field.name for field in fields(Result)}
+    members["level"] = Level(members["level"])
+    members["verdict"] = Verdict(members["verdict"])
+    members["evidence"] = tuple(members["evidence"])
+    members["measurements"] = tuple(Measurement(**it) for it in members["measurements"])
+    return Result(**members)

@@ -1,0 +1,128 @@
+"""Several testees at a time: pytest-xdist starts workers, and each has a stand of its own.
+
+A worker loads this module as a plugin (`-p`). The controller hands it the plan and the user's
+environment, which the testee has to find as it was.
+"""
+
+import contextlib
+import json
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, TypeVar
+
+import pytest
+
+from splatbus_conformance.data import read_json
+from splatbus_conformance.plan import NoVerdict, Plan, Usage
+from splatbus_conformance.plugin import CheckPlugin, declared
+from splatbus_conformance.stand import Stand, set_up
+
+T = TypeVar("T")
+GIVEN, NO_VERDICT = "splatbus_given", "splatbus_no_verdict"
+USUAL_SECONDS = 0.2
+
+
+def arguments(workers: int) -> list[str]:
+    """What pytest is told, so that it starts workers and deals them one check after the other."""
+    return [
+        *("-p", "xdist.plugin", "-p", __name__),
+        *("-n", str(workers), "--dist", "load", "--maxschedchunk", "1"),
+    ]
+
+
+class Controller:
+    """The plugin of the process that starts the workers."""
+
+    def __init__(self, plan: Plan, environment: Mapping[str, str]) -> None:
+        self.no_verdict = ""
+        """Why a worker could not meet its testee."""
+        self._given = json.dumps({"plan": plan.as_text(), "environment": dict(environment)})
+        self._workers: list[int] = []
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """A worker is about to start."""
+        node.workerinput[GIVEN] = self._given
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodeready(self, node: Any) -> None:
+        """A worker has started."""
+        self._workers.append(node.gateway._rinfo().pid)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """A worker has ended."""
+        if text := getattr(node, "workeroutput", {}).get(NO_VERDICT):
+            self.no_verdict = text
+            pytest.exit(text)
+
+    def pytest_keyboard_interrupt(self) -> None:
+        """Let the workers end their testees at once, and not only when their check is through."""
+        for pid in self._workers if os.name == "posix" else ():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGINT)
+
+
+class Worker:
+    """The plugin of a worker: sets up its stand, meets its testee, and registers the checks."""
+
+    def __init__(self, config: pytest.Config, given: str, workers: int) -> None:
+        values = json.loads(given)
+        os.environ.clear()
+        os.environ.update(values["environment"])
+        self.config, self.workers = config, workers
+        self.plan = Plan.from_text(values["plan"])
+        self.stand: Stand | None = None
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection(self) -> None:
+        """Meet the testee, before the checks are asked for."""
+        try:
+            self.stand = set_up(self.plan)
+            self.stand.introduce()
+        except (NoVerdict, Usage, OSError) as error:
+            self.config.workeroutput[NO_VERDICT] = _printable(  # type: ignore[attr-defined]
+                f"cannot start the testee: {error}" if isinstance(error, OSError) else str(error)
+            )
+            pytest.exit("the testee was not met")
+        order = partial(dealt, workers=self.workers)
+        self.config.pluginmanager.register(CheckPlugin(self.plan, self.stand, order))
+
+    def pytest_unconfigure(self) -> None:
+        """End the testee, however the run has ended."""
+        if self.stand:
+            self.stand.close()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Be a worker, if this process is one."""
+    workerinput: dict[str, Any] | None = getattr(config, "workerinput", None)
+    if workerinput is not None:
+        worker = Worker(config, workerinput[GIVEN], workerinput["workercount"])
+        config.pluginmanager.register(worker)
+
+
+def dealt(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
+    """The order in which workers are dealt checks: long ones first, those that may crash last."""
+    durations: dict[str, float] = read_json("durations.json")
+    ordered = sorted(
+        items,
+        key=lambda it: (declared(it).may_crash, -durations.get(it.name, USUAL_SECONDS)),
+    )
+    return paired(ordered, workers)
+
+
+def paired(ordered: Sequence[T], workers: int) -> list[T]:
+    """Each worker is dealt two to begin with: give each that has a long one a short one with it."""
+    first, rest = ordered[: 2 * workers], ordered[2 * workers :]
+    if len(first) < 2 * workers:
+        return list(ordered)
+    pairs = zip(first[:workers], reversed(first[workers:]), strict=True)
+    return [item for pair in pairs for item in pair] + list(rest)
+
+
+def _printable(text: str) -> str:
+    """Without what cannot be sent: half a pair of surrogates."""
+    return text.encode("utf-8", "replace").decode("utf-8")

@@ -1,0 +1,60 @@
+"""What the passive rules saw of one side, counted, so that recordings need not be kept."""
+
+from collections.abc import Collection, Iterable
+from typing import NamedTuple
+
+from splatbus_conformance.conversation import conversations
+from splatbus_conformance.recording import Entry
+from splatbus_conformance.rules import Rule, all_rules
+from splatbus_conformance.selection import RULE
+from splatbus_conformance.verdicts import Level, Result, Verdict, failing
+
+
+class Count(NamedTuple):
+    """How often a requirement was exercised, how often broken, and the first breach."""
+
+    seen: int = 0
+    broken: int = 0
+    first: str = ""
+
+    def plus(self, other: "Count") -> "Count":
+        """Both together; this one came first."""
+        return Count(self.seen + other.seen, self.broken + other.broken, self.first or other.first)
+
+
+Tally = dict[str, Count]
+"""For each requirement, what was counted."""
+
+
+def rules_on(ids: Collection[str]) -> tuple[Rule, ...]:
+    """The rules that judge one of these requirements."""
+    return tuple(rule for rule in all_rules() if not set(rule.judges).isdisjoint(ids))
+
+
+def tally(entries: Iterable[Entry], side: str, rules: Iterable[Rule]) -> Tally:
+    """What these rules see of one side in a recording."""
+    rules, found = tuple(rules), Tally()
+    for conversation in conversations(entries):
+        for rule in rules:
+            for sighting in rule(conversation):
+                if sighting.peer == side:
+                    once = Count(1, bool(sighting.breach), sighting.breach or "")
+                    found[sighting.requirement] = found.get(sighting.requirement, Count()).plus(
+                        once
+                    )
+    return found
+
+
+def add(total: Tally, more: Tally) -> None:
+    """Count what was seen elsewhere as well."""
+    for name, count in more.items():
+        total[name] = total.get(name, Count()).plus(count)
+
+
+def result(requirement: str, count: Count, level: str) -> Result:
+    """The verdict of the rules on a requirement of this level (MUST, SHOULD, …)."""
+    if not count.broken:
+        text = f"held {count.seen} times of {count.seen}"
+        return Result(requirement, RULE, Level.PASSIVE, Verdict.PASS, text)
+    text = f"broken {count.broken} times of {count.seen}; first: {count.first}"
+    return Result(requirement, RULE, Level.PASSIVE, failing(level), text)
