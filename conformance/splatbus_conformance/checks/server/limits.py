@@ -1,0 +1,135 @@
+"""Checks on the limits of servers, and on who can reach them (spec 1.0 chapter 9)."""
+
+import ipaddress
+import socket
+import time
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.messages import Json, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.trial import EFFECT_SECONDS
+
+MANY = 300
+"""Connections that no server of viewers has a use for."""
+DIAL_SECONDS = 1.0
+CAMERA_REQUEST: Json = {"type": "get_camera_pose", "cam_idx": 0}
+BUFFERS = 12 << 20
+"""More bytes than the systems of both ends keep for a connection: replies beyond wait in the
+server."""
+STALL_SECONDS: float = LIMITS["stalled_reader_seconds"] + LIMITS["close_seconds"]
+FLOOD_SECONDS = 30.0
+CHUNK = 1 << 16
+PROBE_SECONDS = 0.1
+"""Between requests that only find out whether the connection is still there."""
+ELSEWHERE = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
+"""Addresses for documentation: the way to them begins at this machine's own address, and nothing is
+sent there."""
+EVERYWHERE = ("0.0.0.0", "::")
+
+
+@check("LIM-1", observable="some of very many connections on a channel are refused or closed")
+def check_connections_are_limited(trial: ServerTrial) -> None:
+    """Three hundred clients on a channel, none of which goes."""
+    for channel in trial.each(CHANNELS):
+        connections: list[Connection] = []
+        refused = False
+        while len(connections) < MANY and not refused:
+            try:
+                connections.append(trial.peer.dial(channel, DIAL_SECONDS))
+            except OSError:
+                refused = True
+            refused = refused or any(c.ended for c in connections)
+            trial.rest(0.0)
+        limited = refused or trial.wait(lambda: any(c.ended for c in connections))  # noqa: B023
+        if fate := trial.fate():
+            trial.judge(fate, f"{len(connections)} connections on the {channel} channel")
+        trial.expect(limited, f"{MANY} connections on the {channel} channel are all kept open")
+        trial.delivered += len(connections)
+        for connection in connections:
+            connection.close()
+
+
+@check("LIM-2", observable="the connection is closed", may_crash=True)
+def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
+    """A client that asks and asks and reads no reply, until the server has more of them than it may
+    keep, or has waited for longer than it may.
+    """
+    connection = trial.dial("msg")
+    if trial.ask(connection, CAMERA_REQUEST) is None:
+        trial.not_observable("the server does not answer a request")
+    reply = 4 + len(connection.packets[0].payload)
+    most = (BUFFERS + LIMITS["max_unsent_bytes"]) // reply
+    outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most)
+    trial.judge(outcome, "a client that reads no replies")
+    trial.expect(trial.serves(), "the server answers nobody after a client that read no replies")
+
+
+@check(
+    "SEC-1",
+    observable="no port of the server can be reached at another address of this machine",
+)
+def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
+    """The server was told a loopback address; its ports are tried at the machine's others."""
+    if not ipaddress.ip_address(socket.gethostbyname(trial.peer.host)).is_loopback:
+        trial.not_observable("the server was asked to listen on an address that is not loopback")
+    if not trial.testee.expendable:
+        trial.not_observable("whoever started the server may have asked for another address")
+    others = addresses()
+    if not others:
+        trial.not_observable("this machine has no address but loopback")
+    if asked := [each for each in (*EVERYWHERE, *others) if each in trial.testee.name.split()]:
+        trial.not_observable(f"the command that starts the server asks for {asked[0]}")
+    trial.dial("msg")
+    for address in trial.each(others):
+        for channel in CHANNELS:
+            port = trial.peer.ports[channel]
+            reached = _accepts(address, port)
+            trial.expect(not reached, f"the {channel} channel can be reached at {address}:{port}")
+            trial.delivered += 1
+
+
+def flood(trial: ServerTrial, connection: Connection, request: bytes, most: int) -> str:
+    """Send so many requests, then one now and then, and read nothing; what becomes of it.
+
+    Returns `closes`, `exits`, `dies`, or `hangs` if the connection is still there when the server
+    has been given all, or has taken nothing, for longer than it may wait.
+    """
+    connection.stop_reading()
+    many = request * (CHUNK // len(request))
+    sent, began = 0, time.monotonic()
+    moved = began
+    while (now := time.monotonic()) < min(moved + STALL_SECONDS, began + FLOOD_SECONDS):
+        flooded = sent >= most * len(request)
+        begun = sent % len(request)
+        taken = connection.push((request if flooded else many)[begun:])
+        if taken is None or trial.fate():
+            return trial.fate() or "closes"
+        sent += taken
+        moved = moved if flooded or not taken else now
+        trial.rest(PROBE_SECONDS if flooded or not taken else 0.0)
+    return "hangs"
+
+
+def addresses() -> list[str]:
+    """This machine's own addresses on the way to others, without loopback."""
+    found = []
+    for family, elsewhere in ELSEWHERE.items():
+        try:
+            with socket.socket(family, socket.SOCK_DGRAM) as sock:
+                sock.connect((elsewhere, 9))
+                found.append(str(sock.getsockname()[0]))
+        except OSError:
+            continue
+    return [each for each in found if not ipaddress.ip_address(each).is_loopback]
+
+
+def _accepts(address: str, port: int) -> bool:
+    try:
+        socket.create_connection((address, port), EFFECT_SECONDS).close()
+    except OSError:
+        return False
+    return True
