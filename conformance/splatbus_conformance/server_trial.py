@@ -237,6 +237,8 @@ class ServerTrial(Trial):
         self.wait(self.fate, 0.05)
         if fate := self.fate():
             return fate
+        if connection.ended:
+            connection.close()
         served = self.serves()
         if connection.ended:
             return "closes" if served else self.fate() or "hangs"
@@ -244,14 +246,17 @@ class ServerTrial(Trial):
 
     # Images
 
-    def move(self) -> Json:
-        """Pose the camera elsewhere, from the first connection of this trial to pose (POS-11)."""
+    def move(self, pose: Json | None = None) -> Json:
+        """Pose the camera, from the first connection of this trial to pose (POS-11): where it has
+        not been lately, unless it is told where. Returns the pose.
+        """
         if self._mover is None or self._mover.ended or not self._mover.open:
             self._mover = self.dial("msg")
             if self.viewer.token is not None:
                 self.viewer.greet(self._mover)
-        row, column = divmod(next(_places), 64)
-        pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
+        if pose is None:
+            row, column = divmod(next(_places), 64)
+            pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
         self.viewer.say(self._mover, pose)
         return pose
 

@@ -1,0 +1,109 @@
+"""Checks on how servers take poses, as the `camera` of frames shows it (spec 1.0 section 6.1)."""
+
+from hypothesis import strategies as st
+
+from splatbus_conformance.broken_poses import broken_poses
+from splatbus_conformance.checks import check
+from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.steering import Steering, camera_of
+
+FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
+ROTATION = (0.1, 0.3, 0.5, 0.8062257748298549)
+"""No two of its parts are the same, so that none can be taken for another unseen."""
+ORDERS = st.tuples(st.permutations("xyz"), st.permutations("xyzw"), st.booleans())
+STRIDE = 3
+"""In the quick profile every so many-th broken pose is sent."""
+
+
+@check("POS-5", observable="a frame shows each number where its name says", needs=("frames",))
+def check_takes_members_by_name(trial: ServerTrial) -> None:
+    """Poses with the members of position and rotation in every order, and rotation before
+    position.
+    """
+    steering, poser = Steering(trial), trial.dial("msg")
+    reverse = ("zyx", "wzyx", True)
+    for number, order in enumerate(trial.each([reverse], ORDERS, quick=20, full=144)):
+        pose = camera_pose((1.5 + number, 2.5, -3.5), ROTATION)
+        places, turns, swapped = order
+        written = pose | {
+            "position": {name: pose["position"][name] for name in places},
+            "rotation": {name: pose["rotation"][name] for name in turns},
+        }
+        if swapped:
+            written["position"] = written.pop("position")
+        outcome = steering.takes(poser, pose, encode(written))
+        what = f"a pose with position {', '.join(places)} and rotation {', '.join(turns)}"
+        seen = f"{what}; the camera is at {steering.now()}"
+        trial.judge(outcome, seen if outcome == "ignores" else what)
+
+
+@check(
+    "POS-6",
+    observable="the frames that follow show the former camera",
+    needs=("frames",),
+    may_crash=True,
+)
+def check_keeps_the_former_pose(trial: ServerTrial) -> None:
+    """Poses that miss or mistype members, lie beyond single precision, or have no unit quaternion;
+    after each the Gaussians are moved, so that a new image shows where the camera is.
+    """
+    steering, poser = Steering(trial), trial.dial("msg")
+    home = camera_pose((0.25, 0.5, -0.75), ROTATION)
+    trial.expect(steering.shows(poser, home), "no frame shows a good pose")
+    broken = broken_poses(FAR)[:: 1 if trial.profile == "full" else STRIDE]
+    for each in trial.each(broken):
+        if poser.ended:
+            poser = trial.dial("msg")
+            trial.expect(steering.shows(poser, home), "no frame shows a good pose")
+        outcome = steering.outcome_of(poser, each.payload)
+        what = f"a pose with {each.what} ({each.requirement})"
+        trial.judge(outcome, f"{what}; the camera is at {steering.now()}")
+
+
+@check(
+    "POS-11",
+    observable="frames show the poses of the connection that was first, then those of the next",
+    needs=("frames",),
+)
+def check_one_connection_has_control(trial: ServerTrial) -> None:
+    """One connection sends a broken pose, the next a good one, and a third another; then the one in
+    control closes, and the next to have sent a good pose has it.
+    """
+    steering = Steering(trial)
+    early, first, second = (_served(trial) for _ in range(3))
+    if early.ended or first.ended:
+        trial.not_observable("the server serves one connection at a time on the message channel")
+    wrong = broken_poses(FAR)[0].payload
+    for number in trial.each(range(4)):
+        here = camera_pose((1.0 + number, 0.0, 0.0))
+        there = camera_pose((-1.0 - number, 0.0, 0.0))
+        trial.outcome_on_msg(early, packet(wrong))
+        trial.expect(
+            steering.shows(first, here),
+            "no frame shows the pose of the connection that was first to send a valid one",
+        )
+        wanted, since = camera_of(here), steering.count
+        trial.outcome_on_msg(second, packet(encode(there)))
+        seen = steering.nudged(first, since)
+        trial.expect(
+            all(camera.shows(wanted) for camera in seen),
+            f"the camera went to {seen[-1]} with a pose of a connection that has no control",
+        )
+        first.close()
+        trial.expect(
+            steering.shows(second, there),
+            "no frame shows the pose of the next connection once that in control has closed",
+        )
+        trial.delivered += 1
+        second.close()
+        early = early if not early.ended else _served(trial)
+        first, second = _served(trial), _served(trial)
+
+
+def _served(trial: ServerTrial) -> Connection:
+    connection = trial.dial("msg")
+    trial.answers(connection)
+    return connection

@@ -1,0 +1,147 @@
+"""Checks on how servers answer requests (spec 1.0 section 6.2)."""
+
+from typing import Any
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.lenient_json import shorten
+from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.trial import REACTION_SECONDS
+
+SAFE: int = LIMITS["max_safe_integer"]
+ASKED = 1024
+"""Cameras to ask for, to learn how many there are."""
+FAR_INDICES = (-1, -2, -3, -1024, -(2**31), 2**31, 2**32, 2**32 + 1, 2**53 - 2, SAFE, -SAFE)
+BAD_INDICES: tuple[Any, ...] = (
+    *(None, True, "0", "", [], [0], {}, 0.5, -0.5, 1e-9, 1e300, -1e300),
+    *(SAFE + 1, -SAFE - 1, 2**63, 2**64, 10**300, float(2**60)),
+)
+CAMERA_0: Json = {"type": "get_camera_pose", "cam_idx": 0}
+UNKNOWN_TYPES: tuple[Any, ...] = (
+    *("weather_report", "", " ", "GET_VIEWPORT_SIZE", "get_viewport_size ", "get_viewport", "\x00"),
+    *("viewport_size", "welcome", "error", "frame", "init_packet", "t" * 10_000, "🙂", "__class__"),
+    *(None, True, 0, 1e308, [], ["get_viewport_size"], {}, {"type": "get_viewport_size"}),
+)
+REQUESTS = st.lists(st.sampled_from(("size", "camera", "unknown", "pose")), min_size=1, max_size=40)
+MESSAGES: dict[str, Json] = {
+    "size": VIEWPORT_REQUEST,
+    "camera": CAMERA_0,
+    "unknown": {"type": "weather_report"},
+    "pose": camera_pose(),
+}
+
+
+@check("REQ-6", observable="the replies for indices beyond the cameras, and below 0")
+def check_camera_index_is_taken_modulo(trial: ServerTrial) -> None:
+    """A thousand cameras are asked for, which shows after how many they come again; then indices
+    that are negative, and as large as they may be.
+    """
+    first = cameras(trial, range(ASKED))
+    period = next((n for n in range(1, ASKED // 2 + 1) if first[n:] == first[:-n]), None)
+    if period is None:
+        half = first[ASKED // 2 :]
+        alike = all(each == half[0] for each in half)
+        trial.expect(
+            not alike, f"every camera from index {_last_change(first)} to {ASKED - 1} is the same"
+        )
+        trial.not_observable(f"the scene comes with more than {ASKED // 2} cameras")
+    for index in trial.each(FAR_INDICES):
+        (told,) = cameras(trial, [index])
+        of = f"camera {index % period} of {period}"
+        trial.expect(told == first[index % period], f"camera {index} is {told}, not {of}")
+
+
+@check("REQ-7", observable="one reply to each request that was sent in one write, in their order")
+def check_one_reply_each_in_order(trial: ServerTrial) -> None:
+    """Requests of both kinds in any order, with poses and unknown messages among them."""
+    connection = trial.dial("msg")
+    usual = ["size", "camera", "camera", "size", "pose", "unknown"] * 40
+    for kinds in trial.each([usual], REQUESTS, quick=30, full=1000):
+        before = len(connection.packets)
+        heard = trial.viewer.with_(connection).heard
+        asked = [kind for kind in kinds if kind in ("size", "camera")]
+        connection.send(b"".join(packet(encode(MESSAGES[kind])) for kind in [*kinds, "size"]))
+        wanted = before + len(asked) + 1
+        trial.wait(lambda: len(connection.packets) >= wanted or connection.ended)  # noqa: B023
+        told = ["size" if "viewport_size" in each else "camera" for each in heard[before:]]
+        asked.append("size")
+        trial.expect(
+            told == asked,
+            f"{len(told)} replies ({_few(told)}) to {len(asked)} requests ({_few(asked)})",
+        )
+        trial.delivered += 1
+
+
+@check("REQ-8", observable="no reply, and the connection goes on", may_crash=True)
+def check_unknown_messages_are_ignored(trial: ServerTrial) -> None:
+    """Types that nobody knows, or that are no strings, and messages without any."""
+    messages: list[Json] = [{"type": kind} for kind in UNKNOWN_TYPES]
+    messages += [
+        {},
+        {"Type": "get_viewport_size"},
+        {"cam_idx": 0},
+        camera_pose() | {"type": "pose"},
+    ]
+    messages += [{name: v for name, v in camera_pose().items() if name != "type"}]
+    connection = trial.dial("msg")
+    for message in trial.each(messages):
+        connection = trial.dial("msg") if connection.ended else connection
+        outcome = trial.outcome_on_msg(connection, packet(encode(message)))
+        trial.judge(outcome, f"the message {shorten(str(message))}")
+
+
+@check("REQ-9", observable="no reply; the connection is closed or goes on", may_crash=True)
+def check_broken_requests_have_no_reply(trial: ServerTrial) -> None:
+    """Requests for a camera without an index, or with one that is no integer or out of range."""
+    messages = [CAMERA_0 | {"cam_idx": index} for index in BAD_INDICES]
+    messages += [{"type": "get_camera_pose"}, {"type": "get_camera_pose", "camIdx": 0}]
+    connection = trial.dial("msg")
+    for message in trial.each(messages):
+        connection = trial.dial("msg") if connection.ended else connection
+        outcome = trial.outcome_on_msg(connection, packet(encode(message)))
+        trial.judge(outcome, f"the request {shorten(str(message))}")
+
+
+@check(
+    "REQ-10",
+    observable="replies come while nobody reads images; a server that renders all the time and "
+    "holds each reply until its next image is not seen to",
+)
+def check_replies_do_not_wait_for_an_image(trial: ServerTrial) -> None:
+    """A pose and requests of both kinds, from a client that is the only one: no image is due for
+    anybody.
+    """
+    connection = trial.dial("msg")
+    trial.rest(REACTION_SECONDS)
+    for number in trial.each(range(3)):
+        trial.viewer.say(connection, camera_pose((float(number), 0.0, 0.0)))
+        for kind in ("size", "camera"):
+            told = trial.ask(connection, MESSAGES[kind])
+            trial.expect(told is not None, f"no reply to {MESSAGES[kind]} without an image")
+            trial.delivered += 1
+
+
+def cameras(trial: ServerTrial, indices: range | list[int]) -> list[Json]:
+    """The replies for these cameras; the requirement is violated if one does not come."""
+    connection = trial.dial("msg")
+    requests = [packet(encode(CAMERA_0 | {"cam_idx": index})) for index in indices]
+    connection.send(b"".join(requests))
+    heard = trial.viewer.with_(connection).heard
+    trial.wait(lambda: len(heard) >= len(requests) or connection.ended)
+    asked = f"{len(requests)} requests for a camera, from {indices[0]} to {indices[-1]}"
+    trial.expect(len(heard) >= len(requests), f"{len(heard)} replies to {asked}")
+    connection.close()
+    trial.delivered += len(requests)
+    return list(heard)
+
+
+def _last_change(replies: list[Json]) -> int:
+    return 1 + max((n for n in range(len(replies) - 1) if replies[n] != replies[n + 1]), default=-1)
+
+
+def _few(kinds: list[str]) -> str:
+    return ", ".join(kinds[:12]) + (", …" if len(kinds) > 12 else "")
