@@ -94,6 +94,10 @@ class Trial:
         finally:
             self._going_through = False
 
+    def note(self, case: Any) -> None:
+        """Note a case that the check makes up as it goes; it joins those of its last loop."""
+        self.went_through[-1].append(Case(True, case))
+
     def affords(self, place: int) -> bool:
         """Whether there is time for the case at this place."""
         return True
