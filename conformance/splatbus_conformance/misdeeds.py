@@ -13,6 +13,9 @@ from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 
 CROWD = 8
 PASSERS_BY = 40
+PACE_SECONDS = 0.001
+"""Between connections, so that a server comes to accept them: a backlog that overflows costs its
+client a second."""
 UNREAD = 4000
 """Requests whose replies fit into the buffers of the system."""
 REQUEST = packet(encode(VIEWPORT_REQUEST))
@@ -97,5 +100,7 @@ def crowd(trial: ServerTrial, channel: Channel) -> None:
     """Passers-by who come and go at once, then clients that stay and say nothing."""
     for _ in range(PASSERS_BY):
         trial.dial(channel).close()
+        trial.rest(PACE_SECONDS)
     for _ in range(CROWD):
         trial.dial(channel)
+        trial.rest(PACE_SECONDS)

@@ -233,15 +233,11 @@ class ServerTrial(Trial):
         return self.wait(lambda: connection.ended, seconds)
 
     def _end_of(self, connection: Connection) -> str:
-        self.wait(lambda: connection.ended, EFFECT_SECONDS)
-        self.wait(self.fate, 0.05)
-        if fate := self.fate():
-            return fate
-        if connection.ended:
+        if self.wait(lambda: connection.ended, EFFECT_SECONDS):
             connection.close()
-        served = self.serves()
-        if connection.ended:
-            return "closes" if served else self.fate() or "hangs"
+        if self.serves():
+            return "closes" if connection.ended else "hangs"
+        self.wait(self.fate, 0.05)
         return self.fate() or "hangs"
 
     # Images

@@ -74,7 +74,7 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     connection = trial.dial("ipc")
     for payload in trial.each(NOBODYS):
         connection.send(packet(payload))
-        closed = trial.ends(connection, REACTION_SECONDS / 10)
+        closed = trial.ends(connection, REACTION_SECONDS / 40)
         outcome = trial.fate() or ("closes" if closed else "ignores")
         trial.judge(outcome, f"{payload[:60]!r} on the IPC channel")
         trial.delivered += 1

@@ -8,6 +8,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.messages import Json, encode
+from splatbus_conformance.misdeeds import PACE_SECONDS
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.server_trial import ServerTrial
@@ -43,7 +44,7 @@ def check_connections_are_limited(trial: ServerTrial) -> None:
             except OSError:
                 refused = True
             refused = refused or any(c.ended for c in connections)
-            trial.rest(0.0)
+            trial.rest(PACE_SECONDS)
         limited = refused or trial.wait(lambda: any(c.ended for c in connections))  # noqa: B023
         if fate := trial.fate():
             trial.judge(fate, f"{len(connections)} connections on the {channel} channel")
