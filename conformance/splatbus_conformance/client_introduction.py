@@ -35,6 +35,8 @@ class ClientFacts:
     """It opened the memory that it was offered."""
     adapter: Greeting | None = None
     """What the adapter beside it says of itself, where there is one."""
+    device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
+    """Why nothing is seen of what it does with device memory; None if it is seen."""
     returns: set[Channel] = field(default_factory=set)
     """Channels that it connects to again after its connection was closed."""
 
@@ -58,6 +60,8 @@ class ClientFacts:
             if self.hello["ipc" if of == "ipc" else "msg"] is not None:
                 return None
             return f"the testee says no hello on the {of} channel: 1.1 is not claimed"
+        if kind == "stand-in":
+            return self.device_unseen
         if kind == "returns":
             known, why = of in self.returns, f"does not connect to the {of} channel again"
         elif kind == "capability":

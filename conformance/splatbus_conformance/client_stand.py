@@ -7,12 +7,15 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.adapter import Adapted
 from splatbus_conformance.client_introduction import ClientFacts, introduce
 from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.device_introduction import why_unseen
 from splatbus_conformance.host_memory import HostMemory, sweep
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan, Usage
 from splatbus_conformance.role import Role
 from splatbus_conformance.smoke import smoke
+from splatbus_conformance.stand_in.building import NotAvailable
+from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Awaited, Launched, Testee
 
 SLOTS = 3
@@ -23,11 +26,13 @@ class ClientStand:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self.stand_in = _stand_in() if plan.stand_in_cuda else None
         self.peer = _listening(plan)
         environment = {
             "SPLATBUS_HOST": plan.host,
             "SPLATBUS_IPC_PORT": str(self.peer.ports["ipc"]),
             "SPLATBUS_MSG_PORT": str(self.peer.ports["msg"]),
+            **(self.stand_in.environment() if self.stand_in else {}),
         }
         self.testee = self._testee(environment)
         self.facts = ClientFacts()
@@ -41,13 +46,23 @@ class ClientStand:
         self.facts = introduce(self.peer, self._role(), self.testee, self.plan.patience)
         if isinstance(self.testee, Adapted):
             self.facts.adapter = self.testee.greeting
+        if self.stand_in:
+            self.facts.device_unseen = why_unseen(
+                self.peer, self._role(), self.testee, self.stand_in
+            )
 
     def trial(self, requirement: Requirement) -> ClientTrial:
         """A trial with fresh connections, on both channels, and a fresh role."""
         for channel in CHANNELS:
             self.peer.listen(channel)
         return ClientTrial(
-            requirement, self.peer, self._role(), self.testee, self.facts, self.plan.patience
+            requirement,
+            self.peer,
+            self._role(),
+            self.testee,
+            self.facts,
+            self.plan.patience,
+            self.stand_in,
         )
 
     def close(self) -> None:
@@ -55,6 +70,8 @@ class ClientStand:
         self.testee.close()
         self.peer.close()
         self._memory.close()
+        if self.stand_in:
+            self.stand_in.close()
 
     def _testee(self, environment: Mapping[str, str]) -> Testee:
         if self.plan.adapter:
@@ -65,6 +82,13 @@ class ClientStand:
 
     def _role(self) -> Role:
         return Role(self._memory, *self.plan.viewport, SLOTS)
+
+
+def _stand_in() -> StandIn:
+    try:
+        return StandIn()
+    except NotAvailable as error:
+        raise Usage(str(error)) from None
 
 
 def _listening(plan: Plan) -> Peer:

@@ -11,6 +11,8 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
+from splatbus_conformance.stand_in.session import StandIn
+from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
 
@@ -30,8 +32,11 @@ class ClientTrial(Trial):
         testee: Testee,
         facts: ClientFacts,
         patience: float,
+        stand_in: StandIn | None = None,
     ) -> None:
         super().__init__(requirement, peer, testee, patience)
+        self.stand_in = stand_in
+        self._calls_before = len(stand_in.calls()) if stand_in else 0
         self.role = role
         self.facts = facts
         self._used: set[Connection] = set()
@@ -142,6 +147,12 @@ class ClientTrial(Trial):
     def _adapted(self) -> Adapted:
         assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
         return self.testee
+
+    # Reading what it did with device memory
+
+    def calls(self) -> list[Call]:
+        """The calls of the stand-in CUDA runtime since the trial began."""
+        return self.stand_in.calls()[self._calls_before :] if self.stand_in else []
 
     # Waiting and watching
 

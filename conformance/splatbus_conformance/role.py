@@ -46,6 +46,8 @@ class Role:
         self.width, self.height, self.slots = width, height, slots
         self.speaks = "1.1"
         """`1.0` plays a server that knows no `hello`."""
+        self.device_packet: Json | None = None
+        """What a server of 1.0 offers; without it, handles that no device knows."""
         self.welcomes = True
         self.offers_memory = True
         self.lends_frames = True
@@ -100,8 +102,8 @@ class Role:
             self.offer(connection, self.init_packet(connection))
 
     def legacy_init_packet(self) -> Json:
-        """A 1.0 init packet of this server's size."""
-        return messages.init_packet_1_0(self.width, self.height)
+        """A 1.0 init packet: of device memory if there is any, else of this server's size."""
+        return self.device_packet or messages.init_packet_1_0(self.width, self.height)
 
     def init_packet(self, connection: Connection) -> Json:
         """A good 1.1 init packet with the next generation of this connection."""

@@ -25,7 +25,8 @@ class Check:
     needs: tuple[str, ...]
     """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
     `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter
-    beside it, `adapter:pixels`, and its engine, `axes:unity`."""
+    beside it, `adapter:pixels`, and its engine, `axes:unity`; or `stand-in`, that it opens device
+    memory of the stand-in CUDA runtime."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
@@ -34,6 +35,8 @@ class Check:
     @property
     def level(self) -> str:
         """The assurance of its verdict."""
+        if "stand-in" in self.needs:
+            return "L3"
         return "L2" if any(need.startswith("adapter:") for need in self.needs) else "L1"
 
 

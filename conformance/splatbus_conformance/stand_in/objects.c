@@ -57,6 +57,8 @@ __attribute__((constructor)) static void begin(void) {
     const char *path = getenv("SPLATBUS_STAND_IN_TRACE");
     if (path)
         trace = open(path, O_WRONLY | O_CREAT | O_APPEND | SAFELY, 0600);
+    enter();
+    leave("Load", SUCCESS, "\"left\":0");
 }
 
 __attribute__((destructor)) static void end(void) {

@@ -12,7 +12,7 @@ class Call(NamedTuple):
     """When it returned, in seconds of the monotonic clock."""
     process: int
     function: str
-    """`cudaMemcpy2DAsync`, say; `cudaExit` is the end of the process."""
+    """`cudaMemcpy2DAsync`, say; `cudaLoad` and `cudaExit` are begin and end of the process."""
     code: int
     device: int
     """The current one."""
@@ -38,6 +38,17 @@ class Call(NamedTuple):
     flags: int = 0
     which: int = 0
     """The device that was asked for."""
+
+    def __str__(self) -> str:
+        usual = {"code": 0, **self._field_defaults}
+        shown = {
+            name: value
+            for name, value in self._asdict().items()
+            if name not in NOT_TOLD and value != usual.get(name)
+        }
+        return f"{self.function}({', '.join(f'{name} {value}' for name, value in shown.items())})"
+
+    __repr__ = __str__
 
     @property
     def ok(self) -> bool:
@@ -71,4 +82,6 @@ def parse(line: bytes) -> Call:
     return Call(**common, **{name: value for name, value in told.items() if name in Call._fields})
 
 
+NOT_TOLD = ("time", "process", "function", "digest")
+"""What a reader of a verdict does not want to know of a call."""
 COMMON = {"t": "time", "pid": "process", "call": "function", "code": "code", "on": "device"}

@@ -22,8 +22,9 @@ FINISHES = frozenset(
 
 
 def is_read(call: Call) -> bool:
-    """It copied out of device memory, its own or another process's."""
-    return call.function.startswith("cudaMemcpy") and bool(call.memory) and call.ok
+    """It copied something out of device memory, its own or another process's."""
+    some = call.memory and call.width and call.height
+    return call.function.startswith("cudaMemcpy") and bool(some) and call.ok
 
 
 def reads(calls: Iterable[Call], memory: str) -> list[Call]:

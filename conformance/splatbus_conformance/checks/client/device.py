@@ -1,0 +1,261 @@
+"""Checks on what a client does with device memory (spec 1.0 chapters 3 to 5).
+
+The stand-in CUDA runtime tells what the client called; the harness plays a server of 1.0.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from splatbus_conformance.broken_handles import UNKNOWN_HANDLE, breaches_of_handles
+from splatbus_conformance.broken_packets import ABSENT, breaches_of_1_0, changed
+from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.messages import Json, encode, init_packet_1_0
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.stand_in import usage
+from splatbus_conformance.stand_in.image import DeviceImage, Layout
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+
+RETURNS = ("stand-in", "returns:ipc")
+PENDING_SECONDS = 0.3
+GONE_SECONDS = 1.0
+"""After this long without its connection, a client that reads has not noticed that it ended."""
+BAIT_SIZE = 256, 192
+"""Its memory has room for every image of a broken packet."""
+
+
+@contextmanager
+def image_of(
+    trial: ClientTrial, width: int = 64, height: int = 48, layout: Layout | None = None
+) -> Iterator[DeviceImage]:
+    """An image in device memory, drawn, with its event complete; freed in the end."""
+    assert trial.stand_in is not None, "a check of device memory needs the stand-in"
+    image = DeviceImage(trial.stand_in.device, width, height, layout)
+    try:
+        image.draw(1)
+        image.event.begin()
+        image.event.complete()
+        yield image
+    finally:
+        trial.role.offers_memory = False
+        image.free()
+
+
+def show(trial: ClientTrial, offered: Json) -> Connection:
+    """A new IPC connection on which a server of 1.0 sends this init packet, as on those after."""
+    trial.role.speaks, trial.role.device_packet, trial.role.offers_memory = "1.0", offered, True
+    return trial.connection("ipc")
+
+
+def expect_read(trial: ClientTrial, image: DeviceImage) -> None:
+    """The check goes on only with a client that reads all of the colour that it is shown."""
+    if not reads(trial, image):
+        trial.not_observable("the testee did not read the image in good device memory")
+
+
+def reads(trial: ClientTrial, image: DeviceImage) -> bool:
+    """Whether the testee reads the whole colour as it was drawn."""
+    return trial.wait(lambda: image.is_read_whole(trial.calls()))
+
+
+@check("BUF-11", observable="the calls that copy, and those that wait", needs=RETURNS)
+def check_waits_for_the_event(trial: ClientTrial) -> None:
+    """The event of the image is pending for a third of a second, and the memory is poison until it
+    is done; before each copy of the same bytes the stream, or the host, must wait.
+    """
+    with image_of(trial) as image:
+        image.event.begin()
+        for plane in image.planes.values():
+            plane.memory.poison()
+        show(trial, image.init_packet())
+        trial.wait(lambda: image.opened(trial.calls()))
+        trial.rest(PENDING_SECONDS)
+        early = image.copies(trial.calls())
+        trial.expect(not early, f"while the event was pending it called {early[:1]}")
+        image.draw(2)
+        image.event.complete()
+        expect_read(trial, image)
+        trial.rest(REACTION_SECONDS)
+        assert trial.stand_in is not None
+        for call in usage.unwaited(trial.stand_in.calls()):
+            if call.memory in image.names:
+                trial.violated(f"its stream did not wait for the event before {call}")
+        trial.delivered += 1
+
+
+@check("CUD-2", observable="the calls that open handles", needs=RETURNS)
+def check_opens_each_handle_once(trial: ClientTrial) -> None:
+    """Colour and depth in one allocation, then in two, then in one again on a new connection."""
+    with image_of(trial) as image, image_of(trial, layout=Layout()) as apart:
+        for shown in (image, apart, image):
+            show(trial, shown.init_packet())
+            expect_read(trial, shown)
+            for call in usage.opened_again(trial.calls()):
+                trial.violated(f"it had the memory open when it called {call}")
+            trial.delivered += 1
+
+
+@check("CUD-5", observable="the calls that close and destroy", needs=RETURNS)
+def check_gives_memory_back(trial: ClientTrial) -> None:
+    """The connection is closed, then reset, while the testee reads; it is given 5 seconds."""
+    for end in ("close", "reset"):
+        with image_of(trial) as image:
+            connection = show(trial, image.init_packet())
+            expect_read(trial, image)
+            trial.role.offers_memory = False
+            getattr(connection, end)()
+            trial.wait(lambda: not held(trial, image))
+            if trial.fate():
+                trial.not_observable("its process ended with the connection")
+            left = ", ".join(held(trial, image))
+            trial.expect(not left, f"{EFFECT_SECONDS:g} s after its connection it holds {left}")
+            for call in usage.closed_while_reading(trial.calls()):
+                trial.violated(f"it had not seen its copies finish when it called {call}")
+            trial.delivered += 1
+
+
+def held(trial: ClientTrial, image: DeviceImage) -> list[str]:
+    """What of an image the testee has open, in words."""
+    words = dict.fromkeys(image.names, "memory") | {image.event.name: "the event"}
+    return [words[name] for _, name in usage.held(trial.calls()) if name in words]
+
+
+@check("CUD-6", observable="the current device when handles are opened", needs=RETURNS)
+def check_opens_on_the_device_named(trial: ClientTrial) -> None:
+    """`meta.device` is 1, then absent, then 0; there are two devices."""
+    for named, device in ((1, 1), (ABSENT, 0), (0, 0)):
+        with image_of(trial) as image:
+            show(trial, changed(image.init_packet(), {"meta/device": named}))
+            expect_read(trial, image)
+            opening = [c for c in trial.calls() if c.memory in image.names and c.opened]
+            wrong = next((call for call in opening if call.device != device), None)
+            what = "absent" if named is ABSENT else named
+            trial.expect(wrong is None, f"meta.device is {what}; it called {wrong}")
+            trial.delivered += 1
+
+
+@check("CHN-18", observable="the calls that copy, after the connection has ended", needs=RETURNS)
+def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
+    """The connection is closed while the testee reads, and no further init packet comes."""
+    with image_of(trial) as image:
+        connection = show(trial, image.init_packet())
+        expect_read(trial, image)
+        trial.role.offers_memory = False
+        connection.close()
+        trial.rest(GONE_SECONDS)
+        before = len(image.copies(trial.calls()))
+        trial.rest(REACTION_SECONDS)
+        late = image.copies(trial.calls())[before:]
+        trial.expect(not late, f"{GONE_SECONDS:g} s after its connection it called {late[:1]}")
+        trial.delivered += 1
+
+
+@check("CHN-24", observable="what is copied after a new connection", needs=RETURNS)
+def check_reads_the_new_memory(trial: ClientTrial) -> None:
+    """The server comes back with memory of another size, and that of before is freed."""
+    with image_of(trial) as old:
+        show(trial, old.init_packet())
+        expect_read(trial, old)
+    with image_of(trial, 31, 17) as new:
+        show(trial, new.init_packet())
+        outcome = "accepts" if reads(trial, new) else trial.fate() or "ignores"
+        trial.judge(outcome, "memory of 31x17 after a reconnect")
+        stale = [c for c in old.copies(trial.calls()) if not old.shows(c)]
+        trial.expect(not stale, f"it read the memory of before: {stale[:1]}")
+        trial.delivered += 1
+
+
+LAYOUTS = (
+    ("no offsets", 64, 48, Layout(None, None)),
+    ("depth before colour in one allocation", 5, 7, Layout(4096, 16, apart=False)),
+    ("offsets in two allocations", 64, 48, Layout(1 << 16, 4)),
+    ("one pixel", 1, 1, Layout(0, 16, apart=False)),
+    ("the widest image", 32768, 1, Layout()),
+    ("the highest image", 1, 32768, Layout()),
+)
+
+
+@check("INI-8", observable="the bytes that the testee copies", needs=RETURNS)
+def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
+    """Offsets absent and present, planes in one allocation or two, sizes at both ends of their
+    range; the colour must be copied from where it lies, whole.
+    """
+    for what, width, height, layout in trial.each(LAYOUTS):
+        with image_of(trial, width, height, layout) as image:
+            show(trial, image.init_packet())
+            outcome = "accepts" if reads(trial, image) else trial.fate() or "ignores"
+            trial.judge(outcome, f"an init packet with {what}: reading the colour whole")
+            beside = next((c for c in image.copies(trial.calls()) if not image.shows(c)), None)
+            trial.expect(beside is None, f"with {what} it called {beside}, which is not the image")
+            trial.delivered += 1
+
+
+@check(
+    "INI-9",
+    observable="whether the memory of a broken packet is opened, and that of a good one after it",
+    needs=RETURNS,
+    may_crash=True,
+)
+def check_opens_nothing_of_broken_packets(trial: ClientTrial) -> None:
+    """Each rule of INI-1 to INI-7 is broken in turn, in packets that name device memory which is
+    large enough.
+    """
+    with image_of(trial) as good, image_of(trial, *BAIT_SIZE) as bait:
+        handles = {key: text for key, text in bait.init_packet().items() if key != "meta"}
+        breaches = [*breaches_of_1_0(), *breaches_of_handles(handles)]
+        connection = show(trial, good.init_packet())
+        for breach in trial.each(breaches):
+            if connection.ended or not connection.open:
+                connection = show(trial, good.init_packet())
+            offered = init_packet_1_0(breach.width, breach.height) | handles
+            outcome = outcome_of(trial, connection, changed(offered, breach.changes), good)
+            if bait.opened(trial.calls()):
+                outcome = "accepts"
+            trial.judge(outcome, f"an init packet with {breach.what} ({breach.requirement})")
+
+
+@check(
+    "INI-13",
+    observable="the process lives, and opens the good memory that follows",
+    needs=RETURNS,
+    may_crash=True,
+)
+def check_goes_on_without_what_it_cannot_open(trial: ClientTrial) -> None:
+    """Memory that was freed, handles that the driver does not know, a device that there is not."""
+    with image_of(trial) as gone:
+        freed = gone.init_packet()
+    with image_of(trial) as good:
+        unknown: dict[str, dict[str, object]] = {
+            "memory that was freed": dict(freed),
+            "an unknown handle of colour": {"mem_color": UNKNOWN_HANDLE},
+            "an unknown handle of depth": {"mem_depth": UNKNOWN_HANDLE},
+            "an unknown handle of an event": {"evt_done": UNKNOWN_HANDLE},
+            "device 99": {"meta/device": 99},
+        }
+        for what, changes in unknown.items():
+            connection = show(trial, good.init_packet())
+            offered = changed(good.init_packet(), changes)
+            outcome = outcome_of(trial, connection, offered, good)
+            meaning = {"ignores": "waits", "closes": "reconnects"}
+            trial.judge(meaning.get(outcome, outcome), f"an init packet with {what}")
+
+
+def outcome_of(trial: ClientTrial, connection: Connection, offered: Json, good: DeviceImage) -> str:
+    """Send an init packet that cannot be used, then a good one, on this connection or the next.
+
+    Returns `ignores` or `closes` (and the good one was read), `exits`, `dies` or `hangs`.
+    """
+    trial.wait(lambda: good.copies(trial.calls()) or connection.ended, REACTION_SECONDS)
+    connection.send(packet(encode(offered)))
+    connection.send(packet(encode(good.init_packet())))
+    before = len(trial.calls())
+    trial.wait(lambda: good.opened(trial.calls()[before:]) or connection.ended, REACTION_SECONDS)
+    outcome = "closes" if connection.ended else "ignores"
+    if not good.opened(trial.calls()[before:]):
+        connection.close()
+        again = trial.next_connection("ipc")
+        opened = again and trial.wait(lambda: good.opened(trial.calls()[before:]))
+        outcome = outcome if opened else trial.fate() or "hangs"
+    trial.delivered += outcome in ("ignores", "closes")
+    return outcome

@@ -1,0 +1,191 @@
+"""The checks of device memory: the good miniature passes, each broken one fails for its reason."""
+
+import inspect
+import shlex
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from splatbus_conformance.checks import Check
+from splatbus_conformance.checks.client import device
+from splatbus_conformance.client_stand import ClientStand
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.trial import Violation
+from splatbus_schemas.requirements import requirements
+
+from tests.conformance.stand_in_testing import library
+
+MINIATURE = Path(__file__).parent / "miniatures" / "cuda_client.py"
+CHECKS = {
+    name: function
+    for name, function in inspect.getmembers(device, inspect.isfunction)
+    if name.startswith("check_")
+}
+
+
+def judged(program: Path, *names: str) -> dict[str, str]:
+    """What each check finds: an empty text for a pass."""
+    library()
+    command = shlex.join([sys.executable, str(program)])
+    plan = Plan(*("client", command, "127.0.0.1", (0, 0), (64, 48), 10.0), stand_in_cuda=True)
+    stand = ClientStand(plan)
+    found = {}
+    try:
+        stand.introduce()
+        for name in names:
+            check: Check = CHECKS[name].check
+            reason = next(filter(None, map(stand.facts.lacks, check.needs)), None)
+            assert reason is None
+            trial = stand.trial(requirements("1.1")[check.requirement])
+            found[name] = ""
+            try:
+                CHECKS[name](trial)
+                assert trial.delivered
+            except Violation as violation:
+                found[name] = str(violation)
+            except pytest.skip.Exception as skipped:
+                found[name] = f"skipped: {skipped}"
+            if stand.testee.ended():
+                stand.testee.stop()
+    finally:
+        stand.close()
+    return found
+
+
+def test_the_good_miniature_passes_every_check() -> None:
+    assert judged(MINIATURE, *CHECKS) == dict.fromkeys(CHECKS, "")
+
+
+BROKEN = {
+    "does not wait for the event": (
+        'cuda("StreamWaitEvent", self.stream, self.event, 0)',
+        "pass",
+        "check_waits_for_the_event",
+        "while the event was pending it called",
+    ),
+    "waits for the event once": (
+        'cuda("StreamWaitEvent", self.stream, self.event, 0)',
+        'hasattr(self, "waited") or cuda("StreamWaitEvent", self.stream, self.event, 0)\n'
+        "        self.waited = True",
+        "check_waits_for_the_event",
+        "its stream did not wait for the event before cudaMemcpy2DAsync",
+    ),
+    "waits on another stream": (
+        'cuda("StreamWaitEvent", self.stream, self.event, 0)',
+        'cuda("StreamWaitEvent", None, self.event, 0)',
+        "check_waits_for_the_event",
+        "its stream did not wait for the event before cudaMemcpy2DAsync",
+    ),
+    "opens the same handle twice": (
+        "if text not in self.opened:",
+        "if True:",
+        "check_opens_each_handle_once",
+        "it had the memory open when it called cudaIpcOpenMemHandle",
+    ),
+    "never closes memory": (
+        'cuda("IpcCloseMemHandle", pointer)',
+        "pass",
+        "check_gives_memory_back",
+        "s after its connection it holds memory",
+    ),
+    "never destroys the event": (
+        'cuda("EventDestroy", self.event)',
+        "pass",
+        "check_gives_memory_back",
+        "s after its connection it holds the event",
+    ),
+    "closes while copies are under way": (
+        'cuda("StreamSynchronize", self.stream)',
+        "pass",
+        "check_gives_memory_back",
+        "it had not seen its copies finish when it called cudaIpcCloseMemHandle",
+    ),
+    "opens on device 0 always": (
+        'cuda("SetDevice", int(meta.get("device", 0)))',
+        "pass",
+        "check_opens_on_the_device_named",
+        "meta.device is 1; it called cudaIpcOpenMemHandle",
+    ),
+    "stays on the last device": (
+        'cuda("SetDevice", int(meta.get("device", 0)))',
+        'cuda("SetDevice", int(meta["device"])) if "device" in meta else None',
+        "check_opens_on_the_device_named",
+        "meta.device is absent; it called cudaIpcOpenMemHandle(device 1",
+    ),
+    "reads on without its connection": (
+        "        if image:\n            image.close()\n\n",
+        "        for _ in range(500 if image else 0):\n"
+        "            image.read()\n            time.sleep(0.01)\n\n",
+        "check_leaves_the_buffers_of_an_ended_connection",
+        "s after its connection it called",
+    ),
+    "believes every image to have the size of the first": (
+        'self.width, self.height = int(meta["w"]), int(meta["h"])',
+        "self.width, self.height = 64, 48",
+        "check_reads_the_new_memory",
+        "memory of 31x17 after a reconnect",
+    ),
+    "takes an absent offset for one": (
+        'meta.get(f"offset{what}", 0)',
+        'meta.get(f"offset{what}", 16)',
+        "check_reads_what_the_packet_names",
+        "an init packet with no offsets: reading the colour whole",
+    ),
+    "ignores offsets": (
+        'begin = base + int(meta.get(f"offset{what}", 0))',
+        "begin = base",
+        "check_reads_what_the_packet_names",
+        "an init packet with depth before colour in one allocation: reading the colour whole",
+    ),
+    "does not look at the pitch": (
+        'whole(meta["pitchColor"], 16 * w, 16 * w)',
+        "True",
+        "check_opens_nothing_of_broken_packets",
+        "the testee took it as valid",
+    ),
+    "takes base64 as it comes": (
+        "len(h) == 88 and len(base64.b64decode(h, validate=True)) == 64",
+        "len(base64.b64decode(h)) == 64",
+        "check_opens_nothing_of_broken_packets",
+        "(INI-7): the testee took it as valid",
+    ),
+    "dies on an unknown handle": (
+        'raise Bad(f"cuda{name}: {code}")',
+        "os._exit(7)",
+        "check_goes_on_without_what_it_cannot_open",
+        "the testee exited",
+    ),
+    "aborts on an unknown handle": (
+        'raise Bad(f"cuda{name}: {code}")',
+        "os.abort()",
+        "check_goes_on_without_what_it_cannot_open",
+        "the testee died",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What is found of each; most of the time is waiting, so they are judged side by side."""
+    folder = tmp_path_factory.mktemp("broken")
+    source = MINIATURE.read_text("utf-8")
+
+    def found(name: str) -> str:
+        old, new, check, _ = BROKEN[name]
+        assert old in source
+        program = folder / f"{name.replace(' ', '_')}.py"
+        program.write_text(source.replace(old, new), "utf-8")
+        return judged(program, check)[check]
+
+    with ThreadPoolExecutor(4) as pool:
+        return dict(zip(BROKEN, pool.map(found, BROKEN), strict=True))
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_miniature_fails_for_its_reason(name: str, findings: dict[str, str]) -> None:
+    assert BROKEN[name][-1] in findings[name]
+
+
+def test_every_check_has_a_miniature_that_fails_it() -> None:
+    assert {check for _, _, check, _ in BROKEN.values()} == set(CHECKS)
