@@ -1,0 +1,150 @@
+"""Checks on leases: what readers do with them, and what a server may make of it (section 5.2)."""
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.trial import EFFECT_SECONDS
+from splatbus_conformance.watching import LENDS, beside, frames_of, holding, pinning
+
+SAFE: int = LIMITS["max_safe_integer"]
+GLANCE_SECONDS = 0.05
+MOST_READERS = 24
+"""Readers that a check connects at most, where a server takes them all."""
+MOST_LEASES = 64
+"""Connections that a check ends at most while they hold a lease."""
+
+
+@check("IMG-9", observable="a reader sees the camera move while others hold frames", needs=LENDS)
+def check_waits_for_no_reader(trial: ServerTrial) -> None:
+    """One reader never answers the init packet, one or two hold a frame, and one reads on."""
+    trial.viewer.opens = False
+    silent = trial.greeted("ipc")
+    trial.viewer.opens = True
+    first, held = holding(trial)
+    others = [silent, first]
+    second, _ = trial.answered("ipc")
+    dealings = trial.viewer.with_(second)
+    dealings.holds = True
+    trial.wait(lambda: dealings.frames or second.ended)
+    others += [] if second.ended else [second]
+    reader = beside(trial, *others)
+    for place in trial.each(range(20)):
+        pose = trial.move()
+        seen = trial.sees(reader, pose)
+        trial.expect(seen, f"move {place + 1} was not seen while {len(others)} others stalled")
+        trial.delivered += 1
+    trial.viewer.release(first, held)
+    trial.expect(trial.sees(first, pose), "a reader that goes on after a pause is sent nothing")
+
+
+@check("IMG-16", observable="what becomes of the lease that is held", needs=LENDS)
+def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
+    """Releases of other images, of other generations, and of what has been released already."""
+    numbers = st.tuples(st.sampled_from(("seq", "generation", "twice")), st.integers(1, SAFE))
+    connection, held = holding(trial)
+    for kind, number in trial.each(drawn=numbers, quick=10, full=500):
+        if connection.ended:
+            connection, held = holding(trial)
+        frames, errors = frames_of(trial, connection), trial.viewer.with_(connection).errors()
+        wrong = dict(held)
+        if kind == "twice":
+            trial.viewer.release(connection, held)
+            held = trial.sees(connection, trial.move()) or trial.violated("no frame after release")
+        elif number != held[kind]:
+            wrong[kind] = number
+        else:
+            continue
+        what = f"release of image {wrong['seq']} of generation {wrong['generation']}"
+        told = f"{what} while {held['seq']} of {held['generation']} is held"
+        before = len(frames)
+        trial.viewer.release(connection, wrong)
+        pose = trial.move()
+        trial.rest(GLANCE_SECONDS)
+        trial.expect(len(frames) == before, f"{told}: another frame came")
+        trial.viewer.release(connection, held)
+        seen = trial.sees(connection, pose)
+        if seen is None:
+            trial.judge(trial.fate() or ("closes" if connection.ended else "hangs"), told)
+        else:
+            reported = len(trial.viewer.with_(connection).errors()) > len(errors)
+            trial.judge("reports" if reported else "ignores", told)
+            held = seen
+        trial.delivered += 1
+
+
+@check("IMG-17", observable="images go on after many readers left with a lease", needs=LENDS)
+def check_ends_leases_with_the_connection(trial: ServerTrial) -> None:
+    """More readers than there are slots hold an image each and leave, in three ways."""
+    dealings = trial.viewer.with_(trial.reading())
+    assert dealings.memory is not None
+    slots = dealings.memory.layout.slots
+    trial.peer.close_all()
+    for number in trial.each(range(min(slots, MOST_LEASES) + 2)):
+        reader = patient_reader(trial, number)
+        seen = pinning(trial, reader)
+        trial.expect(seen, f"{number} readers left with a lease; the next saw no move")
+        leave(trial, reader, number)
+        trial.delivered += 1
+
+
+def patient_reader(trial: ServerTrial, former: int) -> Connection:
+    """A reader that tries again while it is refused: its server may not know yet who has left."""
+    readers: list[Connection] = []
+
+    def welcome() -> bool:
+        connection, _ = trial.answered("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)
+        readers.append(connection)
+        return dealings.memory is not None
+
+    welcomed = trial.peer.until(welcome, EFFECT_SECONDS)
+    trial.expect(welcomed, f"{former} readers left with a lease; the next was refused")
+    return readers[-1]
+
+
+def leave(trial: ServerTrial, connection: Connection, way: int) -> None:
+    """End a connection, by a close, a reset or a half-close."""
+    if way % 3 == 0:
+        connection.close()
+    elif way % 3 == 1:
+        connection.reset()
+    else:
+        connection.end_stream()
+        trial.wait(lambda: connection.ended)
+        connection.close()
+
+
+@check("IMG-18", observable="the error, and the end, of the reader that is too many", needs=LENDS)
+def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
+    """Readers connect, and each holds an image of its own, until one is refused."""
+    readers: list[Connection] = []
+    for number in range(MOST_READERS):
+        connection, answer = trial.answered("ipc")
+        dealings = trial.viewer.with_(connection)
+        if any(reader.ended for reader in readers):
+            trial.not_observable("the server ends a connection in favour of a later one")
+        if answer is None:
+            trial.not_observable(f"it takes no connection beside {number} readers")
+        trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)  # noqa: B023
+        told = f"reader {number + 1}, while {number} hold an image each,"
+        if dealings.frames:
+            trial.expect(pinning(trial, connection), f"{told} was lent none of its own")
+            readers.append(connection)
+            continue
+        trial.expect(dealings.welcome, f"{told} was given no welcome")
+        codes = dealings.errors()
+        trial.expect(
+            "too_many_clients" in codes, f"{told} was told {', '.join(codes) or 'nothing'}"
+        )
+        trial.judge("closes" if trial.ends(connection) else "waits", told)
+        last = frames_of(trial, readers[-1])[-1]
+        trial.viewer.release(readers[-1], last)
+        seen = trial.sees(readers[-1], trial.move(), EFFECT_SECONDS)
+        trial.expect(seen, f"after {told[:-1]} was refused, another saw no move")
+        trial.delivered += 1
+        return
+    trial.not_observable(f"it serves {MOST_READERS} readers at a time")

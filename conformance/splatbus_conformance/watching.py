@@ -1,0 +1,43 @@
+"""Readers of a server's images, as its checks use them."""
+
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.server_trial import ServerTrial
+
+LENDS = ("1.1", "frames")
+"""What a server must have shown that lends images."""
+
+
+def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:
+    """The frames that came on a connection; the list grows."""
+    return trial.viewer.with_(connection).frames
+
+
+def holding(trial: ServerTrial) -> tuple[Connection, Json]:
+    """A new reader, and the frame that it holds."""
+    connection = trial.reading()
+    trial.viewer.with_(connection).holds = True
+    frames = frames_of(trial, connection)
+    trial.wait(lambda: frames or connection.ended)
+    if not frames:
+        trial.not_observable("the server sent no frame")
+    return connection, frames[0]
+
+
+def beside(trial: ServerTrial, *others: Connection) -> Connection:
+    """One more reader; skips the check where the server serves fewer at a time."""
+    connection = trial.reading()
+    trial.rest(0.0)
+    if any(other.ended for other in others):
+        trial.not_observable("the server ends a connection in favour of a later one")
+    return connection
+
+
+def pinning(trial: ServerTrial, connection: Connection) -> Json | None:
+    """Have a reader hold an image that no other reader holds: the frame, or None if none comes."""
+    dealings = trial.viewer.with_(connection)
+    dealings.holds = False
+    if trial.sees(connection, trial.move()) is None:
+        return None
+    dealings.holds = True
+    return trial.sees(connection, trial.move())
