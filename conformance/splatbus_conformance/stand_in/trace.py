@@ -48,7 +48,8 @@ class Call(NamedTuple):
         }
         return f"{self.function}({', '.join(f'{name} {value}' for name, value in shown.items())})"
 
-    __repr__ = __str__
+    def __repr__(self) -> str:
+        return str(self)
 
     @property
     def ok(self) -> bool:
