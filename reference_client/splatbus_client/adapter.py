@@ -9,6 +9,7 @@ import json
 import math
 import sys
 import threading
+from collections.abc import Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -117,11 +118,11 @@ def _number(value: float) -> float | str:
     return float(value) if math.isfinite(value) else str(float(value))
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Answer one line after the other, until `stop` or the end of the input."""
     parser = argparse.ArgumentParser(prog="python -m splatbus_client.adapter")
     parser.add_argument("--axes", choices=AXES, default="opencv", help="whose axes poses are in")
-    axes = parser.parse_args().axes
+    axes = parser.parse_args(arguments).axes
     adapter = Adapter(axes)
     can = [name for name in dir(adapter) if not name.startswith("_")]
     client = {"name": "splatbus-client", "version": version("splatbus-protocol")}

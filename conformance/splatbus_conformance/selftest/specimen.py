@@ -35,6 +35,8 @@ class Mutant:
     """What the text of the verdict has to contain: the check found this, not something else."""
     through: str
     """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
+    axes: str = ""
+    """Of the engine whose client it plays, beside its adapter; without an adapter if not given."""
 
     @property
     def side(self) -> Side:
@@ -51,6 +53,8 @@ class Variation:
     alter: Alter
     warns: frozenset[str]
     """The advice that it does not follow: SHOULDs that must warn, and no others."""
+    axes: str = ""
+    """As of a mutant."""
 
     @property
     def side(self) -> Side:
@@ -59,7 +63,7 @@ class Variation:
 
 
 def mutant(
-    requirement: str, *, check: str = RULE, reason: str, through: str = ""
+    requirement: str, *, check: str = RULE, reason: str, through: str = "", axes: str = ""
 ) -> Callable[[A], A]:
     """Declare a function to be the alteration of a mutant; its docstring says what it does.
 
@@ -69,13 +73,14 @@ def mutant(
         reason: what the verdict has to say.
         through: for a rule, the requirement whose check makes the traffic that it judges; a usual
             session if not given.
+        axes: for what only an adapter shows, the engine whose client it plays.
     """
 
     def declare(alter: A) -> A:
         name, does = _name_and_docstring(alter)
         traffic = through or TRAFFIC[_side(alter)]
         run = traffic if check == RULE else requirement
-        alter.specimen = Mutant(name, does, alter, requirement, check, reason, run)  # type: ignore[attr-defined]
+        alter.specimen = Mutant(name, does, alter, requirement, check, reason, run, axes)  # type: ignore[attr-defined]
         return alter
 
     return declare

@@ -17,7 +17,12 @@ from splatbus_conformance.plan import Side
 from splatbus_conformance.selftest.specimen import Mutant, Variation
 from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
 
-REFERENCE: dict[str, Side] = {"reference-client": "client", "reference-server": "server"}
+REFERENCE: dict[str, tuple[Side, str]] = {
+    "reference-client": ("client", ""),
+    "reference-client-beside-its-adapter": ("client", "unity"),
+    "reference-server": ("server", ""),
+}
+"""Which side each is on, and the axes of its adapter."""
 FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
@@ -98,21 +103,23 @@ class Row:
 
 def judge_reference(name: str) -> Row:
     """Run every check on the reference client, or on the reference server."""
-    side = REFERENCE[name]
-    return _judge_conforming(f"the reference {side} as it is", name, side, frozenset())
+    side, axes = REFERENCE[name]
+    return _judge_conforming(f"the reference {side} as it is", name, side, axes, frozenset())
 
 
 def judge_variation(variation: Variation) -> Row:
     """Run every check on an allowed variation."""
-    does, name, side = variation.does, variation.name, variation.side
-    return _judge_conforming(does, name, side, variation.warns)
+    it = variation
+    return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns)
 
 
 def judge_mutant(mutant: Mutant) -> Row:
     """Run the checks of the requirement that a mutant breaks."""
     began = time.monotonic()
     select = f"{mutant.through},{mutant.requirement}"
-    report, _, last_words = run_harness(mutant.name, mutant.side, select, SELECTED_SECONDS)
+    report, _, last_words = run_harness(
+        mutant.name, mutant.side, select, SELECTED_SECONDS, mutant.axes
+    )
     cells = cells_of(report)
     fate, note = fate_of(mutant, cells), ""
     if report is None or (fate is Fate.SURVIVED and errors(cells)):
@@ -139,9 +146,9 @@ def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
     return Fate.MISTAKEN if against else Fate.SURVIVED
 
 
-def _judge_conforming(does: str, name: str, side: Side, warns: frozenset[str]) -> Row:
+def _judge_conforming(does: str, name: str, side: Side, axes: str, warns: frozenset[str]) -> Row:
     began = time.monotonic()
-    report, status, last_words = run_harness(name, side, "", FULL_RUN_SECONDS)
+    report, status, last_words = run_harness(name, side, "", FULL_RUN_SECONDS, axes)
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
     reference = name in REFERENCE
@@ -172,19 +179,22 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str, side: Side, select: str, seconds: float
+    name: str, side: Side, select: str, seconds: float, axes: str = ""
 ) -> tuple[dict[str, Any] | None, int | None, str]:
-    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds.
+    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
+    by `--adapter` where there are axes, in which its adapter gives and takes poses.
 
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.
     """
-    module = f"splatbus_{side}" if name in REFERENCE else f"{__package__}.mutants {name}"
-    testee = f'"{sys.executable}" -m {module} {USUAL[side]}'
+    reference = "splatbus_client.adapter" if axes else f"splatbus_{side}"
+    module = reference if name in REFERENCE else f"{__package__}.mutants {name}"
+    how, arguments = ("--adapter", f"--axes {axes}") if axes else ("--launch", USUAL[side])
+    testee = f'"{sys.executable}" -m {module} {arguments}'
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
         command = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
-        command += ["--launch", testee, "--select", select, "--json", str(path)]
+        command += [how, testee, "--select", select, "--json", str(path)]
         status, output = _run(command, seconds)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

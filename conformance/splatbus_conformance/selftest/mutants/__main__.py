@@ -1,6 +1,6 @@
 """`python -m splatbus_conformance.selftest.mutants NAME …`: run a mutant, or a variation.
 
-What follows NAME is for the command of the reference client, or server, that it alters.
+What follows NAME is for the command of the reference client, its adapter or server that it alters.
 """
 
 import os
@@ -8,6 +8,7 @@ import sys
 import threading
 
 import pytest
+from splatbus_client.adapter import main as adapter
 from splatbus_client.cli import main as client
 from splatbus_server.cli import main as server
 
@@ -28,4 +29,5 @@ end.daemon = True
 end.start()
 specimen = specimens[sys.argv[1]]
 specimen.alter(pytest.MonkeyPatch())
-sys.exit((client if specimen.side == "client" else server)(sys.argv[2:]))
+main = server if specimen.side == "server" else adapter if specimen.axes else client
+sys.exit(main(sys.argv[2:]))
