@@ -4,7 +4,7 @@ Written from that page alone, in double precision.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from splatbus_conformance.pinhole import Camera, Reals, Rigid
 
 Whats = NDArray[np.int64]
 Where = NDArray[np.bool_]
+Numbers = NDArray[np.floating[Any]]
 
 SPHERES = (
     ((0.0, 0.0, 4.0), 1.0, (0.9, 0.2, 0.15)),
@@ -55,12 +56,12 @@ class Exact(NamedTuple):
     certain: Where
     """(h, w): no edge, tie or clipping plane is near."""
 
-    def color_error(self, color: Reals) -> Reals:
+    def color_error(self, color: Numbers) -> Reals:
         """(h, w): how far off the worst of a pixel's four numbers is; 0 where uncertain."""
         error = np.abs(np.nan_to_num(color, nan=np.inf) - self.color).max(axis=-1)
         return np.where(self.certain, error, 0.0)
 
-    def depth_is_right(self, depth: Reals) -> Where:
+    def depth_is_right(self, depth: Numbers) -> Where:
         """(h, w): planar depths, +∞ where empty, are right; all that are uncertain are."""
         with np.errstate(invalid="ignore"):
             within = (depth >= self.nearest * (1.0 - DEPTH_BUDGET)) & (
@@ -68,7 +69,7 @@ class Exact(NamedTuple):
             )
         return within | ~self.certain
 
-    def agreement(self, color: Reals, depth: Reals) -> float:
+    def agreement(self, color: Numbers, depth: Numbers) -> float:
         """The share of the certain pixels that are right."""
         right = (self.color_error(color) <= COLOR_BUDGET) & self.depth_is_right(depth)
         return float(right[self.certain].mean()) if self.certain.any() else 0.0

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
+from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.testee import Testee
-from splatbus_conformance.viewer import Viewer
+from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
 FRAME_SECONDS = 5.0
@@ -32,6 +33,10 @@ class ServerFacts:
     """Its images can be opened here."""
     renders: bool = False
     """It sent a `frame`."""
+    first: Photograph | None = None
+    """The image that it showed before anybody had posed anything."""
+    scene_known: bool = False
+    """That image is of the scene of `conformance/SCENE.md`."""
     unauthorized: bool = False
     """It requires a token that it was not given."""
     size: tuple[int, int] = (0, 0)
@@ -56,6 +61,10 @@ class ServerFacts:
             known, why = self.opens, "announces no memory that can be opened here"
         elif kind == "frames":
             known, why = self.renders, "sent no frame"
+        elif kind == "pixels":
+            known, why = self.first is not None, "shows no image that can be read here"
+        elif kind == "scene":
+            known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
         elif kind == "cuda":
             known, why = self.at_once, "announces no CUDA memory"
         else:
@@ -94,7 +103,10 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         facts.welcome[channel] = dealings.welcome
         facts.unauthorized |= "unauthorized" in dealings.errors()
         if channel == "ipc" and dealings.welcome:
+            dealings.holds = True
             peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
+            facts.first = _first(dealings)
+            facts.scene_known = facts.first is not None and shows_the_scene(facts.first)
             facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
             facts.opens = dealings.memory is not None
             facts.renders = bool(dealings.frames)
@@ -117,6 +129,12 @@ def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Conne
 
     peer.until(tried, seconds)
     return found[0] if found else None
+
+
+def _first(dealings: Dealings) -> Photograph | None:
+    if dealings.memory is None or not dealings.frames:
+        return None
+    return photograph_of(dealings.frames[0], dealings.memory, dealings.init_packets[-1])
 
 
 def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:

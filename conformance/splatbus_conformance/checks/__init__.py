@@ -26,7 +26,8 @@ class Check:
     """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
     `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter
     beside it, `adapter:pixels`, and its engine, `axes:unity`; or `stand-in`, that it opens device
-    memory of the stand-in CUDA runtime."""
+    memory of the stand-in CUDA runtime. Of a server: `opens`, `frames`, `cuda`, `pixels`, that its
+    images can be read here, and `scene`, that they are of the scene of `conformance/SCENE.md`."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
@@ -35,7 +36,7 @@ class Check:
     @property
     def level(self) -> str:
         """The assurance of its verdict."""
-        if "stand-in" in self.needs:
+        if "stand-in" in self.needs or "pixels" in self.needs:
             return "L3"
         return "L2" if any(need.startswith("adapter:") for need in self.needs) else "L1"
 

@@ -1,0 +1,94 @@
+"""Images that a server lent: copies of their pixels, and what their frames say of the camera."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.closed_form import KNOWN, render
+from splatbus_conformance.memory_reading import Opened, Pixels
+from splatbus_conformance.messages import Json
+from splatbus_conformance.pinhole import Camera, Reals, camera_of
+from splatbus_conformance.reprojection import View
+from splatbus_conformance.stress import Pose
+from splatbus_conformance.values import whole
+
+LEGACY_EMPTY: float = LIMITS["legacy_empty_depth"]
+
+
+class Photograph(NamedTuple):
+    """A frame, what it says of its camera, and its pixels; rows top-down."""
+
+    frame: Json
+    camera: Camera
+    color: Pixels
+    """(h, w, 4)."""
+    depth: Pixels
+    """(h, w), as stored."""
+    semantics: Json
+    """Of the init packet."""
+
+    @property
+    def pose(self) -> Pose:
+        """The camera's, as named on the wire."""
+        named = self.frame["camera"]
+        return Pose(tuple(map(float, named["position"])), tuple(map(float, named["rotation"])))
+
+    def view(self) -> View:
+        """For `reprojection`."""
+        position, rotation = self.pose
+        return View(self.camera, position, rotation, self.planar())
+
+    def covered(self) -> NDArray[np.bool_]:
+        """(h, w): the pixel holds the depth of a surface."""
+        depth = self.depth
+        with np.errstate(invalid="ignore"):
+            return np.isfinite(depth) & (depth > 0) & ~np.isin(depth, self.empties())
+
+    def planar(self) -> Reals:
+        """(h, w): planar depth, +∞ where empty."""
+        depth = np.where(self.covered(), self.depth, np.inf).astype(np.float64)
+        if _member(self.semantics, "depth", "kind") == "ray_distance":
+            depth /= np.linalg.norm(self.camera.rays(), axis=-1)
+        return depth
+
+    def empties(self) -> Pixels:
+        """The finite depths that mean an empty pixel."""
+        announced = _member(self.semantics, "depth", "empty")
+        number = isinstance(announced, int | float) and not isinstance(announced, bool)
+        return np.array([LEGACY_EMPTY, announced if number else LEGACY_EMPTY], np.float32)
+
+
+def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph | None:
+    """A copy of what lies in the slot that a frame names.
+
+    None if it is not of this memory, names no slot of it, or no camera of its size (IMG-1).
+    """
+    slot, camera = whole(frame.get("slot"), 0), camera_of(frame)
+    if slot is None or slot >= memory.layout.slots or camera is None:
+        return None
+    size = memory.layout.width, memory.layout.height
+    if frame.get("generation") != memory.generation or (camera.width, camera.height) != size:
+        return None
+    semantics = init_packet.get("semantics")
+    return Photograph(
+        frame,
+        camera,
+        memory.color(slot),
+        memory.depth(slot),
+        semantics if isinstance(semantics, dict) else {},
+    )
+
+
+def shows_the_scene(photograph: Photograph) -> bool:
+    """Whether this is the scene of `conformance/SCENE.md`, at rest."""
+    exact = render(photograph.camera)
+    seen = bool(photograph.covered().any())
+    return seen and exact.agreement(photograph.color, photograph.planar()) >= KNOWN
+
+
+def _member(value: object, *path: str) -> object:
+    for name in path:
+        value = value.get(name) if isinstance(value, dict) else None
+    return value
