@@ -17,6 +17,7 @@ from splatbus_conformance import recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
+from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
@@ -83,7 +84,8 @@ class CheckPlugin:
         trial = self.trial_now = self.stand.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
         yield trial
-        self.stand.peer.pump(SETTLE_SECONDS)
+        peer = self.stand.peer
+        peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
         self.traffic.delivered += trial.delivered
         if testee.ended() is not None:
             testee.stop()
@@ -94,7 +96,8 @@ class CheckPlugin:
 
     def _keep(self, place: int, name: str) -> None:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""
-        entries = self.stand.peer.entries
+        entries = list(self.stand.peer.entries)
+        self.stand.peer.close_all()  # what the testee does about it goes on during the judgement
         add(self.traffic.tally, tally(entries, self.plan.side, self.rules))
         busy = time.process_time() - self._began[1]
         self.traffic.busy_seconds += busy
@@ -139,6 +142,13 @@ class CheckPlugin:
             call.duration,
             measurements,
         )
+
+
+def heard_out(peer: Peer) -> bool:
+    """The testee had the last word on every connection that is open: it understood what it got."""
+    last = {(entry.channel, entry.conn): entry.dir for entry in peer.entries}
+    alive = [it for it in peer.connections if it.open and not it.ended]
+    return all(last[it.channel, it.number] == peer.theirs for it in alive)
 
 
 def declared(item: pytest.Item) -> Check:
