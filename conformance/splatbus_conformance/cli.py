@@ -61,6 +61,12 @@ def parser() -> argparse.ArgumentParser:
         default="64x48",
         help="image size to announce (%(default)s); some clients insist on their own",
     )
+    client.add_argument(
+        "--stand-in-cuda",
+        action="store_true",
+        help="give the client a CUDA runtime without a GPU, and judge what it does with device "
+        "memory (conformance/STAND_IN_CUDA.md)",
+    )
     _live_options(
         client,
         ports="ports to listen on (free ones, 6001,6000 with --wait)",

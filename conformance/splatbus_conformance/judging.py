@@ -51,7 +51,7 @@ def _report(
     judged, name, results = traffic.judged(plan.side), traffic.testee, findings.results(plan)
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, recorded=bool(plan.record))
-    sentence, verdicts = summary(results, judged, "L2" if plan.adapter else "L1")
+    sentence, verdicts = summary(results, judged, plan.level)
     status = exit_code(verdicts, strict=arguments.strict)
     out.print(f"{sentence}\n{traffic.sentence(seconds)}", markup=False)
     if arguments.json:

@@ -29,7 +29,7 @@ class Bad(Exception):  # noqa: N818
     """The connection, or the memory, is of no use."""
 
 
-ENDS = OSError, ValueError, Bad  # a connection
+ENDS = OSError, ValueError, RecursionError, Bad  # a connection
 
 
 class Handle(ctypes.Structure):
