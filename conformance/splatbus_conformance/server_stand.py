@@ -1,5 +1,6 @@
 """A stand for servers: the server, and a dialler."""
 
+import os
 import socket
 
 from splatbus_schemas.requirements import Requirement
@@ -10,6 +11,9 @@ from splatbus_conformance.server_introduction import ServerFacts, introduce
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.viewer import Viewer
+
+TOKEN_VARIABLE = "SPLATBUS_TOKEN"
+"""Holds the token for a server that requires one, as NEG-21 advises."""
 
 
 class ServerStand:
@@ -30,7 +34,8 @@ class ServerStand:
             else Awaited(f"the server at {plan.host}")
         )
         self.facts = ServerFacts()
-        self._viewer = Viewer()
+        self._token = os.environ.get(TOKEN_VARIABLE) or None
+        self._viewer = Viewer(self._token)
 
     def introduce(self) -> None:
         """Meet the server for the first time. Raises NoVerdict."""
@@ -55,7 +60,7 @@ class ServerStand:
 
     def _new_viewer(self) -> Viewer:
         self._viewer.close()
-        self._viewer = Viewer()
+        self._viewer = Viewer(self._token)
         return self._viewer
 
 

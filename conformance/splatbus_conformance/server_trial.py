@@ -96,8 +96,8 @@ class ServerTrial(Trial):
     def ready(self, channel: Channel, **changes: object) -> Connection:
         """A new connection that was given `welcome`, with memory open if the server gives any."""
         connection = self.greeted(channel, **changes)
-        if channel == "ipc" and self.facts.opens:
-            dealings = self.viewer.with_(connection)
+        dealings = self.viewer.with_(connection)
+        if self.facts.opens and "host_shm" in dealings.granted:
             self.wait(lambda: dealings.memory or dealings.refusal or connection.ended)
         return connection
 
@@ -123,6 +123,7 @@ class ServerTrial(Trial):
         testee = self.testee
         if not isinstance(testee, Launched):
             self.not_observable("only a server that the harness launches can be launched anew")
+        token = self.viewer.token
         self.peer.close_all()
         self._mover = None
         try:
@@ -131,7 +132,7 @@ class ServerTrial(Trial):
         finally:
             self.peer.close_all()
             testee.add_to_environment({})
-            self.viewer.token = None
+            self.viewer.token = token
 
     def kill(self, connection: Connection) -> Ended:
         """Kill the process at the other end of a connection, as a user does who is in a hurry."""

@@ -88,7 +88,7 @@ def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
     for address in trial.each(others):
         for channel in CHANNELS:
             port = trial.peer.ports[channel]
-            reached = _accepts(address, port)
+            reached = accepts(address, port)
             trial.expect(not reached, f"the {channel} channel can be reached at {address}:{port}")
             trial.delivered += 1
 
@@ -128,7 +128,8 @@ def addresses() -> list[str]:
     return [each for each in found if not ipaddress.ip_address(each).is_loopback]
 
 
-def _accepts(address: str, port: int) -> bool:
+def accepts(address: str, port: int) -> bool:
+    """Whether something accepts a connection there."""
     try:
         socket.create_connection((address, port), EFFECT_SECONDS).close()
     except OSError:

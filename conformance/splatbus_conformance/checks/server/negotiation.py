@@ -140,6 +140,7 @@ def check_refuses_unknown_versions(trial: ServerTrial) -> None:
         unlisted = speaks - set(listed)
         trial.expect(not unlisted, f"{what} was not told of {listing(unlisted)}, which it speaks")
         trial.expect(trial.ends(connection), f"{what} was refused, and not closed")
+        connection.close()
         trial.delivered += 1
 
 

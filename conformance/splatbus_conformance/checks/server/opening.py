@@ -1,0 +1,105 @@
+"""Checks on how servers keep memory, and let it go (spec 1.1 chapter 4)."""
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.memory_reading import LINUX_FOLDER
+from splatbus_conformance.messages import encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.testee import Ended
+from splatbus_conformance.watching import LENDS, beside, holding
+
+SAFE: int = LIMITS["max_safe_integer"]
+
+
+@check("OPN-8", observable="a reader's images while others say that they are done", needs=LENDS)
+def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
+    """One reader holds an image; others open the same memory, close it, fail, and leave."""
+    holder, frame = holding(trial)
+    memory = trial.viewer.with_(holder).memory
+    assert memory is not None
+    slot, size = int(frame["slot"]), memory.size()
+    color, depth = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
+    answers = ("closed", "open_failed", "opened")
+    for answer in trial.each(answers):
+        other = beside(trial, holder)
+        named = {"type": answer, "generation": memory.generation}
+        trial.viewer.say(other, named | ({"reason": "a test"} if answer == "open_failed" else {}))
+        trial.rest(0.05)
+        other.close()
+        trial.rest(0.05)
+        told = f"after another reader's {answer}"
+        trial.expect(not holder.ended, f"{told} the connection of the first was closed")
+        trial.expect(memory.size() == size, f"{told} the memory has {memory.size()} bytes")
+        same = (color, depth) == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
+        trial.expect(same, f"{told} the image that the first holds is another")
+        trial.delivered += 1
+    trial.viewer.release(holder, frame)
+    trial.viewer.with_(holder).holds = False
+    seen = trial.sees(holder, trial.move())
+    trial.expect(seen, "after the others had left, the first was sent no further image")
+
+
+@check("OPN-9", observable="the names that are left", needs=("opens",), may_crash=True)
+def check_leaves_no_memory_behind(trial: ServerTrial) -> None:
+    """The server is asked to end; started again, and killed; and started again."""
+    if not LINUX_FOLDER.is_dir():
+        trial.not_observable("this system does not list shared memory")
+    if not trial.testee.expendable:
+        trial.not_observable("only a server that the harness launches can be ended")
+    name = announced(trial)
+    ended = trial.testee.stop()
+    if ended is not None and not ended.crashed:
+        trial.expect(gone(trial, name), f"{name} is left although the server {ended}")
+        trial.delivered += 1
+    else:  # it does not heed what it was asked: that was a kill
+        expect_sweep(trial, name, ended)
+    connection = trial.reading()
+    memory = trial.viewer.with_(connection).memory
+    assert memory is not None
+    left = memory.name
+    expect_sweep(trial, left, trial.kill(connection))
+
+
+def announced(trial: ServerTrial) -> str:
+    """The name of the memory that the server announces now."""
+    memory = trial.viewer.with_(trial.reading()).memory
+    assert memory is not None
+    if not (LINUX_FOLDER / memory.name).exists():
+        trial.not_observable("its memory is not listed by the system")
+    return memory.name
+
+
+def expect_sweep(trial: ServerTrial, left: str, ended: Ended | None) -> None:
+    """The server is started again, and has removed what the killed one left."""
+    trial.peer.close_all()
+    if announced(trial) != left:
+        told = f"{left} is left by a server that {ended or 'ended'}, after another start"
+        trial.expect(gone(trial, left), told)
+    trial.delivered += 1
+
+
+def gone(trial: ServerTrial, name: str) -> bool:
+    """Whether shared memory is removed, soon."""
+    path = LINUX_FOLDER / name
+    trial.peer.until(lambda: not path.exists(), 2.0)
+    return not path.exists()
+
+
+@check("OPN-12", observable="the server goes on after such answers", needs=("1.1",))
+def check_ignores_generations_that_it_did_not_announce(trial: ServerTrial) -> None:
+    """`opened`, `open_failed` and `closed` of other generations, with and without memory."""
+    answers = st.sampled_from(("opened", "open_failed", "closed"))
+    drawn = st.tuples(answers, st.integers(1, SAFE), st.booleans())
+    for kind, generation, reads in trial.each(drawn=drawn, quick=12, full=600):
+        connection = trial.ready("ipc") if reads else trial.ready("ipc", capabilities=[])
+        memory = trial.viewer.with_(connection).memory
+        if memory is not None and memory.generation == generation:
+            continue
+        message = {"type": kind, "generation": generation}
+        message |= {"reason": "a test"} if kind == "open_failed" else {}
+        outcome = trial.outcome(connection, packet(encode(message)))
+        trial.judge(outcome, f"{kind} of generation {generation}, which was not announced")
+        connection.close()

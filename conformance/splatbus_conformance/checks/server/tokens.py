@@ -1,0 +1,128 @@
+"""Checks on tokens (spec 1.1 section 2.4): the server is launched with one in its environment."""
+
+import ipaddress
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.server.limits import accepts, addresses
+from splatbus_conformance.messages import camera_pose, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import CHANNELS
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.trial import EFFECT_SECONDS
+
+TOKEN = "a token of the conformance harness"
+EVERYWHERE = "0.0.0.0"
+HELLO_SECONDS: float = LIMITS["hello_seconds"]
+GLANCE_SECONDS = 0.3
+
+
+@contextmanager
+def with_token(trial: ServerTrial, token: str = TOKEN) -> Iterator[None]:
+    """The server, launched with a token; skips the check unless it requires that one."""
+    with trial.relaunched(SPLATBUS_TOKEN=token):
+        trial.viewer.token = token
+        for channel in CHANNELS:
+            trial.greeted(channel)
+        refusal = trial.answered("msg", token=None)[1]
+        if (refusal or {}).get("type") == "welcome":
+            trial.not_observable("the server requires no token although SPLATBUS_TOKEN names one")
+        trial.peer.close_all()
+        yield
+
+
+@check("NEG-12", observable="when a silent connection is closed", needs=("1.1",), profile="full")
+def check_closes_who_says_no_hello(trial: ServerTrial) -> None:
+    """Silence, requests and half a `hello` on either channel, for longer than 10 seconds."""
+    with with_token(trial):
+        silent = [trial.dial(channel) for channel in CHANNELS]
+        asking, stuck = trial.dial("msg"), trial.dial("ipc")
+        asking.send(packet(encode(VIEWPORT_REQUEST)))
+        stuck.send(packet(encode({"type": "opened", "generation": 1})))
+        waiting = [*silent, asking, stuck]
+        trial.wait(lambda: all(each.ended for each in waiting), HELLO_SECONDS + EFFECT_SECONDS)
+        for connection in waiting:
+            outcome = "closes" if connection.ended else "waits"
+            trial.judge(outcome, f"{connection.channel}: no hello {HELLO_SECONDS:g} s after accept")
+            trial.delivered += 1
+        for channel in CHANNELS:
+            trial.greeted(channel)
+
+
+@check("NEG-17", observable="where it listens without a token", needs=("1.1",), may_crash=True)
+def check_listens_on_loopback_without_a_token(trial: ServerTrial) -> None:
+    """Launches the server to listen on every address: with a token, as a control, then without."""
+    others, ports = addresses(), trial.peer.ports
+    if not others or not is_loopback(trial.peer.host):
+        trial.not_observable("there is no address beside loopback to listen on")
+
+    def reached() -> list[str]:
+        return [f"{a}:{p}" for a in others for p in ports.values() if accepts(a, p)]
+
+    with trial.relaunched(SPLATBUS_HOST=EVERYWHERE, SPLATBUS_TOKEN=TOKEN):
+        trial.dial("msg")
+        if not reached():
+            trial.not_observable("with a token it listens on loopback only, told otherwise or not")
+    with trial.relaunched(SPLATBUS_HOST=EVERYWHERE, SPLATBUS_TOKEN=""):
+        trial.testee.ensure_running()
+        trial.wait(lambda: trial.fate() or accepts(trial.peer.host, ports["msg"]))
+        where = reached()
+        trial.expect(not where, f"it listens on {', '.join(where)} and requires no token")
+        if fate := trial.fate():
+            trial.judge(fate, f"told to listen on {EVERYWHERE} without a token")
+    trial.delivered += 1
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a name or address is of this machine only."""
+    return ipaddress.ip_address(socket.gethostbyname(host)).is_loopback
+
+
+@check("NEG-18", observable="what a wrong token is answered", needs=("1.1",))
+def check_refuses_other_tokens(trial: ServerTrial) -> None:
+    """No token, and others that are like the right one or not, on either channel."""
+    near = [TOKEN[:-1], TOKEN + " ", TOKEN.upper(), "\x00" + TOKEN, TOKEN + "\x00", TOKEN[0]]
+    drawn = st.text(min_size=1, max_size=LIMITS["max_token_chars"]).filter(TOKEN.__ne__)
+    with with_token(trial):
+        for token in trial.each([None, *near], drawn, quick=10, full=300):
+            for channel in CHANNELS:
+                expect_refusal(trial, channel, token)
+            trial.delivered += 1
+        for channel in CHANNELS:
+            trial.greeted(channel)
+
+
+def expect_refusal(trial: ServerTrial, channel: Channel, token: str | None) -> None:
+    """A hello with this token is told `unauthorized`, and that is all."""
+    connection, answer = trial.answered(channel, token=token)
+    what = f"{channel}: a hello with " + ("no token" if token is None else f"the token {token!r}")
+    code = (answer or {}).get("code", "welcome" if answer else "no error")
+    trial.expect(code == "unauthorized", f"{what} got {code}, not unauthorized")
+    trial.expect(trial.ends(connection), f"{what} was refused, and not closed")
+    packets = len(connection.packets)
+    trial.expect(packets == 1, f"{what} was sent {packets} packets, not unauthorized alone")
+    connection.close()
+
+
+@check("NEG-19", observable="what a client of 1.0 gets, and whether it moves", needs=("1.1",))
+def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
+    """Requests and a pose without `hello`, to a server that requires a token."""
+    requests = [VIEWPORT_REQUEST, {"type": "get_camera_pose", "cam_idx": 0}, camera_pose()]
+    with with_token(trial):
+        for request in trial.each(requests):
+            connection = trial.dial("msg")
+            connection.send(packet(encode(request)))
+            trial.wait(lambda: connection.packets or connection.ended, GLANCE_SECONDS)  # noqa: B023
+            trial.expect(not connection.packets, f"{request['type']} without hello got a reply")
+            outcome = trial.fate() or ("closes" if connection.ended else "ignores")
+            trial.judge(outcome, f"{request['type']} without hello")
+            trial.delivered += 1
+        if trial.facts.renders:
+            seen = trial.sees(trial.reading(), trial.move())
+            trial.expect(seen, "after a pose without hello, that of a client with the token failed")
