@@ -76,23 +76,31 @@ def _asks(adapted: Adapted) -> None:
 
 
 def _digest_fits_the_pixels(adapted: Adapted, role: Role) -> None:
-    digest = adapted.ask("digest")
-    at = [[x, y] for y in range(role.height) for x in range(role.width)]
-    pixels = adapted.ask("pixels", at=at)
+    """Pixels that are those of an image of ours come with the digest of that image.
+
+    What comes with others is for the checks to judge: then it is the client that reads wrongly.
+    """
+    width, height = role.width, role.height
+    at = [[x, y] for x in {0, width // 2, width - 1} for y in {0, height // 3, height - 1}]
+    digest, pixels = adapted.ask("digest"), adapted.ask("pixels", at=at)
     if digest["seq"] is None or pixels["seq"] != digest["seq"]:
         return
-    for name, numbers in (("color", 4), ("depth", 1)):
-        told, shape = pixels[name], (role.height, role.width, numbers)
+    for name in ("color", "depth"):
+        told = pixels[name]
         if told is None or digest[name] is None:
             continue
         if len(told) != len(at):
             raise AdapterBroken(f"asked for {len(at)} pixels, it told {len(told)}")
-        image = np.array(told, np.float64).reshape(shape).astype(np.float32)
-        if painting.sha256(image) != digest[name]:
-            raise AdapterBroken(
-                f"its digest of {name} does not fit its pixels; of {len(at)} pixels the first is"
-                f" {told[0]}, their digest {painting.sha256(image)}, and its own {digest[name]}"
-            )
+        for slot in range(role.slots):
+            image = getattr(painting.coordinates(slot, width, height), name)
+            right = np.array([image[y, x] for x, y in at], np.float64)
+            if np.array_equal(np.array(told, np.float64), right) and (
+                digest[name] != painting.sha256(image)
+            ):
+                raise AdapterBroken(
+                    f"its digest of {name} does not fit its pixels: at {at[0]} it tells {told[0]};"
+                    f" the digest of that image is {painting.sha256(image)}, not {digest[name]}"
+                )
 
 
 def _stops(adapted: Adapted) -> None:

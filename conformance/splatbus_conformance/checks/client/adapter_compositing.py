@@ -67,10 +67,11 @@ def seen(
     return [tuple(map(float, colour)) for colour in answer["color"]]
 
 
-def every(lending: Lending, step: int = 1) -> list[Place]:
-    """Each place of an image, or one of so many."""
+def places_of(lending: Lending, most: int = 500) -> list[Place]:
+    """So many places of an image, evenly, and not all in one column."""
     width, height = lending.size
-    return [(x, y) for y in range(height) for x in range(width)][::step]
+    step = width * height // most | 1
+    return [(n % width, n // width) for n in range(0, width * height, step + (width % step == 0))]
 
 
 def flat(lending: Lending, colour: Colour, depth: Any) -> Painting:
@@ -93,10 +94,9 @@ def shows_splats(trial: ClientTrial, lending: Lending) -> None:
 def judge_unchanged(trial: ClientTrial, lending: Lending, image: Painting, what: str) -> None:
     """The plane has to be seen as if there were no image, near and infinitely far."""
     lending.show(image)
+    places = places_of(lending)
     for plane in (PLANE, math.inf):
-        for place, colour in zip(
-            every(lending, 7), seen(trial, lending, every(lending, 7), plane=plane), strict=True
-        ):
+        for place, colour in zip(places, seen(trial, lending, places, plane=plane), strict=True):
             if singles(*colour) != BACKGROUND:
                 depth = image.depth[place[1], place[0]]
                 trial.violated(
@@ -142,7 +142,7 @@ def check_shows_rows_from_the_bottom_up(trial: ClientTrial) -> None:
     color = np.stack([red, green, np.full_like(red, 0.5), np.ones_like(red)], -1)
     image = Painting(color.astype(np.float32), (1 + rows + columns / width).astype(np.float32))
     lending.show(image)
-    places = every(lending, 5)
+    places = places_of(lending)
     told = trial.ask("pixels", at=[list(place) for place in places])
     if told["color"] is None or told["depth"] is None:
         trial.not_observable("the client did not read both channels")
@@ -199,7 +199,7 @@ def _telling(lending: Lending, semantics: Json) -> Iterator[Painting]:
 def _judge_semantics(
     trial: ClientTrial, lending: Lending, image: Painting, semantics: Json
 ) -> None:
-    places = every(lending, 11)
+    places = places_of(lending)
     for plane in (PLANE, math.inf):
         for place, colour in zip(places, seen(trial, lending, places, plane=plane), strict=True):
             depth = _planar(float(image.depth[place[1], place[0]]), place, lending, semantics)
@@ -276,7 +276,7 @@ def _measure(
     image = _any_image(rng, *lending.size, premultiplied=semantics["alpha"] == "premultiplied")
     background = singles(*_edged(rng, 3))
     lending.show(image)
-    places = every(lending, 3 if trial.profile == "full" else 11)
+    places = places_of(lending, 1000 if trial.profile == "full" else 300)
     for place, colour in zip(places, seen(trial, lending, places, background), strict=True):
         depth = float(image.depth[place[1], place[0]])
         right = expected(image, place, depth, background, PLANE, semantics)
