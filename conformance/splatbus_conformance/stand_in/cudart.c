@@ -5,11 +5,10 @@
 #define VERSION 13000
 
 static int give(int *where, int value) {
-    if (where)
-        *where = value;
-    else
-        last_error = INVALID_VALUE;
-    return where ? SUCCESS : INVALID_VALUE;
+    if (!where)
+        return last_error = INVALID_VALUE;
+    *where = value;
+    return SUCCESS;
 }
 
 static int devices(void) {
@@ -125,8 +124,8 @@ static int release(const char *call, void *pointer, enum kind kind) {
         if (!object->opened)
             drop(object);
     }
-    int nothing = !pointer && kind != IMPORTED;
-    return leave_with(call, object || nothing ? SUCCESS : INVALID_VALUE, was);
+    int done = object || (!pointer && kind != IMPORTED);
+    return leave_with(call, done ? SUCCESS : INVALID_VALUE, was);
 }
 
 API int cudaMalloc(void **to, size_t size) { return allocate("Malloc", to, ALLOCATED, size); }

@@ -108,9 +108,7 @@ static int use(const char *call, void *event, void *stream, int (*what)(struct o
     return leave(call, code, "\"event\":\"%s\",\"stream\":%d", before.name, number_of(stream));
 }
 
-API int cudaEventRecord(void *event, void *stream) {
-    return use("EventRecord", event, stream, record);
-}
+API int cudaEventRecord(void *event, void *on) { return use("EventRecord", event, on, record); }
 API int cudaEventQuery(void *event) { return use("EventQuery", event, NULL, query); }
 API int cudaEventSynchronize(void *event) { return use("EventSynchronize", event, NULL, await); }
 API int cudaEventDestroy(void *event) { return use("EventDestroy", event, NULL, destroy); }
