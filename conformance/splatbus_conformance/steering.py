@@ -80,7 +80,14 @@ class Steering:
         return self.now().shows(camera_of(pose))
 
     def shows(self, connection: Connection, pose: Json, payload: bytes | None = None) -> bool:
-        """Send a valid pose, spelled so, until a frame shows it; whether one does in time."""
+        """Send a valid pose, spelled so, until a frame shows it; whether one does in time.
+
+        Where the camera is there already, only that it stays can be seen.
+        """
+        if self.shows_now(pose):
+            connection.send(packet(payload or encode(pose)))
+            self.nudged(connection)
+            return self.shows_now(pose)
         wanted, before = camera_of(pose), self.count
         deadline = time.monotonic() + EFFECT_SECONDS
         while time.monotonic() < deadline and not connection.ended and not self.trial.fate():

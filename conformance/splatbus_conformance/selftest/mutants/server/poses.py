@@ -1,0 +1,102 @@
+"""Mutants that break POS: they misread poses, or apply those that they should not."""
+
+from typing import Any
+
+import pytest
+from splatbus_server.connection import Connection
+from splatbus_server.control import Control
+from splatbus_server.session import Session
+from splatbus_wire import decoding
+from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
+from splatbus_wire.poses import IDENTITY
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import Json, wrap
+
+
+@mutant("POS-5", check="check_takes_members_by_name", reason="rotation w, z, y, x")
+def server_takes_members_as_they_come(patch: pytest.MonkeyPatch) -> None:
+    """Takes the numbers of a rotation in the order in which they stand."""
+
+    def parse(original: Any, payload: bytes) -> Json:
+        message: Json = original(payload)
+        rotation = message.get("rotation")
+        if isinstance(rotation, dict) and set(rotation) == set("xyzw"):
+            message["rotation"] = dict(zip("xyzw", rotation.values(), strict=True))
+        return message
+
+    patch.setattr(decoding, "plain_pose", lambda payload: None)
+    wrap(patch, decoding, "parse_object", parse)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose", reason="a pose with no position")
+def server_fills_in_what_a_pose_lacks(patch: pytest.MonkeyPatch) -> None:
+    """Takes the origin for a position that is missing."""
+    _repairs(patch, lambda message: {"position": dict.fromkeys("xyz", 0.0)} | message)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm")
+def server_scales_every_rotation(patch: pytest.MonkeyPatch) -> None:
+    """Makes a unit quaternion of every rotation."""
+
+    def scaled(message: Json) -> Json:
+        try:
+            norm = sum(part**2 for part in message["rotation"].values()) ** 0.5
+            turned = {name: part / norm for name, part in message["rotation"].items()}
+        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
+            return message
+        return message | {"rotation": turned}
+
+    _repairs(patch, scaled)
+
+
+@mutant("POS-10", reason="after a message of type", through="POS-5")
+def server_acknowledges_poses(patch: pytest.MonkeyPatch) -> None:
+    """Replies to each pose with the size of the image."""
+
+    def move(
+        original: Any, self: Session, connection: Connection, message: CameraPose | PointCloudPose
+    ) -> Any:
+        connection.send(ViewportSize(64, 48, None))
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("POS-11", check="check_one_connection_has_control", reason="that has no control")
+def server_obeys_everyone(patch: pytest.MonkeyPatch) -> None:
+    """Applies the newest pose, whoever sent it."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> bool:
+        self.poses = self.poses.moved_by(message)
+        return True
+
+    wrap(patch, Control, "move", move)
+
+
+@mutant("POS-11", check="check_one_connection_has_control", reason="no frame shows the pose of the")
+def server_obeys_the_first_forever(patch: pytest.MonkeyPatch) -> None:
+    """Does not pass control on when the connection that has it closes."""
+    wrap(patch, Control, "leave", lambda original, self, connection: False)
+
+
+@mutant("POS-11", check="check_one_connection_has_control", reason="first to send a valid one")
+def server_gives_control_for_a_broken_pose(patch: pytest.MonkeyPatch) -> None:
+    """Gives control to who sends a broken pose first."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        broken = b"camera_pose" in payload and not isinstance(event, CameraPose | PointCloudPose)
+        return CameraPose(IDENTITY, None) if broken and b"cam_idx" not in payload else event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+def _repairs(patch: pytest.MonkeyPatch, repair: Any) -> None:
+    """Repair camera poses before they are judged."""
+
+    def parse(original: Any, payload: bytes) -> Json:
+        message: Json = original(payload)
+        return repair(message) if message.get("type") == "camera_pose" else message
+
+    wrap(patch, decoding, "parse_object", parse)

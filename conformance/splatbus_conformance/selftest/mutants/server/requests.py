@@ -1,0 +1,176 @@
+"""Mutants that break REQ: their answers are wrong, too many, too few or too late."""
+
+from typing import Any
+
+import pytest
+from splatbus_server import cli
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.exchange import Exchange
+from splatbus_server.session import Session
+from splatbus_wire.messages import GetCameraPose, GetViewportSize, ViewportSize
+from splatbus_wire.poses import Pose
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import Json, messages, wrap
+
+CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
+
+
+@mutant("REQ-3", reason="64.0 is no plain integer")
+def server_tells_a_size_with_fractions(patch: pytest.MonkeyPatch) -> None:
+    """Writes the size as fractions."""
+    _size(patch, lambda size: [float(part) for part in size])
+
+
+@mutant("REQ-4", reason="the init packet said [64, 48]")
+def server_tells_another_size(patch: pytest.MonkeyPatch) -> None:
+    """Tells twice the size of its images."""
+    _size(patch, lambda size: [2 * part for part in size])
+
+
+@mutant("REQ-5", reason="rotation is missing", through="REQ-7")
+def server_tells_no_rotation(patch: pytest.MonkeyPatch) -> None:
+    """Leaves the rotation out of its replies."""
+    messages(patch, lambda it: {k: v for k, v in it.items() if k != "rotation"})
+
+
+@mutant(
+    "REQ-6", check="check_camera_index_is_taken_modulo", reason="every camera from index 2 to 1023"
+)
+def server_stops_at_its_last_camera(patch: pytest.MonkeyPatch) -> None:
+    """Tells the last camera for every index beyond."""
+    _cameras(patch, lambda index: min(max(index, 0), 2))
+
+
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera -1 is")
+def server_counts_from_the_wrong_end(patch: pytest.MonkeyPatch) -> None:
+    """Takes the magnitude of negative indices."""
+    _cameras(patch, lambda index: abs(index) % 3)
+
+
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera 4294967296 is")
+def server_reads_indices_as_32_bits(patch: pytest.MonkeyPatch) -> None:
+    """Keeps the lowest 32 bits of an index."""
+    _cameras(patch, lambda index: ((index + 2**31) % 2**32 - 2**31) % 3)
+
+
+@mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
+def server_answers_in_its_own_order(patch: pytest.MonkeyPatch) -> None:
+    """Answers what arrives together with the sizes first."""
+    _reorders(patch)
+
+
+@mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
+def server_answers_a_hundred_at_most(patch: pytest.MonkeyPatch) -> None:
+    """Drops requests beyond a hundred that wait for an answer."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if len(connection.unsent) < 4000:
+            return original(self, connection, message, *rest)
+        return Refusal("busy", "too many")
+
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="closed the connection")
+def server_closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
+    """Closes the message connection on a type that it does not know."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if isinstance(event, Refusal) and event.code == "unknown_type":
+            self.end("who knows that", now)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("REQ-8", reason="a packet after a message of type", through="REQ-8")
+def server_answers_unknown_types(patch: pytest.MonkeyPatch) -> None:
+    """Answers what it does not know with the size of the image."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        unknown = isinstance(event, Refusal) and event.code == "unknown_type"
+        return GetViewportSize(None, None) if unknown else event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replies")
+def server_answers_broken_requests(patch: pytest.MonkeyPatch) -> None:
+    """Takes camera 0 for an index that it cannot read."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if isinstance(event, Refusal) and b"get_camera_pose" in payload:
+            self.ending = None
+            self._linger_until = float("inf")
+            return GetCameraPose(0, None, None)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="without an image")
+def server_answers_between_images(patch: pytest.MonkeyPatch) -> None:
+    """Answers when it has rendered the next image."""
+    waiting: list[tuple[Any, ...]] = []
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if isinstance(message, GetViewportSize | GetCameraPose):
+            waiting.append((original, self, connection, message, *rest))
+            return None
+        return original(self, connection, message, *rest)
+
+    def publish(original: Any, self: Exchange, *arguments: Any) -> Any:
+        given = original(self, *arguments)
+        while waiting:
+            answer, *its = waiting.pop(0)
+            answer(*its)
+        return given
+
+    wrap(patch, Session, "handle", handle)
+    wrap(patch, Exchange, "publish", publish)
+
+
+def _size(patch: pytest.MonkeyPatch, change: Any) -> None:
+    def changed(message: Json) -> Json:
+        if "viewport_size" not in message:
+            return message
+        return message | {"viewport_size": change(message["viewport_size"])}
+
+    messages(patch, changed)
+
+
+def _cameras(patch: pytest.MonkeyPatch, index: Any) -> None:
+    """Come with three cameras, and answer for the one that `index` chooses."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if isinstance(message, GetCameraPose):
+            message = message._replace(cam_idx=index(message.cam_idx))
+        return original(self, connection, message, *rest)
+
+    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, cameras=CAMERAS, **named))
+    wrap(patch, Session, "handle", handle)
+
+
+def _reorders(patch: pytest.MonkeyPatch) -> None:
+    """Put the sizes before the cameras in what is about to be sent."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        before = bytes(self.unsent)
+        if isinstance(message, ViewportSize) and before:
+            self.unsent.clear()
+            original(self, message)
+            self.unsent += before
+        else:
+            original(self, message)
+
+    wrap(patch, Connection, "send", send)
