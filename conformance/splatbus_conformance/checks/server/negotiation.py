@@ -21,6 +21,8 @@ CHANNEL = st.sampled_from(CHANNELS)
 UNSPOKEN = st.builds("{}.{}".format, st.integers(4000, 10**30), st.integers(0, 10**30))
 """Versions that nobody speaks yet."""
 LETTERS = "abcdefghijklmnopqrstuvwxyz_"
+CHARACTERS = LETTERS + "AZ09 .-/\\\"'{}\x00\x1f\x7f\xa0\u00e9\u03a9\u4e2d\u202e\uffff\U0001f642"
+"""Of one to four bytes each, and such that need an escape."""
 
 
 def offers() -> list[tuple[Channel, tuple[str, ...]]]:
@@ -93,7 +95,7 @@ def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
     """`hello` lists capabilities of another time among the real ones, up to 64 in all."""
     offered = trial.viewer.capabilities["ipc"]
     most, longest = LIMITS["max_capabilities"], LIMITS["max_name_chars"]
-    unknown = st.text(max_size=longest).filter(lambda name: name not in ON_IPC)
+    unknown = st.text(CHARACTERS, max_size=longest).filter(lambda name: name not in ON_IPC)
     names = st.lists(unknown, min_size=1, max_size=most - len(offered), unique=True)
     orders = names.flatmap(lambda strange: st.permutations([*strange, *offered]))
     for capabilities in trial.each(drawn=orders, quick=10, full=500):
@@ -112,7 +114,7 @@ def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
 @check("NEG-9", observable="the server goes on after messages of unknown types", needs=("1.1",))
 def check_ignores_unknown_types(trial: ServerTrial) -> None:
     """Messages of types that nobody knows, after `hello` on either channel."""
-    names = st.text(LETTERS, min_size=12, max_size=30) | st.text(max_size=100).filter(
+    names = st.text(LETTERS, min_size=12, max_size=30) | st.text(CHARACTERS, max_size=100).filter(
         lambda name: name not in (*CLIENT_1_0, *CLIENT_1_1)
     )
     values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)

@@ -10,6 +10,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.limits import accepts, addresses
+from splatbus_conformance.checks.server.negotiation import CHARACTERS
 from splatbus_conformance.messages import camera_pose, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS
@@ -88,7 +89,7 @@ def is_loopback(host: str) -> bool:
 def check_refuses_other_tokens(trial: ServerTrial) -> None:
     """No token, and others that are like the right one or not, on either channel."""
     near = [TOKEN[:-1], TOKEN + " ", TOKEN.upper(), "\x00" + TOKEN, TOKEN + "\x00", TOKEN[0]]
-    drawn = st.text(min_size=1, max_size=LIMITS["max_token_chars"]).filter(TOKEN.__ne__)
+    drawn = st.text(CHARACTERS, min_size=1, max_size=LIMITS["max_token_chars"]).filter(TOKEN.__ne__)
     with with_token(trial):
         for token in trial.each([None, *near], drawn, quick=10, full=300):
             for channel in CHANNELS:
