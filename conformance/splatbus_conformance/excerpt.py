@@ -27,7 +27,7 @@ def excerpt(entries: Iterable[Entry], last: int) -> Iterator[str]:
                 f"{INDENT}{line}" for line in (*_decoded(entry.data), hexadecimal(entry.data))
             )
     if poses := len(entries) - len(telling):
-        yield f"{INDENT}and {poses} times poses of the client"
+        yield f"{INDENT}and poses of the client, {poses} times"
 
 
 def fold(data: bytes) -> str:

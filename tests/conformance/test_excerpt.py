@@ -11,7 +11,7 @@ def test_poses_do_not_hide_what_tells() -> None:
     entries = [Entry(0.0, "msg", 1, "s2c", ERROR), *[Entry(1.0, "msg", 1, "c2s", POSE)] * 100]
     lines = list(excerpt(entries, 12))
     assert '16 bytes: {"type":"error"}' in lines[1]
-    assert lines[-1].strip() == "and 100 times poses of the client"
+    assert lines[-1].strip() == "and poses of the client, 100 times"
     assert len(lines) == 4
 
 

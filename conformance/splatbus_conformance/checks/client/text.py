@@ -16,6 +16,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import LIBERTIES, Plain, spell
+from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.unknown_members import with_unknown_members
 
 Writer = Callable[[Json], bytes]
@@ -106,7 +107,10 @@ def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
 
         trial.role.encode["msg"] = encode_and_keep
         connection = trial.connection("msg")
-        trial.wait(lambda: connection.packets)  # noqa: B023
+        dealings = trial.role.with_(connection)
+        trial.wait(lambda: all(map(dealings.count, trial.facts.asks)) or connection.ended)  # noqa: B023
+        # Poses go on for a while even if reading does not.
+        trial.ends(connection, REACTION_SECONDS)
         outcome = trial.outcome_on_msg(connection)
         last = shorten(written[-1].decode(), 400) if written else ""
         what = f"{len(written)} messages on the message channel, the last {last!r}"
