@@ -53,18 +53,32 @@ class ScriptError(ValueError):
 
 def save(script: Script, path: Path) -> None:
     """Write a script, for people and for `load`."""
-    members = asdict(script)
-    members["cases"] = [[_case_as_json(Case(*case)) for case in row] for row in script.cases]
-    text = json.dumps({"format": FORMAT, **members}, indent=1, ensure_ascii=True)
-    path.write_text(text + "\n", "utf-8")
+    path.write_text(as_text(script) + "\n", "utf-8")
 
 
 def load(path: Path) -> Script:
     """Read a script. Raises ScriptError for what is none, OSError for the file."""
     try:
-        members = json.loads(path.read_text("utf-8"))
+        return from_text(path.read_text("utf-8"))
+    except UnicodeDecodeError as error:
+        raise ScriptError(f"{path}: byte {error.start} is not UTF-8") from None
+    except ScriptError as error:
+        raise ScriptError(f"{path}: {error}") from None
+
+
+def as_text(script: Script) -> str:
+    """A script as JSON."""
+    members = asdict(script)
+    members["cases"] = [[_case_as_json(Case(*case)) for case in row] for row in script.cases]
+    return json.dumps({"format": FORMAT, **members}, indent=1)
+
+
+def from_text(text: str) -> Script:
+    """The reverse of `as_text`. Raises ScriptError."""
+    try:
+        members = json.loads(text)
         if members.pop("format") != FORMAT:
-            raise ScriptError(f"{path}: it is of another format than {FORMAT}")
+            raise ScriptError(f"it is of another format than {FORMAT}")
         members["cases"] = tuple(
             tuple(_case_from_json(case) for case in row) for row in members["cases"]
         )
@@ -74,7 +88,7 @@ def load(path: Path) -> Script:
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
         if isinstance(error, ScriptError):
             raise
-        raise ScriptError(f"{path} is no script: {type(error).__name__}: {error}") from None
+        raise ScriptError(f"it is no script: {type(error).__name__}: {error}") from None
 
 
 def _case_as_json(case: Case) -> dict[str, Any]:
