@@ -12,7 +12,7 @@ from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.replaying import worked_out
 from splatbus_conformance.script import Script, from_text, save
 from splatbus_conformance.stand import set_up
-from splatbus_conformance.verdicts import Result
+from splatbus_conformance.verdicts import Result, Verdict
 
 Say = Callable[[str], None]
 
@@ -25,7 +25,8 @@ def work_out(
     Each is delivered again to new testees where the harness can start them, with ever smaller
     cases, for so many seconds in all; each is written into the folder as a script.
     """
-    failed = [place for place, result in enumerate(results) if result.script]
+    broken = (Verdict.FAIL, Verdict.WARN)
+    failed = [place for place, it in enumerate(results) if it.script and it.verdict in broken]
     scripts = {place: from_text(results[place].script) for place in failed}
     if failed and seconds and plan.starts_it:
         say(f"making {len(failed)} failures small, for {seconds:g} s at most")
