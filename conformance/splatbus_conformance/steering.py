@@ -112,17 +112,20 @@ class Steering:
         connection has to be in control, or to get it by this.
         """
         since = self.count if since is None else since
-        for _ in range(self._needed):
-            before = self.count
-            deadline = time.monotonic() + EFFECT_SECONDS
-            while self.count == before and time.monotonic() < deadline:
-                self._nudges += 1
-                moved = camera_pose((0.0, 0.0, self._nudges % 100 / 1000), kind="point_cloud_pose")
-                connection.send(packet(encode(moved)))
-                self.trial.wait(lambda: self.count > before, AGAIN_SECONDS)  # noqa: B023
-            if self.count == before:
-                self.trial.not_observable("the server sent no frame after the Gaussians had moved")
+        if not all(self.renders_for(connection) for _ in range(self._needed)):
+            self.trial.not_observable("the server sent no frame after the Gaussians had moved")
         return self.cameras(since)
+
+    def renders_for(self, connection: Connection) -> bool:
+        """Move the Gaussians; whether a frame comes in time."""
+        before = self.count
+        deadline = time.monotonic() + EFFECT_SECONDS
+        while self.count == before and time.monotonic() < deadline and not connection.ended:
+            self._nudges += 1
+            moved = camera_pose((0.0, 0.0, self._nudges % 100 / 1000), kind="point_cloud_pose")
+            connection.send(packet(encode(moved)))
+            self.trial.wait(lambda: self.count > before, AGAIN_SECONDS)
+        return self.count > before
 
     def outcome_of(self, connection: Connection, payload: bytes) -> str:
         """Send what must not move the camera, from the connection in control.

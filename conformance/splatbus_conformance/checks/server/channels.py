@@ -211,10 +211,8 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
         misdeed.commit(trial, culprit)
         if watched:
             trial.expect(trial.answers(witness), f"no reply beside {what}")
-            if steering:
-                since = steering.count
-                steering.nudged(witness)
-                trial.expect(steering.count > since, f"no new image beside {what}")
+            seen = steering is None or steering.renders_for(witness)
+            trial.expect(seen, f"no new image beside {what}")
         culprit.close()
         if not watched:
             trial.expect(trial.serves(), f"no reply after {what}")

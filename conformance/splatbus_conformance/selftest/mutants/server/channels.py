@@ -75,7 +75,11 @@ def server_speaks_unasked(patch: pytest.MonkeyPatch) -> None:
     announces_at_once(patch, NEWS, channel="message")
 
 
-@mutant("CHN-12", check="check_serves_both_channels_at_a_time", reason="was ended beside a client")
+@mutant(
+    "CHN-12",
+    check="check_serves_both_channels_at_a_time",
+    reason="no welcome on the IPC channel beside",
+)
 def server_serves_one_channel_at_a_time(patch: pytest.MonkeyPatch) -> None:
     """Ends IPC connections when a message client comes."""
 
@@ -110,7 +114,7 @@ def server_lets_the_fourth_wait_on_ipc(patch: pytest.MonkeyPatch) -> None:
 
 @mutant(
     "CHN-14",
-    check="check_others_are_served_whatever_one_does",
+    check="check_others_are_served_whatever_one_does_on_ipc",
     reason="no reply beside a client that sends one byte",
 )
 def server_reads_packets_to_their_end(patch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Mutants that break POS: they misread poses, or apply those that they should not."""
 
+import math
 from typing import Any
 
 import pytest
@@ -40,12 +41,11 @@ def server_scales_every_rotation(patch: pytest.MonkeyPatch) -> None:
     """Makes a unit quaternion of every rotation."""
 
     def scaled(message: Json) -> Json:
-        try:
-            norm = sum(part**2 for part in message["rotation"].values()) ** 0.5
-            turned = {name: part / norm for name, part in message["rotation"].items()}
-        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
+        rotation = message.get("rotation")
+        if not isinstance(rotation, dict) or not all(type(n) is float for n in rotation.values()):
             return message
-        return message | {"rotation": turned}
+        norm = max(math.hypot(*rotation.values()), 1e-300)
+        return message | {"rotation": {name: part / norm for name, part in rotation.items()}}
 
     _repairs(patch, scaled)
 

@@ -22,7 +22,7 @@ def server_tells_a_size_with_fractions(patch: pytest.MonkeyPatch) -> None:
     _size(patch, lambda size: [float(part) for part in size])
 
 
-@mutant("REQ-4", reason="the init packet said [64, 48]")
+@mutant("REQ-4", reason="the init packet said [64, 48]", through="CHN-12")
 def server_tells_another_size(patch: pytest.MonkeyPatch) -> None:
     """Tells twice the size of its images."""
     _size(patch, lambda size: [2 * part for part in size])
@@ -48,7 +48,7 @@ def server_counts_from_the_wrong_end(patch: pytest.MonkeyPatch) -> None:
     _cameras(patch, lambda index: abs(index) % 3)
 
 
-@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera 4294967296 is")
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera 2147483648 is")
 def server_reads_indices_as_32_bits(patch: pytest.MonkeyPatch) -> None:
     """Keeps the lowest 32 bits of an index."""
     _cameras(patch, lambda index: ((index + 2**31) % 2**32 - 2**31) % 3)
@@ -87,7 +87,7 @@ def server_closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("REQ-8", reason="a packet after a message of type", through="REQ-8")
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="the testee replies")
 def server_answers_unknown_types(patch: pytest.MonkeyPatch) -> None:
     """Answers what it does not know with the size of the image."""
 
