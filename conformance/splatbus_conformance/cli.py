@@ -8,7 +8,9 @@ import traceback
 from collections.abc import Sequence
 
 from splatbus_conformance import commands
-from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT
+from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, Level
+
+SHRINK_SECONDS = 30.0
 
 EPILOG = """\
 examples:
@@ -16,6 +18,12 @@ examples:
       judge the reference client, to see what a verdict looks like
   splatbus-conformance client --launch "./my-viewer --headless"
       start my-viewer again and again, and judge it
+  splatbus-conformance client --launch ./my-viewer --parallel 4 --profile full
+      deliver many more cases, to four of them at a time
+  splatbus-conformance client --launch ./my-viewer --select FRM,JSN-6 --record sessions
+      only the clause FRM and one requirement, and keep what crosses the wire
+  splatbus-conformance client --launch ./my-viewer --write-expected known.toml
+      note what is broken today; with --expect-failures known.toml only what changes fails
   splatbus-conformance client --wait --ports 6001,6000
       wait for a client that you start by hand, or inside an engine
   splatbus-conformance server --launch "./my-renderer"
@@ -90,6 +98,17 @@ def parser() -> argparse.ArgumentParser:
     )
     server.set_defaults(run=commands.server)
 
+    replay = commands_.add_parser(
+        "replay",
+        help="show a failure again",
+        usage="%(prog)s FILE (--launch CMD | --adapter CMD | --wait | --connect) …",
+        description="Deliver the script that a run wrote of a failure, and say whether the testee "
+        "fails again. What follows FILE are options of `client`, or of `server`.",
+    )
+    replay.add_argument("file", metavar="FILE")
+    replay.add_argument("how", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    replay.set_defaults(run=commands.replay)
+
     audit = commands_.add_parser(
         "audit",
         help="judge a recorded session",
@@ -126,40 +145,89 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> None:
-    command.add_argument("--host", default="127.0.0.1", help=f"{host} (%(default)s)")
-    command.add_argument("--ports", metavar="IPC,MSG", help=ports)
-    command.add_argument(
+    """The options that both kinds of testee have, by the question that they answer."""
+    where = command.add_argument_group("where the testee is")
+    where.add_argument("--host", default="127.0.0.1", help=f"{host} (%(default)s)")
+    where.add_argument("--ports", metavar="IPC,MSG", help=ports)
+    where.add_argument(
         "--patience", type=float, metavar="S", help="longest wait for a connection, in seconds"
     )
-    command.add_argument(
-        "--profile", choices=("quick", "full"), default="quick", help="(%(default)s)"
+    where.add_argument(
+        "--parallel",
+        type=at_least_one,
+        metavar="N",
+        default=1,
+        help="start N testees, each on ports of its own, and share the checks out (%(default)s)",
     )
-    command.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
-    command.add_argument(
+
+    what = command.add_argument_group("what it is judged by")
+    what.add_argument(
+        "--profile",
+        choices=("quick", "full", "soak"),
+        default="quick",
+        help="how many cases; a soak goes on with new seeds for --minutes (%(default)s)",
+    )
+    what.add_argument(
+        "--minutes", type=float, metavar="N", default=10.0, help="length of a soak (%(default)g)"
+    )
+    what.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
+    what.add_argument(
         "--select",
         metavar="TERM,…",
         default="",
         help="only these: ids (FRM-3), clauses (FRM), levels (L0 to L3), checks (check_…)",
     )
-    command.add_argument(
+    what.add_argument(
         "--deselect", metavar="TERM,…", default="", help="not these; wins over --select"
     )
-    command.add_argument(
-        "--parallel",
-        type=at_least_one,
-        metavar="N",
-        default=1,
-        help="judge N testees at a time, each on ports of its own (%(default)s)",
-    )
-    command.add_argument(
+    what.add_argument(
         "--allow-crash",
         action="store_true",
         help="without --launch: also run what may crash a testee that breaks a requirement",
     )
-    command.add_argument("--strict", action="store_true", help="a warning fails the run")
-    command.add_argument("--json", metavar="FILE", help="write a report for programs")
-    command.add_argument("--junit", metavar="FILE", help="write a report for CI systems")
-    command.add_argument("--record", metavar="FOLDER", help="keep what crossed the wire")
+
+    failing = command.add_argument_group("what fails the run besides a broken MUST")
+    failing.add_argument("--strict", action="store_true", help="a warning")
+    failing.add_argument(
+        "--require-coverage",
+        metavar="N%",
+        default="0%",
+        help="less than N%% of the MUSTs on this testee observed (%(default)s)",
+    )
+    failing.add_argument(
+        "--require-level",
+        choices=tuple(Level),
+        default=Level.PASSIVE,
+        help="nothing observed at this assurance; what is seen at less does not count (L0)",
+    )
+    failing.add_argument(
+        "--expect-failures",
+        metavar="FILE",
+        help="a listed failure that passes or is another now; one that is as listed fails nothing",
+    )
+
+    reports = command.add_argument_group("what is written")
+    reports.add_argument("--json", metavar="FILE", help="a report for programs")
+    reports.add_argument("--junit", metavar="FILE", help="a report for CI systems")
+    reports.add_argument("--record", metavar="FOLDER", help="all that crosses the wire")
+    reports.add_argument(
+        "--write-expected",
+        metavar="FILE",
+        help="the list for --expect-failures that fits this run; it takes a whole one",
+    )
+    reports.add_argument(
+        "--shrink",
+        type=float,
+        metavar="S",
+        default=SHRINK_SECONDS,
+        help="seconds, in all, to make failures small in (%(default)g); 0 leaves them as they are",
+    )
+    reports.add_argument(
+        "--scripts",
+        metavar="FOLDER",
+        default="splatbus-failures",
+        help="a script of each failure, for `replay` (%(default)s)",
+    )
 
 
 def at_least_one(text: str) -> int:

@@ -1,7 +1,7 @@
 """What a run has found out: verdicts and counts, which cross from worker to controller as text."""
 
 import json
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from splatbus_schemas.requirements import Requirement, requirements
@@ -12,6 +12,8 @@ from splatbus_conformance.plan import Plan
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.tally import Count, Tally
 from splatbus_conformance.verdicts import Level, Result, Verdict, worst
+
+CONDEMNS = (Verdict.FAIL, Verdict.WARN)
 
 
 @dataclass
@@ -28,6 +30,8 @@ class Traffic:
     waiting_seconds: float = 0.0
     """Time in which the harness waited for the testee, or listened to its silence."""
     tally: Tally = field(default_factory=dict)
+    scripts: dict[str, str] = field(default_factory=dict)
+    """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
     def add(self, other: "Traffic") -> None:
         """Count what happened elsewhere as well."""
@@ -37,6 +41,7 @@ class Traffic:
         self.busy_seconds += other.busy_seconds
         self.waiting_seconds += other.waiting_seconds
         tally.add(self.tally, other.tally)
+        self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:
         """For another process."""
@@ -78,11 +83,25 @@ class Findings:
         if other is None or worst([result, other]) is not other.verdict:
             self.placed[place] = result
 
+    def add(self, other: "Findings", seed: int) -> None:
+        """Take in what a run with this seed found; each failure says which seed it was."""
+        for place, result in other.placed.items():
+            told = replace(result, text=f"{result.text} (seed {seed})")
+            self.put(place, told if result.verdict in CONDEMNS else result)
+        counts = other.traffic.tally
+        for name, count in counts.items():
+            if count.broken:
+                counts[name] = count._replace(first=f"{count.first} (seed {seed})")
+        self.traffic.add(other.traffic)
+
     def results(self, plan: Plan) -> list[Result]:
         """Every verdict, in the order of a serial run; the rules have the last word."""
         judged = self.traffic.judged(plan.side)
         return [self.placed[place] for place in sorted(self.placed)] + [
-            tally.result(name, self.traffic.tally[name], requirement.level)
+            replace(
+                tally.result(name, self.traffic.tally[name], requirement.level),
+                script=self.traffic.scripts.get(name, ""),
+            )
             for name, requirement in judged.items()
             if name in self.traffic.tally and plan.selection.takes(Item(name, RULE, "L0"))
         ]

@@ -1,32 +1,50 @@
 """A whole run on a live testee: meet it, judge it, say what came of it."""
 
-import argparse
 import json
 import time
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 from splatbus_schemas.requirements import requirements
 
+from splatbus_conformance import expected
+from splatbus_conformance.asking import Wishes, selectable_on
+from splatbus_conformance.demands import shortfalls
+from splatbus_conformance.failures import work_out
 from splatbus_conformance.findings import Findings
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.reports import json_report, junit_report
 from splatbus_conformance.running import Interrupted, run_checks
-from splatbus_conformance.terminal import Live, print_failures, print_what_next, summary
+from splatbus_conformance.terminal import (
+    Live,
+    print_complaints,
+    print_failures,
+    print_what_next,
+    summary,
+)
 from splatbus_conformance.verdicts import (
     EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
+    EXIT_NOT_CONFORMING,
     EXIT_USAGE,
+    Level,
+    Result,
+    Verdict,
     exit_code,
 )
 
 
-def judge(plan: Plan, arguments: argparse.Namespace, out: Console) -> int:
-    """Judge a testee by a plan, and write the reports that the arguments ask for."""
+def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
+    """Judge a testee by a plan, and write the reports that are wished for."""
     live = Live(out)
     began = time.monotonic()
     try:
-        findings = run_checks(plan, live)
+        if plan.profile == "soak":
+            findings = soak(plan, 60 * wishes.minutes, live)
+        else:
+            findings = run_checks(plan, live)
     except Usage as error:
         out.print(f"splatbus-conformance: {error}", markup=False)
         return EXIT_USAGE
@@ -37,34 +55,88 @@ def judge(plan: Plan, arguments: argparse.Namespace, out: Console) -> int:
         return EXIT_INTERRUPTED
     finally:
         live.end()
-    return _report(plan, findings, time.monotonic() - began, arguments, out)
+    return _report(plan, findings, time.monotonic() - began, wishes, out)
 
 
-def _report(
-    plan: Plan,
-    findings: Findings,
-    seconds: float,
-    arguments: argparse.Namespace,
-    out: Console,
-) -> int:
+def soak(plan: Plan, seconds: float, live: Live) -> Findings:
+    """Run the full profile with one seed after the other until so many seconds have passed."""
+    until = time.monotonic() + seconds
+    findings = Findings()
+    seed = plan.seed
+    while seed == plan.seed or time.monotonic() < until:
+        live.say(f"seed {seed}: {findings.traffic.delivered:,} cases delivered so far")
+        record = str(Path(plan.record, f"seed-{seed}")) if plan.record else None
+        try:
+            findings.add(run_checks(replace(plan, seed=seed, record=record), live), seed)
+        except NoVerdict as error:
+            if seed == plan.seed:
+                raise
+            text = f"with seed {seed} the testee could not be met: {error}"
+            findings.put(0, Result("", "introduction", Level.WIRE, Verdict.ERROR, text))
+        seed += 1
+    return findings
+
+
+def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out: Console) -> int:
     traffic = findings.traffic
-    judged, name, results = traffic.judged(plan.side), traffic.testee, findings.results(plan)
+    judged = traffic.judged(plan.side)
+    found = findings.results(plan)
+    results, stale = expected.applied(found, wishes.expectations)
+    results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print)
+    complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, recorded=bool(plan.record))
-    sentence, verdicts = summary(results, judged, plan.level)
-    status = exit_code(verdicts, strict=arguments.strict)
+    sentence, verdicts = summary(results, judged, plan.level, wishes.demands.level)
+    deselected = left_out(plan)
+    if deselected:
+        sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
+    print_complaints(out, complaints)
+    status = exit_code(verdicts, strict=wishes.strict)
+    if complaints:
+        status = EXIT_NOT_CONFORMING
     out.print(f"{sentence}\n{traffic.sentence(seconds)}", markup=False)
-    if arguments.json:
+    if wishes.json:
         report = json_report(
-            name,
+            traffic.testee,
             sentence,
             results,
             judged,
             exit_code=status,
             traffic=traffic,
             seconds=seconds,
+            complaints=complaints,
+            deselected=deselected,
+            profile=plan.profile,
+            seed=plan.seed,
         )
-        Path(arguments.json).write_text(json.dumps(report, indent=1) + "\n", "utf-8")
-    if arguments.junit:
-        Path(arguments.junit).write_bytes(junit_report(name, results, seconds))
+        wishes.json.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+    if wishes.junit:
+        wishes.junit.write_bytes(junit_report(traffic.testee, results, seconds, complaints))
+    if wishes.write_expected:
+        return write_expected(wishes.write_expected, found, wishes, out)
     return status
+
+
+def left_out(plan: Plan) -> dict[str, list[str]]:
+    """For each requirement, the checks and rules that the selection leaves out."""
+    found: dict[str, list[str]] = {}
+    for item in selectable_on(plan.side) if plan.selection.partial else ():
+        if not plan.selection.takes(item, "full"):
+            found.setdefault(item.requirement, []).append(item.name)
+    return found
+
+
+def write_expected(path: Path, found: Iterable[Result], wishes: Wishes, out: Console) -> int:
+    """Write the list of expected failures anew; not from a run in which the harness failed."""
+    found = list(found)
+    errors = [f"{it.requirement} {it.check}" for it in found if it.verdict is Verdict.ERROR]
+    if errors:
+        out.print(
+            f"{path} is not written: the harness failed in {', '.join(errors)}, so the run is not "
+            "whole",
+            markup=False,
+        )
+        return EXIT_NO_VERDICT
+    path.write_text(expected.listed(found, wishes.expectations, strict=wishes.strict), "utf-8")
+    out.print(f"{path} is written; give each new entry a reason", markup=False)
+    return 0

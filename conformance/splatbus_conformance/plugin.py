@@ -19,6 +19,7 @@ from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
+from splatbus_conformance.script import Script, as_text
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
 from splatbus_conformance.tally import add, rules_on, tally
@@ -98,7 +99,11 @@ class CheckPlugin:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""
         entries = list(self.stand.peer.entries)
         self.stand.peer.close_all()  # what the testee does about it goes on during the judgement
-        add(self.traffic.tally, tally(entries, self.plan.side, self.rules))
+        seen = tally(entries, self.plan.side, self.rules)
+        add(self.traffic.tally, seen)
+        if self.trial_now is not None:
+            broken = [requirement for requirement, count in seen.items() if count.broken]
+            self.traffic.scripts |= {it: self._script(it, name, by_rule=True) for it in broken}
         busy = time.process_time() - self._began[1]
         self.traffic.busy_seconds += busy
         self.traffic.waiting_seconds += max(0.0, time.monotonic() - self._began[0] - busy)
@@ -121,11 +126,13 @@ class CheckPlugin:
         measurements = tuple(self.trial_now.measurements) if self.trial_now else ()
         verdict, text = Verdict.PASS, "; ".join(map(str, measurements))
         evidence: tuple[str, ...] = ()
+        script = ""
         if error is not None:
             text = str(error.value)
             evidence = tuple(excerpt(self.stand.peer.entries, EVIDENCE_LINES))
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
+                script = self._script(check.requirement, item.name, by_rule=False)
             elif isinstance(error.value, pytest.skip.Exception):
                 verdict, evidence = Verdict.SKIP, ()
             else:
@@ -141,6 +148,21 @@ class CheckPlugin:
             evidence,
             call.duration,
             measurements,
+            script,
+        )
+
+    def _script(self, requirement: str, check: str, *, by_rule: bool) -> str:
+        assert self.trial_now is not None
+        return as_text(
+            Script(
+                self.plan.side,
+                requirement,
+                check,
+                by_rule,
+                tuple(map(tuple, self.trial_now.went_through)),
+                self.plan.profile,
+                self.plan.viewport,
+            )
         )
 
 

@@ -4,6 +4,7 @@ import platform
 import sys
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 
@@ -13,6 +14,8 @@ from splatbus_conformance.findings import Traffic
 from splatbus_conformance.verdicts import Result, Verdict, by_requirement, worst
 
 FORMAT = "1"
+SKIPPED = {Verdict.SKIP: "", Verdict.WARN: "warning: ", Verdict.EXPECTED: "expected failure: "}
+"""What JUnit has no word for, and how the reason of its skipped test begins."""
 
 
 def json_report(
@@ -24,6 +27,10 @@ def json_report(
     exit_code: int,
     traffic: Traffic,
     seconds: float,
+    complaints: Iterable[str] = (),
+    deselected: Mapping[str, list[str]] = MappingProxyType({}),
+    profile: str = "quick",
+    seed: int = 0,
 ) -> dict[str, Any]:
     """The report as one object (schema: report.schema.json)."""
     results = list(results)
@@ -38,12 +45,16 @@ def json_report(
         "seconds": round(seconds, 3),
         "harnessSeconds": round(traffic.busy_seconds, 3),
         "waitingSeconds": round(traffic.waiting_seconds, 3),
+        "profile": profile,
+        "seed": seed,
+        "complaints": list(complaints),
         "environment": {"python": platform.python_version(), "platform": sys.platform},
         "requirements": [
             {
                 "id": requirement.id,
                 "level": requirement.level,
                 "verdict": worst(groups.get(requirement.id, [])),
+                "deselected": deselected.get(requirement.id, []),
                 "results": [
                     {
                         "check": result.check,
@@ -53,6 +64,8 @@ def json_report(
                         "evidence": list(result.evidence),
                         "seconds": round(result.seconds, 4),
                         "measurements": [it.as_json() for it in result.measurements],
+                        "smallest": result.smallest,
+                        "replay": result.replay,
                     }
                     for result in groups.get(requirement.id, [])
                 ],
@@ -62,16 +75,21 @@ def json_report(
     }
 
 
-def junit_report(testee: str, results: Iterable[Result], seconds: float) -> bytes:
-    """The report as JUnit XML: one test case for each result; a warning is a skipped test."""
-    results = list(results)
+def junit_report(
+    testee: str, results: Iterable[Result], seconds: float, complaints: Iterable[str] = ()
+) -> bytes:
+    """The report as JUnit XML: one test case for each result, and one for each complaint.
+
+    Warnings and expected failures are skipped tests.
+    """
+    results, complaints = list(results), list(complaints)
     suite = ElementTree.Element(
         "testsuite",
         name=f"SplatBus conformance: {printable(testee)}",
-        tests=str(len(results)),
-        failures=str(sum(r.verdict is Verdict.FAIL for r in results)),
+        tests=str(len(results) + len(complaints)),
+        failures=str(sum(r.verdict is Verdict.FAIL for r in results) + len(complaints)),
         errors=str(sum(r.verdict is Verdict.ERROR for r in results)),
-        skipped=str(sum(r.verdict in (Verdict.SKIP, Verdict.WARN) for r in results)),
+        skipped=str(sum(r.verdict in SKIPPED for r in results)),
         time=f"{seconds:.3f}",
     )
     for result in results:
@@ -88,10 +106,11 @@ def junit_report(testee: str, results: Iterable[Result], seconds: float) -> byte
             ElementTree.SubElement(case, "failure", message=text).text = body
         elif result.verdict is Verdict.ERROR:
             ElementTree.SubElement(case, "error", message=text).text = body
-        elif result.verdict is Verdict.WARN:
-            ElementTree.SubElement(case, "skipped", message=f"warning: {text}")
-        elif result.verdict is Verdict.SKIP:
-            ElementTree.SubElement(case, "skipped", message=text)
+        elif result.verdict in SKIPPED:
+            ElementTree.SubElement(case, "skipped", message=SKIPPED[result.verdict] + text)
+    for complaint in map(printable, complaints):
+        case = ElementTree.SubElement(suite, "testcase", classname="splatbus.run", name=complaint)
+        ElementTree.SubElement(case, "failure", message=complaint)
     suites = ElementTree.Element("testsuites")
     suites.append(suite)
     return bytes(ElementTree.tostring(suites, encoding="utf-8", xml_declaration=True))

@@ -8,6 +8,7 @@ from rich.text import Text
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.audit import Audit
+from splatbus_conformance.demands import observed
 from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
 
 STYLE = {
@@ -16,6 +17,7 @@ STYLE = {
     Verdict.WARN: "yellow",
     Verdict.SKIP: "dim",
     Verdict.ERROR: "bold magenta",
+    Verdict.EXPECTED: "cyan",
 }
 
 
@@ -92,6 +94,10 @@ def print_failures(
         console.print(f"  seen           {escape(result.text)}")
         for line in result.evidence:
             console.print(Text(f"    {line}", "dim"), no_wrap=True, overflow="ellipsis")
+        if result.replay:
+            console.print(f"  smallest       {escape(result.smallest)}")
+            console.print("  to see it      ", end="")
+            console.print(result.replay, style="bold", markup=False, soft_wrap=True)
     console.print()
 
 
@@ -115,25 +121,50 @@ def print_connections(console: Console, name: str, judged: Audit) -> None:
         console.print(Text(f"  not judged: {line}", "dim"))
 
 
+def print_complaints(console: Console, complaints: Iterable[str]) -> None:
+    """What fails a run besides verdicts, and what to do about it."""
+    for text in complaints:
+        console.print(Text.assemble(("FAIL  ", STYLE[Verdict.FAIL]), text))
+
+
 def summary(
-    results: Iterable[Result], judged: Mapping[str, Requirement], level: str
+    results: Iterable[Result],
+    judged: Mapping[str, Requirement],
+    level: str,
+    least: Level = Level.PASSIVE,
 ) -> tuple[str, dict[str, Verdict]]:
-    """One sentence on a run, and the verdict on each requirement that could be judged."""
+    """One sentence on a run, and the verdict on each requirement that could be judged.
+
+    Args:
+        results: of all checks and rules.
+        judged: the requirements that the testee could be judged by.
+        level: the assurance at which the run takes place.
+        least: the least assurance at which something counts as observed.
+    """
+    results = list(results)
     groups = by_requirement(results)
     verdicts = {name: worst(groups.get(name, [])) for name in judged}
     verdicts |= {name: worst(group) for name, group in groups.items() if name not in judged}
-    observed = sum(verdicts[name] is not Verdict.SKIP for name in judged)
-    broken = [name for name, verdict in verdicts.items() if verdict is Verdict.FAIL]
-    warned = [name for name, verdict in verdicts.items() if verdict is Verdict.WARN]
-    if broken:
-        opinion = f"not conforming: {', '.join(broken)} broken"
+    count = len(observed(results, judged, least))
+    of = {
+        verdict: [name for name, it in verdicts.items() if it is verdict]
+        for verdict in (Verdict.FAIL, Verdict.EXPECTED, Verdict.WARN)
+    }
+    if of[Verdict.FAIL]:
+        opinion = f"not conforming: {', '.join(of[Verdict.FAIL])} broken"
     elif Verdict.ERROR in verdicts.values():
         opinion = "no verdict: the harness failed"
-    elif not observed:
+    elif of[Verdict.EXPECTED]:
+        opinion = "not conforming, as expected"
+    elif not count:
         opinion = "no verdict: nothing was observed"
     else:
         opinion = f"conforming at {level}"
-    text = f"{opinion}: {observed} of {len(judged)} requirements observed"
-    if warned:
-        text += f"; advice not followed: {', '.join(warned)}"
+    text = f"{opinion}: {count} of {len(judged)} requirements observed"
+    if least > Level.PASSIVE:
+        text += f" at {least} or above"
+    if of[Verdict.EXPECTED]:
+        text += f"; expected to be broken: {', '.join(of[Verdict.EXPECTED])}"
+    if of[Verdict.WARN]:
+        text += f"; advice not followed: {', '.join(of[Verdict.WARN])}"
     return text, verdicts

@@ -21,6 +21,8 @@ class Verdict(StrEnum):
     WARN = "warn"
     SKIP = "skip"
     ERROR = "harness-error"
+    EXPECTED = "expected"
+    """A failure that a list of expected failures knows (`expected.py`)."""
 
 
 class Level(StrEnum):
@@ -32,7 +34,9 @@ class Level(StrEnum):
     MEMORY = "L3"
 
 
-_WORST_FIRST = (Verdict.FAIL, Verdict.ERROR, Verdict.WARN, Verdict.PASS, Verdict.SKIP)
+_WORST_FIRST = (
+    *(Verdict.FAIL, Verdict.ERROR, Verdict.WARN, Verdict.EXPECTED, Verdict.PASS, Verdict.SKIP),
+)
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,12 @@ class Result:
     seconds: float = 0.0
     measurements: tuple[Measurement, ...] = ()
     """How far off the testee was."""
+    script: str = ""
+    """What was delivered where it failed, as text (`script.py`)."""
+    smallest: str = ""
+    """How small a script shows it, and whether it did so again."""
+    replay: str = ""
+    """The command that shows it again."""
 
 
 def worst(results: Iterable[Result]) -> Verdict:
@@ -76,6 +86,6 @@ def exit_code(verdicts: Mapping[str, Verdict], *, strict: bool = False) -> int:
     seen = set(verdicts.values())
     if Verdict.FAIL in seen or (strict and Verdict.WARN in seen):
         return EXIT_NOT_CONFORMING
-    if Verdict.ERROR in seen or not seen & {Verdict.PASS, Verdict.WARN}:
+    if Verdict.ERROR in seen or not seen & {Verdict.PASS, Verdict.WARN, Verdict.EXPECTED}:
         return EXIT_NO_VERDICT
     return EXIT_CONFORMING

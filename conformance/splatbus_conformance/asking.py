@@ -1,0 +1,153 @@
+"""The command line of a live run as values: a plan, and what is wanted of the run besides."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from splatbus_conformance import expected
+from splatbus_conformance.coverage import check_functions, judges
+from splatbus_conformance.demands import Demands
+from splatbus_conformance.expected import Expectation, ExpectationsError
+from splatbus_conformance.plan import Plan, Side, Usage
+from splatbus_conformance.plugin import selectable
+from splatbus_conformance.selection import RULE, Item, Selection, UnknownTermError, terms
+from splatbus_conformance.verdicts import Level
+
+DEPLOYED_PORTS = (6001, 6000)
+LAUNCH_PATIENCE = 10.0
+WAIT_PATIENCE = 120.0
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What makes a run a failure, and what is to be written of it."""
+
+    strict: bool = False
+    demands: Demands = Demands()  # noqa: RUF009 - it is frozen
+    expectations: tuple[Expectation, ...] = ()
+    minutes: float = 10.0
+    """How long a soak goes on."""
+    shrink_seconds: float = 0.0
+    """For making failures small."""
+    scripts: Path = Path("splatbus-failures")
+    """Where a script of each failure goes."""
+    write_expected: Path | None = None
+    json: Path | None = None
+    junit: Path | None = None
+
+
+def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
+    """Which testee to judge, and how. Raises Usage where that cannot be."""
+    adapter = arguments.adapter if side == "client" else None
+    starts_it = bool(arguments.launch or adapter)
+    waits = side == "client" and not starts_it
+    plan = Plan(
+        side,
+        arguments.launch,
+        arguments.host,
+        parse_ports(arguments.ports, (0, 0) if starts_it else DEPLOYED_PORTS),
+        parse_size(arguments.viewport) if side == "client" else (0, 0),
+        arguments.patience or (WAIT_PATIENCE if waits else LAUNCH_PATIENCE),
+        profile=arguments.profile,
+        seed=arguments.seed,
+        selection=parse_selection(arguments.select, arguments.deselect, side),
+        allow_crash=arguments.allow_crash,
+        adapter=adapter,
+        parallel=arguments.parallel,
+        record=arguments.record,
+        stand_in_cuda=side == "client" and arguments.stand_in_cuda,
+    )
+    if plan.stand_in_cuda and not starts_it:
+        raise Usage(
+            "--stand-in-cuda changes where the client finds libcudart, which the harness can do "
+            "only for what it starts: use --launch or --adapter"
+        )
+    if plan.parallel > 1 and not (starts_it and plan.ports == (0, 0)):
+        raise Usage(
+            f"--parallel {plan.parallel}: several testees at a time need ports of their own, which "
+            "the harness passes to what it starts: use --launch or --adapter, and leave out --ports"
+        )
+    return plan
+
+
+def wishes_of(side: Side, arguments: argparse.Namespace) -> Wishes:
+    """What is wanted of the run besides. Raises Usage where that cannot be."""
+    partial = arguments.select or arguments.deselect
+    if arguments.write_expected and partial:
+        raise Usage(
+            "--write-expected wants a whole run, or it would forget the failures that were not "
+            "looked for: leave out --select and --deselect"
+        )
+    return Wishes(
+        arguments.strict,
+        Demands(Level(arguments.require_level), parse_share(arguments.require_coverage)),
+        _expectations(arguments.expect_failures, side),
+        arguments.minutes,
+        arguments.shrink,
+        Path(arguments.scripts),
+        *(
+            Path(name) if name else None
+            for name in (arguments.write_expected, arguments.json, arguments.junit)
+        ),
+    )
+
+
+def _expectations(name: str | None, side: Side) -> tuple[Expectation, ...]:
+    if name is None:
+        return ()
+    try:
+        return expected.load(Path(name), selectable_on(side))
+    except (ExpectationsError, OSError) as error:
+        raise Usage(f"--expect-failures: {error}") from None
+
+
+def parse_ports(text: str | None, default: tuple[int, int]) -> tuple[int, int]:
+    """`IPC,MSG` as two numbers."""
+    if text is None:
+        return default
+    try:
+        ipc, msg = (int(part) for part in text.split(","))
+    except ValueError:
+        raise Usage(f"--ports {text}: two numbers are wanted, such as 6001,6000") from None
+    return ipc, msg
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """`WxH` as two numbers."""
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise Usage(f"--viewport {text}: width and height are wanted, such as 1920x1080") from None
+    return width, height
+
+
+def parse_share(text: str) -> float:
+    """`90%` as 0.9."""
+    number = text.removesuffix("%")
+    if not (number.isdecimal() and int(number) <= 100):
+        raise Usage(f"--require-coverage {text}: a whole number of percent is wanted, such as 90%")
+    return int(number) / 100
+
+
+def parse_selection(only: str, never: str, side: Side) -> Selection:
+    """`--select` and `--deselect`; Usage for a term that means nothing."""
+    items = selectable_on(side)
+    found = []
+    for option, text in (("--select", only), ("--deselect", never)):
+        try:
+            found.append(terms(text, items))
+        except UnknownTermError as error:
+            raise Usage(
+                f"{option}: {error}; `splatbus-conformance list --peer {side}` shows all"
+            ) from None
+    return Selection(*found)
+
+
+def selectable_on(side: Side) -> list[Item]:
+    """All that can be selected: the checks of this side, and the requirements that rules judge."""
+    rules = [
+        Item(name, RULE, "L0")
+        for name, found in judges(side).items()
+        if any(judge.level == "L0" for judge in found)
+    ]
+    return rules + [selectable(it.__name__, it.check) for it in check_functions(side)]

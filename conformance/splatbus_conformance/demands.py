@@ -1,0 +1,51 @@
+"""How much a run has to have seen: too little is a failure too."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
+
+
+@dataclass(frozen=True)
+class Demands:
+    """What `--require-level` and `--require-coverage` ask for."""
+
+    level: Level = Level.PASSIVE
+    """A verdict of less assurance counts for nothing here."""
+    coverage: float = 0.0
+    """The share of the MUSTs on this testee that have to be observed."""
+
+
+def observed(
+    results: Iterable[Result], judged: Mapping[str, Requirement], level: Level = Level.PASSIVE
+) -> set[str]:
+    """The requirements with a verdict of at least this assurance, and no mere skip or error."""
+    enough = [result for result in results if result.level >= level]
+    return {
+        name
+        for name, group in by_requirement(enough).items()
+        if name in judged and worst(group) not in (Verdict.SKIP, Verdict.ERROR)
+    }
+
+
+def shortfalls(
+    results: Iterable[Result], judged: Mapping[str, Requirement], demands: Demands
+) -> list[str]:
+    """A sentence for each demand that a run does not meet."""
+    seen = observed(results, judged, demands.level)
+    musts = [name for name, it in judged.items() if it.level.startswith("MUST")]
+    count = sum(name in seen for name in musts)
+    at = f" at {demands.level} or above" if demands.level > Level.PASSIVE else ""
+    found = []
+    if demands.level > Level.PASSIVE and not seen:
+        found.append(f"--require-level {demands.level}: nothing was observed{at}")
+    if count < demands.coverage * len(musts):
+        share = count / len(musts)
+        found.append(
+            f"--require-coverage {demands.coverage:.0%}: {count} of {len(musts)} MUSTs were "
+            f"observed{at}, which is {share:.0%}; the reasons of the skips say what it takes to "
+            "see more"
+        )
+    return found

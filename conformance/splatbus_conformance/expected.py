@@ -1,0 +1,145 @@
+"""Expected failures: a list that a person keeps, of what is known to be broken and why.
+
+The list is TOML: it can be written by hand, has comments, and Python reads it without more.
+
+    [[expected]]
+    id = "FRM-3"
+    check = "check_bad_length_closes_ipc"
+    reason = "the viewer drops only lengths of 0; our issue 17"
+    message = "a header that announces 1,048,577 bytes"
+
+`check` is `rule` where the passive rules find the breach, and `message` is part of what the
+verdict says, so a failure of another kind is not taken for the known one.
+"""
+
+import json
+import tomllib
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from splatbus_conformance.selection import RULE, Item
+from splatbus_conformance.verdicts import Result, Verdict
+
+MEMBERS = ("id", "check", "reason", "message")
+TO_LOOK_INTO = "not looked into yet"
+CONDEMNS = (Verdict.FAIL, Verdict.WARN)
+FIRST = "; first: "
+"""In the text of a rule, what stands before what does not change with the number of cases."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """One failure that is known."""
+
+    id: str
+    check: str
+    reason: str
+    message: str
+    """Part of what the verdict says."""
+
+    def __str__(self) -> str:
+        return f"{self.id} {self.check}"
+
+    def concerns(self, result: Result) -> bool:
+        """The result is of the check that is listed."""
+        return (self.id, self.check) == (result.requirement, result.check)
+
+
+class ExpectationsError(ValueError):
+    """A list of expected failures is none; the message says what is wrong with it."""
+
+
+def load(path: Path, items: Collection[Item]) -> tuple[Expectation, ...]:
+    """Read a list. Raises ExpectationsError, also for what names no check; OSError for the file."""
+    try:
+        given = tomllib.loads(path.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ExpectationsError(f"{path} is no TOML: {error}") from None
+    entries = given.get("expected", [])
+    if set(given) - {"expected"} or not isinstance(entries, list):
+        raise ExpectationsError(f"{path}: it may hold [[expected]] tables and nothing else")
+    known = {(item.requirement, item.name) for item in items}
+    found = [_entry(path, number, each, known) for number, each in enumerate(entries, 1)]
+    if twice := sorted({str(it) for it in found if sum(str(o) == str(it) for o in found) > 1}):
+        raise ExpectationsError(f"{path}: {', '.join(twice)} is listed more than once")
+    return tuple(found)
+
+
+def _entry(path: Path, number: int, entry: object, known: set[tuple[str, str]]) -> Expectation:
+    where = f"{path}, [[expected]] number {number}"
+    if not isinstance(entry, dict) or set(entry) != set(MEMBERS):
+        raise ExpectationsError(f"{where}: it has to have {', '.join(MEMBERS)}, and nothing else")
+    for name in MEMBERS:
+        if not (isinstance(entry[name], str) and entry[name].strip()):
+            raise ExpectationsError(f"{where}: {name} has to be a text, and may not be empty")
+    found = Expectation(**entry)
+    if (found.id, found.check) not in known:
+        others = sorted(check for id, check in known if id == found.id)
+        judged = f"{found.id} is judged by {', '.join(others)}" if others else "no such id"
+        raise ExpectationsError(f"{where}: no check is called {found}; {judged}")
+    return found
+
+
+def applied(
+    results: Iterable[Result], expectations: Iterable[Expectation]
+) -> tuple[list[Result], list[str]]:
+    """The results with expected failures marked as such, and a sentence for each stale entry.
+
+    What was skipped, or not selected, is no evidence against its entry.
+    """
+    marked, stale = list(results), []
+    for expectation in expectations:
+        for place, result in enumerate(marked):
+            if not expectation.concerns(result):
+                continue
+            if result.verdict is Verdict.PASS:
+                stale.append(
+                    f"{expectation} passes, though it is expected to fail "
+                    f"({expectation.reason}): remove its entry"
+                )
+            elif result.verdict in CONDEMNS and expectation.message in result.text:
+                text = f"{result.text} (expected: {expectation.reason})"
+                marked[place] = replace(result, verdict=Verdict.EXPECTED, text=text, script="")
+            elif result.verdict in CONDEMNS:
+                stale.append(
+                    f"{expectation} fails otherwise than expected: “{expectation.message}” is not "
+                    "in what was seen: look at it anew, then correct its entry"
+                )
+    return marked, stale
+
+
+def listed(results: Iterable[Result], former: Sequence[Expectation], *, strict: bool) -> str:
+    """The list that makes these results expected; reasons come from the former list.
+
+    Warnings are listed only where they fail the run.
+    """
+    verdicts = {Verdict.FAIL, Verdict.EXPECTED} | ({Verdict.WARN} if strict else set())
+    lines = [
+        "# What is known to be broken, and why. Written by splatbus-conformance; give reasons."
+    ]
+    for result in results:
+        if result.verdict in verdicts:
+            known = next((it for it in former if it.concerns(result)), None)
+            if known and known.message in result.text:
+                lines.append(_table(known))
+                continue
+            message = result.text.partition(FIRST)[2] if result.check == RULE else result.text
+            reason = known.reason if known else TO_LOOK_INTO
+            lines.append(
+                _table(
+                    Expectation(result.requirement, result.check, reason, message or result.text)
+                )
+            )
+    return "\n".join(lines)
+
+
+def _table(expectation: Expectation) -> str:
+    members = (f"{name} = {_quoted(getattr(expectation, name))}\n" for name in MEMBERS)
+    return "\n[[expected]]\n" + "".join(members)
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML: one of JSON, but for DEL and for what lies beyond 16 bits."""
+    whole = text.encode("utf-8", "replace").decode("utf-8")
+    return json.dumps(whole, ensure_ascii=False).replace("\x7f", "\\u007f")
