@@ -206,6 +206,7 @@ class Adapted:
 
     def _understood(self, line: bytes, what: str) -> Json:
         if not line:
+            self._mute = True
             self._ended_instead(what)
         try:
             said = json.loads(line, parse_constant=_no_json)

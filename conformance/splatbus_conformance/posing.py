@@ -41,6 +41,8 @@ class Off(NamedTuple):
     """‖p − p'‖ / ‖p‖."""
     pixels: float
     """How far a point 1 unit ahead moves on an image of the run's size, at most; fx = w."""
+    away: float
+    """‖p‖, the camera's distance from the origin in scene units."""
 
     @property
     def far(self) -> bool:
@@ -105,6 +107,7 @@ def off(got: Pose, position: Exact, rotation: Exact, *, single: bool, size: tupl
         angle(got.rotation, rotation),
         distance,
         _pixels(got, rotation, difference, *size),
+        length,
     )
 
 

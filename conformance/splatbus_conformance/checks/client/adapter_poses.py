@@ -2,6 +2,7 @@
 the engine's axes, and reads on the wire what became of it.
 """
 
+import math
 from collections.abc import Iterator
 from functools import partial
 
@@ -28,6 +29,11 @@ COMMANDS: dict[Kind, str] = {
 }
 RESEND_SECONDS = 1.0
 """A client that resends poses unasked shows a new one within this time."""
+DISTANCES = (
+    (10.0, "up to 10 units from the origin"),
+    (1e4, "up to 10,000 units away"),
+    (math.inf, "farther away"),
+)
 OBSERVABLE = "the pose on the wire, against the oracle's for the pose that the engine was given"
 
 
@@ -183,5 +189,6 @@ def _measure(
     trial.measured("position", found.position, position_budget, "ULP", words)
     trial.measured("quaternion", found.rotation, rotation_budget, "u", words)
     trial.measured("angle", found.angle, None, "rad", words)
-    width, height = trial.role.width, trial.role.height
-    trial.measured(f"image of {width}x{height}", found.pixels, None, "px", words)
+    band = next(name for most, name in DISTANCES if found.away <= most)
+    image = f"image of {trial.role.width}x{trial.role.height}, camera {band}"
+    trial.measured(image, found.pixels, None, "px", words)
