@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.pinhole import Camera, Reals, Rigid, rigid
+from splatbus_conformance.stress import Pose
 
+CLOSENESS = 1e-4
+"""How far numbers of the same pose may be apart; those of a position relative to the largest."""
 CLOSE = 0.02
 """Relative error of depth within which two images agree at a point. Surfaces that are interpolated
 between pixels, and splats that no depth describes sharply, stay within it; what the readings do to
@@ -190,3 +193,20 @@ SCENES = (
     Reading("a scene that was turned, but not moved", scene=lambda moved: Rigid(moved.rotation)),
 )
 EVERY = (AS_SPECIFIED, *QUATERNIONS, *POSES, *ROWS, *DEPTHS, *MOMENTS)
+
+
+def named(pose: Rigid, sent: Pose) -> Reading | None:
+    """As what of the pose that was sent a frame names another one; None if as nothing known."""
+    plain = View(_NOWHERE._replace(pose=rigid(*sent)), *sent, _NOTHING)
+    for reading in (AS_SPECIFIED, *QUATERNIONS, *POSES):
+        meant = reading.pose(plain)
+        near = CLOSENESS * max(1.0, float(np.abs(meant.position).max()))
+        if np.allclose(pose.position, meant.position, rtol=0, atol=near) and np.allclose(
+            pose.rotation, meant.rotation, rtol=0, atol=CLOSENESS
+        ):
+            return reading
+    return None
+
+
+_NOTHING = np.empty((0, 0))
+_NOWHERE = Camera(Rigid(), 1.0, 1.0, 0.0, 0.0, 1, 1, 0.01, 100.0)

@@ -1,0 +1,176 @@
+"""Checks on how exactly a server that shows the scene of SCENE.md renders what it was told.
+
+Spec 1.0 chapter 8. Its budgets are for double precision, and images are in single precision: what
+an image can show is a breach that single precision does not explain, and that is what is judged.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.closed_form import COLOR_BUDGET, NOTHING, Exact, render
+from splatbus_conformance.photographer import Photographer
+from splatbus_conformance.photographs import Photograph
+from splatbus_conformance.pinhole import Reals, Rigid, rigid
+from splatbus_conformance.registration import Registration, register
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.staging import Stage, stages
+
+SCENE = ("1.1", "frames", "pixels", "scene")
+REGISTERED = "the camera that images of a known scene were rendered with, to 7 digits"
+VISIBLE = 1e-5
+"""What is off by more than this is seen in an image of single precision."""
+SINGLE = 2.0**-23
+"""One unit in the last place of single precision, relative."""
+RENDERER = 4.0
+"""Such units that a renderer may lose by its own arithmetic in single precision."""
+WHOLE = 0.99
+"""The share of the certain pixels that have to be right."""
+
+
+class Shown(NamedTuple):
+    """What was asked for, what came, and what had to."""
+
+    stage: Stage
+    photograph: Photograph
+    exact: Exact
+    scene: Rigid
+
+
+def shown(trial: ServerTrial, farthest: float, quick: int, full: int) -> Iterator[Shown]:
+    """Cameras and scenes up to so far from the origin, and the image that came of each."""
+    photographer = Photographer(trial)
+    drawn = stages(trial.requirement.id, farthest)
+    for stage in trial.each(drawn=drawn, quick=quick, full=full):
+        photograph, scene = photographer.take(*stage), rigid(*stage.scene)
+        if not np.allclose(photograph.camera.pose.position, stage.camera.position, rtol=1e-5):
+            trial.not_observable("the server did not show the camera where it was put")
+        yield Shown(stage, photograph, render(photograph.camera, scene), scene)
+
+
+@check("IMG-5", observable="every pixel of images of a known scene", needs=SCENE)
+def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
+    """Cameras and scenes turned in every way: colour and depth of each pixel have to be right."""
+    for stage, photograph, exact, _ in shown(trial, 10.0, 15, 500):
+        depth, right = photograph.planar(), exact.depth_is_right(photograph.planar())
+        color = exact.color_error(photograph.color)
+        both = exact.certain & np.isfinite(depth) & np.isfinite(exact.depth)
+        with np.errstate(invalid="ignore"):
+            ulps = np.abs(depth - exact.depth) / np.spacing(exact.depth.astype(np.float32))
+        trial.measured("colour", 255 * float(color.max()), None, "/255", str(stage.camera))
+        trial.measured(
+            "depth", float(ulps[both].max(initial=0.0)), None, "ULP", _where(stage, ulps, both)
+        )
+        for what, share in (
+            ("colour", float((color <= COLOR_BUDGET)[exact.certain].mean())),
+            ("depth", float(right[exact.certain].mean())),
+        ):
+            trial.expect(
+                share >= WHOLE,
+                f"the {what} of {1 - share:.1%} of the pixels is not what the camera at"
+                f" {stage.camera} sees of the scene at {stage.scene}",
+            )
+
+
+@check("BUF-2", observable="the colours of a known scene", needs=SCENE)
+def check_colour_is_red_green_blue_alpha(trial: ServerTrial) -> None:
+    """The four numbers of a pixel, against those of the scene in every order."""
+    for stage, photograph, exact, _ in shown(trial, 10.0, 3, 20):
+        seen = exact.certain & (exact.what != NOTHING)
+        given, wanted = photograph.color[seen], exact.color[seen]
+        for order, words in (
+            ((2, 1, 0, 3), "blue, green, red, alpha"),
+            ((1, 2, 3, 0), "alpha, red, green, blue"),
+            ((3, 2, 1, 0), "alpha, blue, green, red"),
+        ):
+            fits = np.isclose(given[:, order], wanted, rtol=0, atol=COLOR_BUDGET).all(axis=-1)
+            trial.expect(
+                not len(fits) or fits.mean() < 0.5,
+                f"its colours are stored as {words}: seen by the camera at {stage.camera}",
+            )
+
+
+def registered(
+    trial: ServerTrial, farthest: float, quick: int, full: int
+) -> Iterator[tuple[Shown, Registration, float]]:
+    """The camera of each image as the image has it, and how far from it single precision can be."""
+    found = 0
+    for it in shown(trial, farthest, quick, full):
+        camera = it.photograph.camera
+        of_image = register(camera, it.photograph.planar(), it.exact, it.scene)
+        if of_image is None:
+            share = it.exact.agreement(it.photograph.color, it.photograph.planar())
+            trial.expect(
+                share > 0.5,
+                f"only {share:.0%} of the pixels are right, seen by the camera at"
+                f" {it.stage.camera}",
+            )
+            continue
+        found += 1
+        yield it, of_image, VISIBLE + 5.0 * of_image.uncertainty
+    if not found:
+        trial.not_observable("no image showed enough of the scene")
+
+
+@check("ACC-2", observable=REGISTERED, needs=SCENE)
+def check_rotations_are_those_of_the_quaternion(trial: ServerTrial) -> None:
+    """Quaternions of norms from 0.9905 to 1.0095, half-turns, and next to the identity."""
+    for it, image, visible in registered(trial, 1.0, 15, 500):
+        error = float(np.abs(image.rotation - it.photograph.camera.pose.rotation).max())
+        trial.measured("entry of the rotation matrix", error, visible, "", str(it.stage.camera))
+    trial.expect_within_budgets()
+
+
+@check("ACC-3", observable=REGISTERED, needs=SCENE)
+def check_rotations_do_not_shear(trial: ServerTrial) -> None:
+    """‖RᵀR − I‖₂ of the matrix that the image was rendered with."""
+    for it, image, visible in registered(trial, 1.0, 15, 500):
+        trial.measured("‖RᵀR − I‖₂", image.shear, 2 * visible, "", str(it.stage.camera))
+    trial.expect_within_budgets()
+
+
+@check("ACC-4", observable=REGISTERED, needs=SCENE)
+def check_translations_are_exact(trial: ServerTrial) -> None:
+    """t = −Rᵀ·c of the view, for cameras up to 1,000 units from the origin."""
+    for it, image, visible in registered(trial, 1e3, 10, 500):
+        pose = it.photograph.camera.pose
+        wanted = -pose.rotation.T @ pose.position
+        # A rotation that is off would show here, too, by as much as the camera is far: ACC-2.
+        moved = wanted - pose.rotation.T @ (image.position - pose.position)
+        _measure(trial, "translation", moved, wanted, visible, str(it.stage.camera))
+    trial.expect_within_budgets()
+
+
+@check("ACC-5", observable=REGISTERED, needs=SCENE)
+def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
+    """The camera's centre, as the image has it, up to 10,000 units from the origin."""
+    for it, image, visible in registered(trial, 1e4, 10, 500):
+        wanted = it.photograph.camera.pose.position
+        _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
+    trial.expect_within_budgets()
+
+
+@check("ACC-6", observable=REGISTERED, needs=SCENE)
+def check_single_precision_is_rounded_once(trial: ServerTrial) -> None:
+    """Cameras up to a million units away, where chains of single precision are off by hundreds."""
+    for it, image, visible in registered(trial, 1e6, 10, 500):
+        wanted = it.photograph.camera.pose.position
+        _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
+    trial.expect_within_budgets()
+
+
+def _measure(
+    trial: ServerTrial, what: str, image: Reals, wanted: Reals, visible: float, input: str
+) -> None:
+    """An error in units in the last place of single precision, norm-wise, past what is visible."""
+    unit = SINGLE * max(1.0, float(np.linalg.norm(wanted)))
+    error = max(0.0, float(np.linalg.norm(image - wanted)) - visible) / unit
+    trial.measured(what, error, RENDERER, "ULP of single precision", input)
+
+
+def _where(stage: Stage, error: Reals, considered: NDArray[np.bool_]) -> str:
+    at = np.unravel_index(int(np.argmax(np.where(considered, error, -1.0))), error.shape)
+    return f"row {at[0]}, column {at[1]} from {stage.camera}"

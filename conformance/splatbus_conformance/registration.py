@@ -1,0 +1,74 @@
+"""From which camera an image of the closed-form scene was really rendered, in digits.
+
+Every covered pixel gives a point that has to lie on the surface it shows. The affine map that takes
+the points there by least squares, point to plane (Chen and Medioni 1991), is the camera's error.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from splatbus_conformance.closed_form import NOTHING, Exact, surface
+from splatbus_conformance.pinhole import Camera, Reals, Rigid
+
+LEAST_POINTS = 200
+OUTLIER = 6.0
+"""Points that are off by so many times the median are left out: they lie on something else."""
+ROUNDS = 4
+
+
+class Registration(NamedTuple):
+    """The camera by which an image was rendered: X_world = rotation·X_cam + position."""
+
+    rotation: Reals
+    """(3, 3), whatever was used for a rotation matrix."""
+    position: Reals
+    """(3,), the camera's centre."""
+    uncertainty: float
+    """Standard error of the worst of these numbers, from what the points leave unexplained."""
+
+    @property
+    def translation(self) -> Reals:
+        """t = −Rᵀ·c of the view matrix."""
+        moved: Reals = -self.rotation.T @ self.position
+        return moved
+
+    @property
+    def shear(self) -> float:
+        """‖RᵀR − I‖₂."""
+        return float(np.linalg.norm(self.rotation.T @ self.rotation - np.eye(3), 2))
+
+
+def register(camera: Camera, depth: Reals, exact: Exact, scene: Rigid) -> Registration | None:
+    """Find the camera; None if too little is seen.
+
+    Args:
+        camera: as the frame names it.
+        depth: (h, w), planar, +∞ where empty.
+        exact: what the camera would see.
+        scene: where the scene lies.
+    """
+    seen = np.isfinite(depth) & (exact.what != NOTHING) & exact.certain
+    if seen.sum() < LEAST_POINTS:
+        return None
+    points = depth[seen][:, None] * camera.rays()[seen]
+    # In the axes of the scene, so that a place far from the origin costs no digits.
+    origin = scene.sees(camera.pose.position)
+    turn = scene.rotation.T @ camera.pose.rotation
+    distance, normal = surface(exact.what[seen], points @ turn.T + origin)
+    unknowns = np.concatenate(
+        ((normal[:, :, None] * points[:, None, :]).reshape(-1, 9), normal), axis=1
+    )
+    kept = np.full(len(points), True)
+    for _ in range(ROUNDS):
+        found, _, rank, _ = np.linalg.lstsq(unknowns[kept], -distance[kept], rcond=None)
+        left = np.abs(unknowns @ found + distance)
+        kept = left <= OUTLIER * max(float(np.median(left)), 1e-12)
+        if rank < 12 or kept.sum() < LEAST_POINTS:
+            return None
+    covariance = np.linalg.inv(unknowns[kept].T @ unknowns[kept]) * float(np.mean(left[kept] ** 2))
+    return Registration(
+        scene.rotation @ (turn + found[:9].reshape(3, 3)),
+        camera.pose.position + scene.rotation @ found[9:],
+        float(np.sqrt(covariance.diagonal().max())),
+    )

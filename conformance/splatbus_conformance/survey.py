@@ -1,0 +1,158 @@
+"""Images from around the first view of a server, and the judgement of what they fit."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from splatbus_conformance.photographer import Photographer
+from splatbus_conformance.photographs import Photograph
+from splatbus_conformance.reprojection import (
+    APART,
+    EVERY,
+    FITS,
+    MIRRORED,
+    ROWS,
+    Pair,
+    Reading,
+    explain,
+    named,
+)
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.staging import turned_about
+from splatbus_conformance.stress import Pose
+
+LEAST_COVERED = 0.1
+STEP = 0.1
+"""How far the camera moves, by the median depth that it sees."""
+TURN = 1 / 6
+"""How far it turns, by its field of view."""
+ALIKE = 0.05
+MOVES = (
+    ((1, 0, 0), (1, 0, 0), 0),
+    ((0, 1, 0), (1, 0, 0), 0),
+    ((0, 0, -1), (1, 0, 0), 0),
+    ((0.02, 0, 0), (1, 0, 0), 1),
+    ((0, 0.02, 0), (0, 1, 0), 1),
+    ((0, 0, -0.02), (0, 0, 1), 2),
+    ((1, -1, -1), (1, -2, 3), 1),
+    ((-1, 1, 0.5), (-2, 1, -1), 1),
+)
+"""In the first camera's axes: steps along x, y, z; an axis, and turns about it."""
+
+
+class Taken(NamedTuple):
+    """A pose that was sent, and the image that came of it."""
+
+    sent: Pose
+    photograph: Photograph
+
+
+def moves(first: Photograph) -> list[Pose]:
+    """Poses around a first view from which most of it is still seen."""
+    depth = first.planar()
+    step = STEP * float(np.median(depth[first.covered()]))
+    camera = first.camera
+    narrow = min(camera.width / camera.fx, camera.height / camera.fy)
+    turn = TURN * 2.0 * math.atan(narrow / 2.0)
+    return [
+        Pose(
+            tuple(map(float, camera.pose.place(step * np.array(steps, np.float64)))),
+            turned_about(first.pose.rotation, axis, turns * turn),
+        )
+        for steps, axis, turns in MOVES
+    ]
+
+
+def first_view(trial: ServerTrial) -> Photograph:
+    """The image that the server showed at first; skips the check if it shows next to nothing."""
+    first = trial.facts.first
+    if first is None:
+        trial.not_observable("the server showed no image")
+    if first.covered().mean() < LEAST_COVERED:
+        trial.not_observable("in the server's first image next to nothing is seen")
+    return first
+
+
+def survey(trial: ServerTrial) -> list[Taken]:
+    """Images from around the first view, and last from where it was itself.
+
+    It ends early with an image whose frame names no camera that has to do with the pose sent.
+    """
+    first = first_view(trial)
+    photographer, found = Photographer(trial), []
+    for pose in (*moves(first), Pose(*first.pose)):
+        found.append(Taken(pose, photographer.take(pose)))
+        if named(found[-1].photograph.camera.pose, pose) is None:
+            break
+    return found
+
+
+def judge_readings(trial: ServerTrial, taken: Sequence[Taken], wrong: Sequence[Reading]) -> None:
+    """The requirement is violated if the images fit one of these wrong readings.
+
+    Skips the check if they fit another reading or none, or if they cannot tell.
+    """
+    if len(taken) <= len(MOVES):
+        trial.not_observable("the server did not show the camera where it was put")
+    *others, base = (it.photograph.view() for it in taken)
+    shares = explain([Pair(base, other) for other in others], EVERY)
+    right, by_words = float(shares[0]), dict(zip(EVERY, map(float, shares), strict=True))
+    trial.measured("points of one image off in another", 100 * (1 - right), None, "%", _span(taken))
+    if right >= FITS:
+        alike = [it.words for it in wrong if by_words[it] > right - APART]
+        if alike:
+            trial.not_observable(
+                f"the images fit {_either(alike)} as well as what the frames say: {right:.0%}"
+            )
+        return
+    best = max(by_words.values())
+    found = [it for it in EVERY[1:] if by_words[it] > best - ALIKE]
+    if trial.facts.scene_known:
+        found = [it for it in found if it not in ROWS]
+    if best < FITS or best - right < APART or not found:
+        trial.not_observable(
+            f"the images fit no camera: {right:.0%} of the points of one are where another has"
+            f" them, and {best:.0%} if they are {EVERY[int(shares.argmax())].words}"
+        )
+    guilty = MIRRORED if MIRRORED in found else found[0]
+    if guilty not in wrong:
+        trial.not_observable(f"the images fit {guilty.words}, which other requirements forbid")
+    _expect_still(trial, taken)
+    trial.violated(
+        f"the images fit {_either([guilty.words, *(it.words for it in found if it != guilty)])}:"
+        f" {best:.0%} of the points of one image are where another one has them by that,"
+        f" and {right:.0%} by what the frames say"
+    )
+
+
+def _expect_still(trial: ServerTrial, taken: Sequence[Taken]) -> None:
+    """The positive control: the same camera shows the same, so the scene stands still."""
+    sent, former = taken[-1]
+    photographer = Photographer(trial)
+    photographer.take(taken[0].sent)
+    if not alike(former, photographer.take(sent)):
+        trial.not_observable("the scene moves by itself")
+
+
+def alike(some: Photograph, others: Photograph, share: float = 0.99) -> bool:
+    """Whether nearly all pixels of two images are the same, but for rounding."""
+    return likeness(some, others) >= share
+
+
+def likeness(some: Photograph, others: Photograph) -> float:
+    """The share of pixels that are the same, but for rounding."""
+    if some.depth.shape != others.depth.shape:
+        return 0.0
+    same_color = np.isclose(some.color, others.color, rtol=0, atol=2 / 255).all(axis=-1)
+    same_depth = np.isclose(some.planar(), others.planar(), rtol=1e-3, atol=0)
+    return float((same_color & same_depth).mean())
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or, which such images cannot tell apart, ".join(words)
+
+
+def _span(taken: Sequence[Taken]) -> str:
+    return f"{len(taken)} images around {taken[-1].sent}"
