@@ -98,7 +98,7 @@ class Role:
         offered = (dealings.hello or {}).get("capabilities", [])
         dealings.welcome = messages.welcome(connection.channel, offered) | changes
         self.say(connection, dealings.welcome)
-        if connection.channel == "ipc" and self.offers_memory:
+        if connection.channel == "ipc" and self.offers_memory and "host_shm" in offered:
             self.offer(connection, self.init_packet(connection))
 
     def legacy_init_packet(self) -> Json:

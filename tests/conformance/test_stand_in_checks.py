@@ -2,13 +2,14 @@
 
 import inspect
 import shlex
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from splatbus_conformance.checks import Check
-from splatbus_conformance.checks.client import device
+from splatbus_conformance.checks.client import device, device_frames
 from splatbus_conformance.client_stand import ClientStand
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.trial import Violation
@@ -16,12 +17,17 @@ from splatbus_schemas.requirements import requirements
 
 from tests.conformance.stand_in_testing import library
 
-MINIATURE = Path(__file__).parent / "miniatures" / "cuda_client.py"
+MINIATURES = Path(__file__).parent / "miniatures"
+OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_client.py", MINIATURES / "cuda_frames.py"
 CHECKS = {
-    name: function
-    for name, function in inspect.getmembers(device, inspect.isfunction)
-    if name.startswith("check_")
+    miniature: {
+        name: function
+        for name, function in inspect.getmembers(module, inspect.isfunction)
+        if name.startswith("check_")
+    }
+    for miniature, module in ((OF_IMAGES, device), (OF_FRAMES, device_frames))
 }
+ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
 
 
 def judged(program: Path, *names: str) -> dict[str, str]:
@@ -34,13 +40,13 @@ def judged(program: Path, *names: str) -> dict[str, str]:
     try:
         stand.introduce()
         for name in names:
-            check: Check = CHECKS[name].check
+            check: Check = ALL_CHECKS[name].check
             reason = next(filter(None, map(stand.facts.lacks, check.needs)), None)
             assert reason is None
             trial = stand.trial(requirements("1.1")[check.requirement])
             found[name] = ""
             try:
-                CHECKS[name](trial)
+                ALL_CHECKS[name](trial)
                 assert trial.delivered
             except Violation as violation:
                 found[name] = str(violation)
@@ -53,8 +59,10 @@ def judged(program: Path, *names: str) -> dict[str, str]:
     return found
 
 
-def test_the_good_miniature_passes_every_check() -> None:
-    assert judged(MINIATURE, *CHECKS) == dict.fromkeys(CHECKS, "")
+@pytest.mark.parametrize("miniature", CHECKS, ids=lambda path: path.stem)
+def test_the_good_miniature_passes_every_check(miniature: Path) -> None:
+    names = CHECKS[miniature]
+    assert judged(miniature, *names) == dict.fromkeys(names, "")
 
 
 BROKEN = {
@@ -87,7 +95,7 @@ BROKEN = {
         'cuda("IpcCloseMemHandle", pointer)',
         "pass",
         "check_gives_memory_back",
-        "s after its connection it holds memory",
+        "5 s after its connection it holds memory",
     ),
     "never destroys the event": (
         'cuda("EventDestroy", self.event)',
@@ -115,16 +123,27 @@ BROKEN = {
     ),
     "reads on without its connection": (
         "        if image:\n            image.close()\n\n",
-        "        for _ in range(500 if image else 0):\n"
+        "        for _ in range(900 if image else 0):\n"
         "            image.read()\n            time.sleep(0.01)\n\n",
         "check_leaves_the_buffers_of_an_ended_connection",
-        "s after its connection it called",
+        "5 s after its connection ended it called",
     ),
     "believes every image to have the size of the first": (
         'self.width, self.height = int(meta["w"]), int(meta["h"])',
         "self.width, self.height = 64, 48",
         "check_reads_the_new_memory",
         "memory of 31x17 after a reconnect",
+    ),
+    "reads the memory of before as well": (
+        "keep(image, image.read())",
+        "keep(image, image.read())\n"
+        '                seen = globals().setdefault("seen", {})\n'
+        "                for text in set(image.opened) - set(seen):\n"
+        '                    seen[text] = made("IpcOpenMemHandle", handle(text), 1)\n'
+        "                for pointer in seen.values():\n"
+        '                    cuda("Memcpy", bytes(16), pointer, SIZE(16), DEVICE_TO_HOST)',
+        "check_reads_the_new_memory",
+        "on the new connection it called cudaMemcpy(",
     ),
     "takes an absent offset for one": (
         'meta.get(f"offset{what}", 0)',
@@ -162,6 +181,37 @@ BROKEN = {
         "check_goes_on_without_what_it_cannot_open",
         "the testee died",
     ),
+    "does not wait for the event of the slot": (
+        'cuda("StreamWaitEvent", self.stream, self.events[slot], 0)',
+        "pass",
+        "check_waits_for_the_event_of_the_slot",
+        "the event of slot 1 was pending when it called cudaMemcpyAsync",
+    ),
+    "waits for the event of the first slot always": (
+        "self.events[slot], 0)",
+        "self.events[0], 0)",
+        "check_waits_for_the_event_of_the_slot",
+        "the event of slot 1 was pending when it called cudaMemcpyAsync",
+    ),
+    "releases what it still reads": (
+        '        cuda("StreamSynchronize", self.stream)\n\n',
+        "\n",
+        "check_releases_after_its_copies_have_finished",
+        "frame 1 was released before the host saw the end of cudaMemcpyAsync",
+    ),
+    "reads once more after the release": (
+        'send(sock, {"type": "release", **release})',
+        'send(sock, {"type": "release", **release}); __import__("time").sleep(0.05); '
+        'reader.read(message["slot"])',
+        "check_reads_no_slot_without_a_lease",
+        "without a lease of slot 1 it called cudaMemcpyAsync",
+    ),
+    "reads the slot before": (
+        'reader.read(message["slot"])',
+        'reader.read(message["slot"] - 1)',
+        "check_reads_no_slot_without_a_lease",
+        "without a lease of slot 0 it called cudaMemcpyAsync",
+    ),
 }
 
 
@@ -169,10 +219,11 @@ BROKEN = {
 def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What is found of each; most of the time is waiting, so they are judged side by side."""
     folder = tmp_path_factory.mktemp("broken")
-    source = MINIATURE.read_text("utf-8")
+    shutil.copy(OF_IMAGES, folder)
 
     def found(name: str) -> str:
         old, new, check, _ = BROKEN[name]
+        source = next(path for path, checks in CHECKS.items() if check in checks).read_text("utf-8")
         assert old in source
         program = folder / f"{name.replace(' ', '_')}.py"
         program.write_text(source.replace(old, new), "utf-8")
@@ -188,4 +239,4 @@ def test_a_broken_miniature_fails_for_its_reason(name: str, findings: dict[str, 
 
 
 def test_every_check_has_a_miniature_that_fails_it() -> None:
-    assert {check for _, _, check, _ in BROKEN.values()} == set(CHECKS)
+    assert {check for _, _, check, _ in BROKEN.values()} == set(ALL_CHECKS)

@@ -9,6 +9,7 @@ from splatbus_conformance.stand_in.usage import (
     held,
     opened_again,
     reads,
+    under_way,
     unwaited,
 )
 
@@ -117,6 +118,13 @@ def test_closing_before_the_copies_have_finished_is_found() -> None:
         call("StreamSynchronize", process=8),
     ):
         assert list(closed_while_reading([*OPENED, read(), does_not, close])) == [close]
+
+
+def test_copies_are_under_way_until_the_host_knows() -> None:
+    first, second = read(), read(memory="other")
+    assert under_way([*OPENED, first, second], "m") == [first]
+    assert not under_way([*OPENED, first, second, call("StreamSynchronize")], "m")
+    assert under_way([*OPENED, first, call("StreamSynchronize", process=8)], "m") == [first]
 
 
 def test_reads_are_those_of_one_memory() -> None:

@@ -121,18 +121,33 @@ def held(calls: Iterable[Call]) -> set[tuple[int, str]]:
 
 def closed_while_reading(calls: Iterable[Call]) -> Iterator[Call]:
     """Memory that was closed before the host had seen its copies out of it finish (CUD-5)."""
-    under_way: dict[int, set[str]] = {}
+    for call, copies in _with_copies_under_way(calls):
+        under_way = any(copy.memory == call.memory for copy in copies)
+        if call.function == "cudaIpcCloseMemHandle" and under_way:
+            yield call
+
+
+def under_way(calls: Iterable[Call], memory: str) -> list[Call]:
+    """Copies out of this memory that the host has not seen finish after all calls (IMG-13)."""
+    last: dict[int, list[Call]] = {}
+    for call, copies in _with_copies_under_way(calls):
+        last[call.process] = [copy for copy in copies if copy.memory == memory]
+    return [copy for copies in last.values() for copy in copies]
+
+
+def _with_copies_under_way(calls: Iterable[Call]) -> Iterator[tuple[Call, list[Call]]]:
+    """Each call, and the copies of its process that then are not known to have finished."""
+    known: dict[int, list[Call]] = {}
     foreign: set[tuple[int, str]] = set()
     for call in filter(lambda call: call.ok, calls):
-        mine = under_way.setdefault(call.process, set())
+        copies = known.setdefault(call.process, [])
         if call.function == "cudaIpcOpenEventHandle":
             foreign.add((call.process, call.event))
         own_event = (call.process, call.event) not in foreign
         if is_read(call) and call.function.endswith("Async"):
-            mine.add(call.memory)
+            copies.append(call)
         elif call.function in FINISHES or (
             call.function in ("cudaEventSynchronize", "cudaEventQuery") and own_event
         ):
-            mine.clear()
-        elif call.function == "cudaIpcCloseMemHandle" and call.memory in mine:
-            yield call
+            copies.clear()
+        yield call, copies
