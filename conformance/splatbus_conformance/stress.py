@@ -19,6 +19,16 @@ class Pose(NamedTuple):
     position: tuple[float, ...]
     rotation: tuple[float, ...]
 
+    @classmethod
+    def of(cls, numbers: Sequence[Sequence[float]]) -> "Pose":
+        """The pose that `as_lists` gave."""
+        position, rotation = numbers
+        return cls(tuple(position), tuple(rotation))
+
+    def as_lists(self) -> list[list[float]]:
+        """As JSON has it."""
+        return [list(self.position), list(self.rotation)]
+
     def __str__(self) -> str:
         return f"position {_words(self.position)}, rotation {_words(self.rotation)}"
 
@@ -31,6 +41,16 @@ def poses(salt: str, *, single: bool = False) -> st.SearchStrategy[Pose]:
         kinds,
         st.integers(0, 2**32 - 1),
     )
+
+
+def simpler(numbers: list[list[float]]) -> list[list[list[float]]]:
+    """A pose as lists, with a plain position, and with a plain rotation.
+
+    Plain, and yet such that one wrong mapping does not look like another.
+    """
+    position, rotation = numbers
+    plain = [[1.0, 2.0, 3.0], rotation], [position, [0.2, 0.4, 0.4, 0.8]]
+    return [case for case in plain if case != numbers]
 
 
 def _pose(

@@ -262,7 +262,7 @@ def check_composes_within_two_ulp(trial: ClientTrial) -> None:
             continue
         trial.role.lends_frames = False
         lending = Lending(trial, connection)
-        for number in range(4 if trial.profile == "full" else 1):
+        for number in range(4 if trial.thorough else 1):
             rng = np.random.default_rng((trial.seed, number, alpha == "straight"))
             _measure(trial, lending, rng, offered["semantics"])
     if not trial.delivered:
@@ -276,7 +276,7 @@ def _measure(
     image = _any_image(rng, *lending.size, premultiplied=semantics["alpha"] == "premultiplied")
     background = singles(*_edged(rng, 3))
     lending.show(image)
-    places = places_of(lending, 1000 if trial.profile == "full" else 300)
+    places = places_of(lending, 1000 if trial.thorough else 300)
     for place, colour in zip(places, seen(trial, lending, places, background), strict=True):
         depth = float(image.depth[place[1], place[0]])
         right = expected(image, place, depth, background, PLANE, semantics)

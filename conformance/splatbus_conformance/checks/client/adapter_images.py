@@ -46,7 +46,7 @@ def check_releases_when_it_has_read(trial: ClientTrial) -> None:
     the moment in which it is released, and the client's image compared with the one that was lent.
     """
     lending = Lending(trial)
-    many = trial.profile == "full" and trial.role.width * trial.role.height <= SMALL
+    many = trial.thorough and trial.role.width * trial.role.height <= SMALL
     for number in range(400 if many else 30):
         lending.show(coordinates(number, *lending.size))
         _judge(trial, lending, "was released before it was read")
@@ -62,7 +62,7 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     with what nobody may show; the client shows the one that it read, or none.
     """
     lending = Lending(trial)
-    for number in range(20 if trial.profile == "full" else 3):
+    for number in range(20 if trial.thorough else 3):
         seq = lending.show(coordinates(number, *lending.size))
         for slot in range(trial.role.slots):
             lending.paint(coordinates(1000 + number, *lending.size), slot)

@@ -21,7 +21,7 @@ from splatbus_conformance.posing import (
     rotation_budget,
     why,
 )
-from splatbus_conformance.stress import Pose, poses
+from splatbus_conformance.stress import Pose, poses, simpler
 
 COMMANDS: dict[Kind, str] = {
     "camera_pose": "send_camera",
@@ -44,7 +44,9 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tupl
     salt = f"{trial.requirement.id} {kind}"
     if trial.facts.speaks_1_1("msg"):
         trial.wait(lambda: trial.role.with_(connection).welcome)
-    for pose in trial.cases(poses(salt, single=greeting.single), quick, full):
+    drawn = poses(salt, single=greeting.single).map(Pose.as_lists)
+    for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler):
+        pose = Pose.of(case)
         p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
         size = trial.role.width, trial.role.height
         for came in _arriving(trial, connection, kind, pose):
