@@ -37,6 +37,16 @@ def test_a_frame_is_read_top_down_and_released(server, session, memory):
         _ = lease.color
 
 
+def test_what_was_announced_can_be_asked(server, session, memory):
+    assert session.images is None
+    ipc = server.ipc_opened(memory)
+    ipc.send(frame(7))
+    with session.next_frame(5) as lease:
+        assert lease.channels == {"color", "depth"}
+    assert (session.images.generation, session.images.width, session.images.height) == (1, WIDTH, HEIGHT)
+    assert session.images.semantics.alpha == "straight"
+
+
 def test_a_frame_is_released_even_if_its_reader_fails(server, session, memory):
     ipc = server.ipc_opened(memory)
     ipc.send(frame(7))

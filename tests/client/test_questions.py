@@ -1,0 +1,27 @@
+"""What is asked on each new connection, over real sockets."""
+
+import time
+
+from splatbus_client.questions import Questions
+from splatbus_wire.poses import IDENTITY
+
+from tests.client.fake_server import CAMERA_REPLY, HEIGHT, POSITION, WIDTH
+
+
+def follow(questions, until):
+    deadline = time.monotonic() + 5
+    while not until() and time.monotonic() < deadline:
+        questions.follow()
+        time.sleep(0.005)
+    return until()
+
+
+def test_camera_and_size_are_asked_for_once_connected(server, session):
+    questions = Questions(session)
+    questions.follow()
+    assert (questions.camera, questions.size) == (IDENTITY, (0, 0))
+    message = server.message_1_1()
+    assert follow(questions, lambda: questions.size == (WIDTH, HEIGHT))
+    request = message.receive_type("get_camera_pose")
+    message.send({"type": "camera", **CAMERA_REPLY, "id": request["id"]})
+    assert follow(questions, lambda: questions.camera.position == POSITION)
