@@ -90,8 +90,8 @@ class Worker:
         order = partial(dealt, workers=self.workers)
         self.config.pluginmanager.register(CheckPlugin(self.plan, self.stand, order))
 
-    def pytest_unconfigure(self) -> None:
-        """End the testee, however the run has ended."""
+    def pytest_sessionfinish(self) -> None:
+        """End the testee: without a controller, nothing that comes later is called."""
         if self.stand:
             self.stand.close()
 

@@ -8,6 +8,7 @@ from splatbus_conformance.selection import ALL, Selection
 
 Side = Literal["client", "server"]
 """Which of the two the testee is."""
+SIDES: tuple[Side, Side] = ("client", "server")
 
 
 @dataclass(frozen=True)

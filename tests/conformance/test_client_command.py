@@ -13,41 +13,7 @@ import jsonschema
 import pytest
 from splatbus_conformance.data import read_json
 
-MINIATURE = Path(__file__).parent / "miniatures" / "client.py"
-GOOD = f'"{sys.executable}" "{MINIATURE}" 1.1'
-OLD = f'"{sys.executable}" "{MINIATURE}" 1.0'
-
-
-def start(*arguments: str, cwd: Path | None = None, **environment: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "splatbus_conformance", "--plain", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        cwd=cwd,
-        env={**os.environ, **environment},
-    )
-
-
-def run(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str]:
-    process = start(*arguments, cwd=cwd, **environment)
-    output, _ = process.communicate(timeout=120)
-    return process.returncode, output
-
-
-def broken(tmp_path: Path, old: str, new: str) -> str:
-    """The command of a miniature in which one piece of text is replaced."""
-    source = MINIATURE.read_text("utf-8")
-    assert old in source
-    path = tmp_path / "client.py"
-    path.write_text(source.replace(old, new), "utf-8")
-    return f'"{sys.executable}" "{path}" 1.1'
-
-
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
+from tests.conformance.commanding import GOOD, MINIATURE, OLD, broken, free_port, run, start
 
 
 def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> None:
@@ -67,7 +33,7 @@ def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> N
 
 
 def test_a_client_without_a_limit_on_lengths_does_not_conform(tmp_path: Path) -> None:
-    command = broken(tmp_path, "if not 1 <= length <= LIMIT:", "if False:")
+    command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
     code, output = run("client", "--launch", command, "--select", "FRM-3")
     assert code == 1, output
     assert "not conforming: FRM-3 broken" in output
@@ -76,7 +42,7 @@ def test_a_client_without_a_limit_on_lengths_does_not_conform(tmp_path: Path) ->
 
 
 def test_a_client_that_crashes_is_told_from_one_that_closes(tmp_path: Path) -> None:
-    command = broken(tmp_path, 'raise Bad("length")', "os.abort()")
+    command = broken(tmp_path, ('raise Bad("length")', "os.abort()"))
     code, output = run("client", "--launch", command, "--select", "FRM-3")
     assert code == 1, output
     assert "the testee died" in output

@@ -1,0 +1,46 @@
+"""The harness, run as its user runs it, and the smallest clients for it."""
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+MINIATURE = Path(__file__).parent / "miniatures" / "client.py"
+GOOD = f'"{sys.executable}" "{MINIATURE}" 1.1'
+OLD = f'"{sys.executable}" "{MINIATURE}" 1.0'
+LIMIT_SECONDS = 120
+
+
+def start(*arguments: str, cwd: Path | None = None, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "splatbus_conformance", "--plain", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, **environment},
+    )
+
+
+def run(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str]:
+    process = start(*arguments, cwd=cwd, **environment)
+    output, _ = process.communicate(timeout=LIMIT_SECONDS)
+    return process.returncode, output
+
+
+def broken(tmp_path: Path, *changes: tuple[str, str]) -> str:
+    """The command of a miniature in which pieces of text are replaced."""
+    source = MINIATURE.read_text("utf-8")
+    for old, new in changes:
+        assert old in source
+        source = source.replace(old, new)
+    path = tmp_path / "client.py"
+    path.write_text(source, "utf-8")
+    return f'"{sys.executable}" "{path}" 1.1'
+
+
+def free_port() -> int:
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
