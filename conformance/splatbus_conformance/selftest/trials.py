@@ -195,6 +195,7 @@ def run_harness(
         path = Path(folder, "report.json")
         command = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
         command += [how, testee, "--select", select, "--json", str(path)]
+        command += ["--shrink", "0", "--scripts", folder]
         status, output = _run(command, seconds)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()
