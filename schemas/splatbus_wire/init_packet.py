@@ -374,6 +374,7 @@ def _ring_object(ring: Ring) -> dict[str, Any]:
 
 
 def semantics_object(semantics: Semantics) -> dict[str, Any]:
+    """Return the member `semantics` of an init packet [MEM-12]."""
     empty = semantics.depth_empty
     return {
         "rows": "bottom_up",
