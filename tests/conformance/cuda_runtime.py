@@ -9,15 +9,14 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 Answers = Iterator[tuple[str, Any]]
 H2H, H2D, D2H, D2D, DEFAULT = range(5)
 DISABLE_TIMING, INTERPROCESS = 2, 4
 LAZY_PEER_ACCESS = 1
-SIZE = 4096
-"""Bytes of most allocations."""
+SIZE = 4096  # of most allocations
 
 
 class Handle(ctypes.Structure):
@@ -48,8 +47,6 @@ SIGNATURES = {
 class Cuda:
     """`Cuda(path).Malloc(…)` calls `cudaMalloc`; the answer is the error code."""
 
-    Malloc: Callable[..., int]
-
     def __init__(self, path: str) -> None:
         library = ctypes.CDLL(path)
         for name, signature in SIGNATURES.items():
@@ -61,22 +58,17 @@ class Cuda:
             function.restype = ctypes.c_char_p
             setattr(self, name, function)
 
-    def __getattr__(self, name: str) -> Any:
-        raise AttributeError(name)
-
     def made(self, name: str, *arguments: Any) -> int:
         """What a call of this name creates: a pointer, a stream or an event."""
         value = ctypes.c_void_p()
-        code = getattr(self, name)(ctypes.byref(value), *arguments)
-        if code:
+        if code := getattr(self, name)(ctypes.byref(value), *arguments):
             raise RuntimeError(f"cuda{name} gave {code}")
         return value.value or 0
 
     def handle(self, name: str, of: int) -> Handle:
         """The interprocess handle of a pointer or an event."""
         value = Handle()
-        code = getattr(self, name)(ctypes.byref(value), of)
-        if code:
+        if code := getattr(self, name)(ctypes.byref(value), of):
             raise RuntimeError(f"cuda{name} gave {code}")
         return value
 
@@ -96,12 +88,9 @@ class Neighbour:
     """Another process with the same library: `neighbour("expression over cuda")` evaluates it."""
 
     def __init__(self, path: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, __file__, path, "--neighbour"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        command = [sys.executable, __file__, path, "--neighbour"]
+        pipe = subprocess.PIPE
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
 
     def __call__(self, line: str) -> Any:
         assert self.process.stdin is not None
@@ -341,8 +330,7 @@ def others_handles(cuda: Any, path: str) -> Answers:
     yield "the neighbour frees it", neighbour(f"cuda.Free({offered[0]})")
     yield "open after that", cuda.IpcOpenMemHandle(ctypes.byref(two), handle, LAZY_PEER_ACCESS)
     yield "close after that", cuda.IpcCloseMemHandle(one)
-    if two.value:
-        cuda.IpcCloseMemHandle(two)
+    cuda.IpcCloseMemHandle(two)
     yield "open freed memory", cuda.IpcOpenMemHandle(ctypes.byref(one), handle, LAZY_PEER_ACCESS)
     event = neighbour(
         "(e := cuda.interprocess_event(), cuda.EventRecord(e, None), cuda.DeviceSynchronize(), "
@@ -385,13 +373,8 @@ GROUPS = (
 
 def answers(path: str, group: str, **environment: str) -> dict[str, Any]:
     """What a runtime answers to a group of calls, in a process of their own."""
-    ran = subprocess.run(
-        [sys.executable, __file__, path, group],
-        stdout=subprocess.PIPE,
-        text=True,
-        timeout=120,
-        env={**os.environ, **environment},
-    )
+    command, variables = [sys.executable, __file__, path, group], {**os.environ, **environment}
+    ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=120, env=variables)
     found = dict(json.loads(line) for line in ran.stdout.splitlines())
     return found | ({"ended with": ran.returncode} if ran.returncode else {})
 
