@@ -13,6 +13,8 @@ from splatbus_conformance.watching import LENDS, beside, holding
 
 SAFE: int = LIMITS["max_safe_integer"]
 
+GONE_SECONDS = 2.0
+
 
 @check("OPN-8", observable="a reader's images while others say that they are done", needs=LENDS)
 def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
@@ -82,10 +84,12 @@ def expect_sweep(trial: ServerTrial, left: str, ended: Ended | None) -> None:
 
 
 def gone(trial: ServerTrial, name: str) -> bool:
-    """Whether shared memory is removed, soon."""
+    """Whether shared memory is removed, soon; if not, it is removed here."""
     path = LINUX_FOLDER / name
-    trial.peer.until(lambda: not path.exists(), 2.0)
-    return not path.exists()
+    trial.peer.until(lambda: not path.exists(), GONE_SECONDS)
+    is_gone = not path.exists()
+    path.unlink(missing_ok=True)
+    return is_gone
 
 
 @check("OPN-12", observable="the server goes on after such answers", needs=("1.1",))

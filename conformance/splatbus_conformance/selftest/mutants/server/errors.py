@@ -1,0 +1,143 @@
+"""Mutants that break NEG: their errors, and their replies after `hello`."""
+
+from typing import Any
+
+import pytest
+from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.framing import PacketDecoder
+from splatbus_wire.messages import ErrorMessage
+
+from splatbus_conformance.kinds import CLOSING_ERRORS
+from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import messages, of_type, wrap
+
+
+def reports_to_all(patch: pytest.MonkeyPatch) -> None:
+    """Send each error, whether or not there was a hello."""
+
+    def send_error(
+        original: Any, self: Connection, code: str, text: str, pointer: Any = None, id: Any = None
+    ) -> None:
+        self.send(ErrorMessage(code, text[:1000], id=id, pointer=pointer))
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
+def server_reports_to_clients_of_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Tells everybody what was wrong, on both channels."""
+    reports_to_all(patch)
+
+
+@mutant("NEG-22", reason="has not said hello", through="NEG-22")
+def server_reports_before_hello(patch: pytest.MonkeyPatch) -> None:
+    """Tells everybody what was wrong."""
+    reports_to_all(patch)
+
+
+@mutant("NEG-23", reason="is not in the table", through="NEG-26")
+def server_has_codes_of_its_own(patch: pytest.MonkeyPatch) -> None:
+    """Makes up a code."""
+    messages(patch, of_type("error", lambda error: error | {"code": "bad_" + error["code"]}))
+
+
+@mutant("NEG-23", reason="no JSON Pointer", through="NEG-26")
+def server_points_without_a_slash(patch: pytest.MonkeyPatch) -> None:
+    """Writes pointers without the slash before them."""
+    messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))
+
+
+@mutant("NEG-23", reason="no string of up to", through="NEG-26")
+def server_reports_at_length(patch: pytest.MonkeyPatch) -> None:
+    """Says more than 1,024 characters."""
+    messages(patch, of_type("error", lambda error: error | {"message": "wrong! " * 200}))
+
+
+@mutant("NEG-25", check="check_closes_after_an_error_that_ends", reason="the testee waited")
+def server_reads_on_after_a_bad_header(patch: pytest.MonkeyPatch) -> None:
+    """Reports a bad header, drops it and what was read with it, and goes on."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "[FRM-3]" in reason:
+            self._decoder = PacketDecoder()
+        else:
+            original(self, reason, now)
+
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("NEG-25", reason="sent after", through="NEG-25")
+def server_repeats_its_last_error(patch: pytest.MonkeyPatch) -> None:
+    """Says twice why it closes."""
+
+    def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
+        for _ in range(2 if code in CLOSING_ERRORS else 1):
+            original(self, code, *more)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-26", check="check_goes_on_after_an_error", reason="the connection did not go on")
+def server_closes_after_every_error(patch: pytest.MonkeyPatch) -> None:
+    """Ends a connection after whatever it reports on it."""
+
+    def refuse(
+        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
+    ) -> Any:
+        refusal = original(self, error, payload, now)
+        self.end("enough is enough", now)
+        return refusal
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@mutant("NEG-28", reason="type is missing", through="NEG-29")
+def server_replies_as_in_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Leaves the type out of its replies after welcome too."""
+    messages(patch, of_type("viewport_size", without("type")))
+
+
+@mutant("NEG-28", reason="id is missing", through="NEG-29")
+def server_forgets_ids(patch: pytest.MonkeyPatch) -> None:
+    """Does not say which request a camera answers."""
+    messages(patch, of_type("camera", without("id")))
+
+
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was not answered")
+def server_leaves_bad_requests_unanswered(patch: pytest.MonkeyPatch) -> None:
+    """Says nothing to a request that breaks REQ-2."""
+
+    def refuse(
+        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
+    ) -> Any:
+        if _type_and_id(payload)[0] in REQUESTS:
+            return Refusal(error.code, str(error))
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+def last_comes_first(patch: pytest.MonkeyPatch) -> None:
+    """Send what is said before what has been said, and not been sent yet."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        waiting = bytes(self.unsent)
+        self.unsent.clear()
+        original(self, message)
+        self.unsent += waiting
+
+    wrap(patch, Connection, "send", send)
+
+
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by")
+def server_answers_the_last_first(patch: pytest.MonkeyPatch) -> None:
+    """Answers requests that arrive together from the last to the first."""
+    last_comes_first(patch)
+
+
+@mutant("NEG-29", reason="answers a request after", through="NEG-29")
+def server_answers_backwards(patch: pytest.MonkeyPatch) -> None:
+    """Answers requests that arrive together from the last to the first."""
+    last_comes_first(patch)

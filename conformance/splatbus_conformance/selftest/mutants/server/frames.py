@@ -1,0 +1,163 @@
+"""Mutants that break IMG: which images they make, and which frames they send."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from splatbus_server.connection import Connection
+from splatbus_server.exchange import BOTH, Exchange, Image
+from splatbus_server.memory import Memory
+from splatbus_server.session import Reader, Session
+from splatbus_wire.messages import Release
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
+
+FURTHEST = 1_000_000
+RESTS = "check_publishes_what_changed_only"
+
+
+@mutant("IMG-1", reason="fx is")
+def server_tells_no_focal_length(patch: pytest.MonkeyPatch) -> None:
+    """Leaves an intrinsic out of the camera of a frame."""
+
+    def change(frame: Json) -> Json:
+        return frame | {"camera": {n: v for n, v in frame["camera"].items() if n != "fx"}}
+
+    messages(patch, of_type("frame", change))
+
+
+@mutant("IMG-1", reason="comes after", through="IMG-2")
+def server_counts_images_down(patch: pytest.MonkeyPatch) -> None:
+    """Gives each image a number less than the last."""
+    messages(patch, of_type("frame", lambda frame: frame | {"seq": FURTHEST - frame["seq"]}))
+
+    def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
+        return original(self, connection, message._replace(seq=FURTHEST - message.seq))
+
+    wrap(patch, Session, "_release", release)
+
+
+def lends_unopened(patch: pytest.MonkeyPatch) -> None:
+    """Take whoever was sent an init packet for one who has opened the memory."""
+
+    def announce(
+        original: Any, self: Session, to: Connection, reader: Reader, memory: Memory, now: float
+    ) -> None:
+        original(self, to, reader, memory, now)
+        reader.opened.add(memory.generation)
+
+    wrap(patch, Session, "_announce", announce)
+
+
+@mutant("IMG-2", check="check_lends_one_at_a_time", reason="a frame came before opened")
+def server_lends_at_once(patch: pytest.MonkeyPatch) -> None:
+    """Sends a frame behind the init packet."""
+    lends_unopened(patch)
+
+
+@mutant("IMG-2", reason="has not been opened", through="IMG-2")
+def server_does_not_wait_for_opened(patch: pytest.MonkeyPatch) -> None:
+    """Sends a frame behind the init packet."""
+    lends_unopened(patch)
+
+
+@mutant("IMG-2", check="check_lends_one_at_a_time", reason="came while one was held")
+def server_takes_images_back(patch: pytest.MonkeyPatch) -> None:
+    """Ends each lease as soon as the frame is sent, and sends the next image when there is one."""
+
+    def lend(original: Any, self: Session, to: Connection, reader: Reader, memory: Memory) -> None:
+        original(self, to, reader, memory)
+        if reader.lease is not None:
+            self._exchange.take_back(to, reader.lease)
+            reader.lease = None
+
+    wrap(patch, Session, "_lend", lend)
+
+
+def grants_frames(patch: pytest.MonkeyPatch) -> None:
+    """Take every reader for one that declared frames."""
+
+    def has(original: Any, self: Connection, capability: str) -> bool:
+        return original(self, capability) or (capability == "frames" and self.channel == "ipc")
+
+    wrap(patch, Connection, "has", has)
+
+
+@mutant(
+    "IMG-23",
+    check="check_sends_no_frames_that_were_not_agreed",
+    reason="although welcome lists no frames",
+)
+def server_sends_frames_to_all(patch: pytest.MonkeyPatch) -> None:
+    """Sends frames to whoever has opened the memory."""
+    grants_frames(patch)
+
+
+@mutant("IMG-23", reason="although no welcome lists frames", through="IMG-23")
+def server_forgets_who_takes_frames(patch: pytest.MonkeyPatch) -> None:
+    """Sends frames to whoever has opened the memory."""
+    grants_frames(patch)
+
+
+@mutant("IMG-3", check="check_announces_the_newest", reason="although that of")
+def server_lends_the_image_before(patch: pytest.MonkeyPatch) -> None:
+    """Lends one who has missed images the last but one."""
+    shown: dict[int, Image] = {}
+    had: dict[Any, int] = {}
+
+    def lend(original: Any, self: Exchange, client: Any, memory: Memory, wants: Any) -> Any:
+        image: Image | None = original(self, client, memory, wants)
+        if image is None:
+            return None
+        shown[image.seq] = image
+        missed, had[client] = image.seq - had.get(client, image.seq), image.seq
+        former = shown.get(image.seq - 1)
+        return image._replace(view=former.view) if missed > 1 and former else image
+
+    wrap(patch, Exchange, "lend", lend)
+
+
+@mutant("IMG-10", check=RESTS, reason="images were published that show the same")
+def server_never_rests(patch: pytest.MonkeyPatch) -> None:
+    """Renders as often as it can, whether or not anything moves."""
+
+    def next_view(original: Any, self: Exchange, timeout: Any, changed: bool) -> Any:
+        return original(self, timeout, True)
+
+    wrap(patch, Exchange, "next_view", next_view)
+
+
+@mutant("IMG-10", check=RESTS, reason="after a pose that changed nothing")
+def server_renders_each_pose(patch: pytest.MonkeyPatch) -> None:
+    """Renders whenever a pose comes, even if it is the same."""
+
+    def move(original: Any, self: Exchange, *arguments: Any) -> None:
+        self._shown = None
+        original(self, *arguments)
+
+    wrap(patch, Exchange, "move", move)
+
+
+@mutant("IMG-11", check="check_sends_what_is_new", reason="no frame came when the camera had moved")
+def server_forgets_who_was_reading(patch: pytest.MonkeyPatch) -> None:
+    """Sends each image when it is made, and to nobody who was still reading another then."""
+
+    def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
+        ring = self._exchange.memory.ring
+        if ring.newest is not None:
+            ring._seen[connection] = ring.newest.seq
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_release", release)
+
+
+@mutant("IMG-21", check="check_writes_only_what_is_wanted", reason="which no open connection wants")
+def server_writes_both_always(patch: pytest.MonkeyPatch) -> None:
+    """Writes colour and depth, whatever its readers subscribe to."""
+
+    def next_view(original: Any, *arguments: Any) -> Any:
+        view = original(*arguments)
+        return view if view is None else replace(view, wants=BOTH)
+
+    wrap(patch, Exchange, "next_view", next_view)

@@ -1,0 +1,100 @@
+"""Mutants that break IMG: what they make of leases."""
+
+import time
+from typing import Any
+
+import pytest
+from splatbus_server.connection import Connection
+from splatbus_server.exchange import Exchange
+from splatbus_server.ring import Ring
+from splatbus_server.session import Session
+from splatbus_wire.messages import Release
+
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import wrap
+
+REFUSES = "check_refuses_readers_that_it_has_no_slot_for"
+
+
+@mutant("IMG-9", check="check_waits_for_no_reader", reason="was not seen while")
+def server_waits_for_its_readers(patch: pytest.MonkeyPatch) -> None:
+    """Publishes when nobody holds an image."""
+
+    def publish(original: Any, self: Exchange, *arguments: Any) -> Any:
+        while self.memory.ring._held:
+            time.sleep(0.002)
+        return original(self, *arguments)
+
+    wrap(patch, Exchange, "publish", publish)
+
+
+IGNORES = "check_ignores_release_of_what_is_not_held"
+
+
+@mutant("IMG-16", check=IGNORES, reason="another frame came")
+def server_takes_any_release(patch: pytest.MonkeyPatch) -> None:
+    """Ends the lease at any release, whatever it names."""
+
+    def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
+        lease = self._readers[connection].lease
+        named = message if lease is None else Release(lease.memory.generation, lease.seq)
+        return original(self, connection, named)
+
+    wrap(patch, Session, "_release", release)
+
+
+@mutant("IMG-16", check=IGNORES, reason="closed the connection")
+def server_closes_at_a_wrong_release(patch: pytest.MonkeyPatch) -> None:
+    """Ends a connection that releases what it does not hold."""
+
+    def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
+        refusal = original(self, connection, message)
+        if refusal is not None:
+            connection.end("that is not held", time.monotonic())
+        return refusal
+
+    wrap(patch, Session, "_release", release)
+
+
+@mutant("IMG-17", check="check_ends_leases_with_the_connection", reason="readers left with a lease")
+def server_keeps_the_leases_of_the_dead(patch: pytest.MonkeyPatch) -> None:
+    """Waits for the release of an image although the connection that holds it has ended."""
+    wrap(patch, Exchange, "forget", lambda original, *arguments: None)
+    wrap(patch, Ring, "lease", _of_any_number)
+
+
+def _of_any_number(original: Any, self: Ring, client: Any) -> Any:
+    self._clients = 1000
+    return original(self, client)
+
+
+@mutant("IMG-18", check=REFUSES, reason="was told nothing")
+def server_does_not_say_that_it_is_full(patch: pytest.MonkeyPatch) -> None:
+    """Closes the connection of a reader that is too many without a word."""
+
+    def complain(original: Any, self: Connection, refusal: Any) -> Any:
+        return refusal if refusal.code == "too_many_clients" else original(self, refusal)
+
+    wrap(patch, Connection, "complain", complain)
+
+
+@mutant("IMG-18", check=REFUSES, reason="the testee waited")
+def server_lets_readers_queue(patch: pytest.MonkeyPatch) -> None:
+    """Says that it is full, and keeps the connection until somebody leaves."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "[IMG-18]" not in reason:
+            original(self, reason, now)
+
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("IMG-18", check=REFUSES, reason="was lent none of its own")
+def server_takes_more_readers_than_slots(patch: pytest.MonkeyPatch) -> None:
+    """Makes a ring for four readers, and takes whoever comes."""
+
+    def init(original: Any, self: Session, exchange: Any, cameras: Any, *more: Any) -> None:
+        original(self, exchange, cameras, 1000, more[-1])
+
+    wrap(patch, Session, "__init__", init)
+    wrap(patch, Ring, "lease", _of_any_number)

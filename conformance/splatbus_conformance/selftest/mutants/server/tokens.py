@@ -1,0 +1,93 @@
+"""Mutants that break NEG: how they guard their token."""
+
+import math
+from typing import Any
+
+import pytest
+from splatbus_server import settings
+from splatbus_server.connection import Connection
+from splatbus_wire import negotiation
+from splatbus_wire.messages import ErrorMessage, Welcome
+
+from splatbus_conformance.selftest.mutants.server.negotiation import stays
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import wrap
+
+REFUSES = "check_refuses_other_tokens"
+
+
+@mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
+def server_waits_for_hello_for_ever(patch: pytest.MonkeyPatch) -> None:
+    """Has no deadline for hello."""
+
+    def connect(original: Any, self: Connection, *arguments: Any) -> None:
+        original(self, *arguments)
+        self._hello_by = math.inf
+
+    wrap(patch, Connection, "__init__", connect)
+
+
+@mutant(
+    "NEG-17",
+    check="check_listens_on_loopback_without_a_token",
+    reason="and requires no token",
+)
+def server_listens_to_everybody(patch: pytest.MonkeyPatch) -> None:
+    """Listens where it is told to, with and without a token."""
+    wrap(patch, settings, "is_loopback", lambda original, host: True)
+
+
+@mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
+def server_compares_as_far_as_the_token_goes(patch: pytest.MonkeyPatch) -> None:
+    """Takes the beginning of the token for the token."""
+
+    def same(original: Any, given: str, wanted: str) -> bool:
+        return given != "" and wanted.startswith(given)
+
+    wrap(patch, negotiation, "_same", same)
+
+
+@mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
+def server_ignores_the_case_of_the_token(patch: pytest.MonkeyPatch) -> None:
+    """Takes capital letters for small ones."""
+
+    def same(original: Any, given: str, wanted: str) -> bool:
+        return given.lower() == wanted.lower()
+
+    wrap(patch, negotiation, "_same", same)
+
+
+@mutant("NEG-18", check=REFUSES, reason="was refused, and not closed")
+def server_keeps_whom_it_refuses(patch: pytest.MonkeyPatch) -> None:
+    """Lets a client that does not know the token try again."""
+    stays(patch, "unauthorized")
+
+
+@mutant("NEG-18", reason="sent beside unauthorized", through="NEG-18")
+def server_explains_its_refusal(patch: pytest.MonkeyPatch) -> None:
+    """Says more than `unauthorized` to who does not know the token."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        original(self, message)
+        if isinstance(message, ErrorMessage) and message.code == "unauthorized":
+            original(self, ErrorMessage("unsupported", "there is a token to be known"))
+
+    wrap(patch, Connection, "send", send)
+
+
+@mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="without hello got a reply")
+def server_serves_1_0_without_a_token(patch: pytest.MonkeyPatch) -> None:
+    """Asks those who say hello for the token, and no others."""
+    patch.setattr(Connection, "_is_heard", property(lambda self: True))
+
+
+@mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="with the token failed")
+def server_is_steered_without_a_token(patch: pytest.MonkeyPatch) -> None:
+    """Takes poses from those who have said no hello, though it replies to no request of theirs."""
+    patch.setattr(Connection, "_is_heard", property(lambda self: True))
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        if self.welcome is not None or isinstance(message, ErrorMessage | Welcome):
+            original(self, message)
+
+    wrap(patch, Connection, "send", send)
