@@ -1,0 +1,123 @@
+"""What is known of a server before sessions with it: whom it serves, and what cameras it has."""
+
+from typing import NamedTuple
+
+from splatbus_conformance.lenient_json import read
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_introduction import reach
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+
+SEATS = 3
+"""Most clients of a session on each channel."""
+CAMERAS = 3
+"""Cameras that are asked for."""
+MOST_COUNTED = 12
+SERVED_SECONDS = 1.0
+
+
+class Knowledge(NamedTuple):
+    """What a server serves."""
+
+    seats: dict[Channel, int]
+    """How many clients at a time, as far as sessions need them."""
+    cameras: tuple[Json | None, ...]
+    """The replies to requests for the first cameras."""
+    greets: bool
+    """It answers `hello`."""
+    frames: bool
+    """It lends frames, of memory that can be opened here."""
+    subscribes: bool
+    crowd: int
+    """How many clients it lends frames at a time; 0 if that was not counted or is too many."""
+
+
+def learn(trial: ServerTrial, *, counting: bool) -> Knowledge:
+    """Try how many clients are served, and what the cameras are."""
+    facts = trial.facts
+    frames = facts.opens and facts.renders and "frames" in facts.capabilities()
+    crowded = crowd(trial) if counting and frames else 0
+    asking = [c for _ in range(SEATS) if (c := _dialled(trial, "msg"))]
+    for connection in asking:
+        trial.viewer.say(connection, VIEWPORT_REQUEST)
+    trial.wait(lambda: all(c.packets or c.ended for c in asking), SERVED_SECONDS)
+    served = [c for c in asking if c.packets and not c.ended]
+    cameras = tuple(_camera(trial, served[0], n) if served else None for n in range(CAMERAS))
+    greets = facts.version() == "1.1" and not facts.unauthorized
+    for connection in asking:
+        connection.close()
+    return Knowledge(
+        {"msg": len(served), "ipc": _seats_for_reading(trial, greets)},
+        cameras,
+        greets,
+        frames,
+        "subscribe" in facts.capabilities(),
+        crowded if crowded < MOST_COUNTED else 0,
+    )
+
+
+def crowd(trial: ServerTrial) -> int:
+    """How many clients, none of which releases what it holds, are lent a frame at a time."""
+    former = trial.peer.on_packet
+    trial.viewer.releases, trial.peer.on_packet = False, trial.viewer.on_packet
+    members: list[Connection] = []
+    for _ in range(MOST_COUNTED):
+        connection = _dialled(trial, "ipc")
+        if connection is None or not _is_lent_a_frame(trial, connection):
+            break
+        members.append(connection)
+    for connection in members:
+        connection.close()
+        if (memory := trial.viewer.with_(connection).memory) is not None:
+            memory.close()
+            trial.viewer.with_(connection).memory = None
+    trial.peer.on_packet = former
+    return len(members)
+
+
+def _is_lent_a_frame(trial: ServerTrial, connection: Connection) -> bool:
+    trial.viewer.greet(connection)
+    dealings = trial.viewer.with_(connection)
+    trial.wait(
+        lambda: dealings.frames or dealings.errors() or connection.ended,
+        SERVED_SECONDS,
+    )
+    if not dealings.frames:
+        connection.close()
+    return bool(dealings.frames)
+
+
+def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
+    """How many clients on the IPC channel are welcomed, or stay connected, at a time."""
+    members = [c for _ in range(SEATS) if (c := _dialled(trial, "ipc"))]
+    if greets:
+        for connection in members:
+            trial.viewer.greet(connection)
+        dealings = [trial.viewer.with_(c) for c in members]
+        trial.wait(lambda: all(d.init_packets or d.errors() for d in dealings), SERVED_SECONDS)
+        served = [d for d in dealings if d.welcome and not d.errors()]
+    else:
+        trial.rest(SERVED_SECONDS / 4)
+        served = [trial.viewer.with_(c) for c in members if not c.ended]
+    for connection in members:
+        connection.close()
+    for given in served:
+        if given.memory is not None:
+            given.memory.close()
+            given.memory = None
+    return len(served)
+
+
+def _camera(trial: ServerTrial, connection: Connection, index: int) -> Json | None:
+    before = len(connection.packets)
+    trial.viewer.say(connection, {"type": "get_camera_pose", "cam_idx": index})
+    trial.wait(lambda: len(connection.packets) > before or connection.ended, SERVED_SECONDS)
+    if len(connection.packets) <= before:
+        return None
+    reply = read(connection.packets[before].payload).value or {}
+    return {name: reply.get(name) for name in ("position", "rotation")}
+
+
+def _dialled(trial: ServerTrial, channel: Channel) -> Connection | None:
+    return reach(trial.peer, trial.testee, channel, trial.patience)
