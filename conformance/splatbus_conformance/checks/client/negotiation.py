@@ -76,7 +76,8 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
 def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
     trial.role.welcomes = False
-    names = st.lists(st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64), max_size=5)
+    word = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
+    names = st.lists(word, max_size=5, unique=True)
     for unknown in trial.each(drawn=names, quick=3, full=12):
         connection = trial.connection("ipc")
         trial.says_hello(connection)
