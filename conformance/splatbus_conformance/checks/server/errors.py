@@ -159,7 +159,7 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
     bad = st.builds(request, ids, st.sampled_from(("0", 0.5, True, None, [0], 2**60)))
     requests = st.lists(good | good | bad, min_size=1, max_size=20)
     connection = trial.greeted("msg")
-    for asked in trial.each(drawn=requests, quick=20, full=1000):
+    for asked in trial.each([GOOD_REQUESTS], requests, quick=20, full=1000):
         if connection.ended:
             connection = trial.greeted("msg")
         heard = trial.viewer.with_(connection).heard
@@ -181,6 +181,9 @@ def request(id: int | None, index: Any) -> Json:
     if index is None:
         return VIEWPORT_REQUEST | added
     return {"type": "get_camera_pose", "cam_idx": index} | added
+
+
+GOOD_REQUESTS = [request(1, None), request(2, 0), request(None, None), request(None, 0)]
 
 
 def is_good(asked: Json) -> bool:
