@@ -3,6 +3,7 @@ the engine's axes, and reads on the wire what became of it.
 """
 
 import math
+import time
 from collections.abc import Iterator
 from functools import partial
 
@@ -62,26 +63,25 @@ def _arriving(trial: ClientTrial, connection: Connection, kind: Kind, pose: Pose
     heard = trial.role.with_(connection).heard
     at = len(heard)
     trial.ask(COMMANDS[kind], position=list(pose.position), rotation=list(pose.rotation))
-    first = True
-    while True:
-        found = None
-        seconds = trial.patience if first else RESEND_SECONDS
-        trial.wait(partial(_more, heard, at, connection), seconds)
-        if len(heard) > at:
-            found, at = heard[at], at + 1
-        elif first and connection.ended:
-            trial.not_observable("the testee closed the connection")
-        elif first:
-            raise AdapterBroken(f"it said that {pose} was taken, and no {kind} came")
-        else:
+    deadline, first = time.monotonic() + trial.patience, True
+    while (left := deadline - time.monotonic()) > 0:
+        trial.wait(partial(_more, heard, at, connection), left)
+        if len(heard) == at:
+            break
+        message, at = heard[at], at + 1
+        if message.get("type") != kind:
+            continue
+        if (came := read_pose(message)) is None:
+            trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
+        yield came
+        if not trial.facts.poses:
             return
-        if found.get("type") == kind:
-            if (came := read_pose(found)) is None:
-                trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
-            yield came
-            if not trial.facts.poses:
-                return
-            first = False
+        if first:
+            deadline, first = time.monotonic() + RESEND_SECONDS, False
+    if first and connection.ended:
+        trial.not_observable("the testee closed the connection")
+    if first:
+        raise AdapterBroken(f"it said that {pose} was taken, and no {kind} came")
 
 
 def _more(heard: list[Json], than: int, connection: Connection) -> bool:
@@ -169,6 +169,8 @@ def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
     for pose, _, found in sent(trial, "camera_pose", 60, 1500):
         budget = 0.0 if engine.scale == 1 else 2.0
         _measure(trial, pose, found, budget, 2 * quaternions)
+        if found.far:
+            break
     trial.expect_within_budgets()
 
 
@@ -181,6 +183,8 @@ def check_axes_change_exactly_on_the_way_out(trial: ClientTrial) -> None:
     quaternions = rotation_budget(trial.greeting, "camera_pose")
     for pose, _, found in sent(trial, "camera_pose", 60, 1500):
         _measure(trial, pose, found, 0.0 if engine.scale == 1 else 0.5, quaternions)
+        if found.far:  # a wrong mapping, however often: each pose may cost a wait
+            break
     trial.expect_within_budgets()
 
 
