@@ -1,7 +1,9 @@
 """Go through sessions: those that are kept, then those that Hypothesis makes up, and makes small.
 
-A session that breaks a requirement is made small against new testees, within a time limit. Every
-session is noted in the trial, so that a script shows it again without Hypothesis.
+A session that breaks a requirement is made small against new testees, within a time limit: by
+Hypothesis, whose way of leaving steps out needs many tries where they depend on each other, then by
+delta debugging, to which steps are just a list. Every session is noted in the trial, so that a
+script shows it again without Hypothesis.
 """
 
 import contextlib
@@ -21,12 +23,13 @@ from hypothesis.stateful import (
 
 from splatbus_conformance.script import Case
 from splatbus_conformance.sessions import Found, Part, Session, Step
-from splatbus_conformance.shrinking import without_one
+from splatbus_conformance.shrinking import smallest, without_one
 from splatbus_conformance.trial import Trial
 
 EXPLORING_SECONDS = {"quick": 10.0, "full": 40.0}
 """No session is begun after so long; a testee that is quick comes to the end long before."""
-SHRINKING_SECONDS = {"quick": 10.0, "full": 30.0}
+SHRINKING_SECONDS = {"quick": 5.0, "full": 15.0}
+"""For each of the two ways."""
 MOST_CUT_SHORT = 2
 """Sessions that end because they broke another requirement, before the check gives up."""
 
@@ -85,14 +88,8 @@ class _Search:
 
     def deliver(self, steps: Sequence[Step]) -> None:
         """Take these steps with the testee."""
-        session = self.begin()
-        try:
-            for step in steps:
-                session.take(step)
-            session.end()
-        except Found as found:
+        if found := self._fails_by(steps):
             self._trial.violated(str(found))
-        self.done(session)
 
     def begin(self) -> Session:
         """A new session, which is noted; with a new testee while a failure is made smaller."""
@@ -105,6 +102,8 @@ class _Search:
 
     def done(self, session: Session) -> None:
         """Count a session that broke nothing that is judged."""
+        if self._found:
+            return
         if session.other is None:
             self._trial.delivered += 1
         else:
@@ -127,11 +126,35 @@ class _Search:
         with contextlib.suppress(Found, Flaky, _OutOfTime):
             run_state_machine_as_test(self._machine(kinds), settings=chosen)
         if self._found:
-            smallest = min(reversed(self._found), key=lambda found: len(found.steps))
+            self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.profile]
+            smallest(self._shortest().steps, self._fails_too, self._in_time)
+            shortest = self._shortest()
             if len(self._found) > 1:
                 # It failed with new testees too: what came before it has no part in it.
-                self._trial.went_through[-1][:] = [Case(True, list(smallest.steps))]
-            self._trial.violated(str(smallest))
+                self._trial.went_through[-1][:] = [Case(True, list(shortest.steps))]
+            self._trial.violated(str(shortest))
+
+    def _fails_by(self, steps: Sequence[Step]) -> Found | None:
+        try:
+            session = self.begin()
+            for step in steps:
+                session.take(step)
+            session.end()
+        except Found as found:
+            return found
+        self.done(session)
+        return None
+
+    def _fails_too(self, steps: Sequence[Step]) -> bool:
+        if found := self._fails_by(steps):
+            self._found.append(found)
+        return found is not None
+
+    def _shortest(self) -> Found:
+        return min(reversed(self._found), key=lambda found: len(found.steps))
+
+    def _in_time(self) -> bool:
+        return time.monotonic() < self._until
 
     def _machine(self, kinds: Sequence[str]) -> type[RuleBasedStateMachine]:
         search = self
@@ -158,8 +181,7 @@ class _Search:
             except Found as found:
                 search.note_failure(found)
                 raise
-            if not search._found:
-                search.done(self.session)
+            search.done(self.session)
 
         members = {kind: _rule(kind, take) for kind in kinds}
         machine = type(
@@ -177,7 +199,7 @@ class _Search:
 
     def stop_in_time(self) -> None:
         """Raises _OutOfTime once no further session is to begin."""
-        if time.monotonic() > self._until or len(self.other) >= MOST_CUT_SHORT:
+        if not self._in_time() or len(self.other) >= MOST_CUT_SHORT:
             raise _OutOfTime
 
 

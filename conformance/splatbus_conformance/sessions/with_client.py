@@ -19,6 +19,8 @@ from splatbus_conformance.values import whole
 
 NOWHERE = "splatbus-check-never-was"
 RETURN_SECONDS: float = LIMITS["reconnect_max_seconds"] + 1.0
+STALE_SECONDS, MOST_STALE = 0.005, 4
+"""In which it shows that a connection was left by a process that was stopped; how many may be."""
 HALF_A_PACKET = (64).to_bytes(4, "little") + b'{"type":"fra'
 ENDS = ("close", "reset", "end", "cut")
 """How a connection is dropped: `end` is a half-close, `cut` comes in the midst of a packet."""
@@ -301,7 +303,7 @@ class WithClient:
     def _meet_on(self, channels: Iterable[Channel]) -> None:
         """Take connections that are new, and let the testee say what it says first."""
         for channel in channels:
-            self._at[channel] = self.trial.connection(channel)
+            self._at[channel] = self._new_connection(channel)
         for channel in channels:
             connection = self._at[channel]
             dealings = self.role.with_(connection)
@@ -311,6 +313,14 @@ class WithClient:
                 self._misled = False
                 if self.facts.opens:
                     self._answered()
+
+    def _new_connection(self, channel: Channel) -> Connection:
+        for _ in range(MOST_STALE):
+            connection = self.trial.connection(channel)
+            self.trial.rest(STALE_SECONDS)
+            if not connection.ended:
+                break
+        return connection
 
     def _greeted(self, channel: Channel, connection: Connection, dealings: Dealings) -> None:
         if self.facts.speaks_1_1(channel):
