@@ -36,7 +36,7 @@ COLOR_BUDGET = 1.0 / 255.0
 DEPTH_BUDGET = 1e-6
 """Relative, beyond what lies within EDGE."""
 KNOWN = 0.99
-"""The share of pixels that agree, from which an image is taken to show the scene."""
+"""The share of pixels that are right, from which an image is taken to show the scene."""
 _AROUND = ((0.0, 0.0), (-EDGE, -EDGE), (-EDGE, EDGE), (EDGE, -EDGE), (EDGE, EDGE))
 
 

@@ -29,10 +29,12 @@ class Photographer:
         self._seen = 0
         trial.wait(lambda: self._came() or self.reader.ended)
         self._last: Photograph | None = None
-        self._new()
+        self.new()
 
-    def take(self, camera: Pose, scene: Pose = AT_REST) -> Photograph:
+    def take(self, camera: Pose, scene: Pose = AT_REST, *, insists: bool = True) -> Photograph:
         """What the server shows for a camera, with the Gaussians as `scene` says.
+
+        The poses are sent again while no such image comes, unless it `insists` no more.
 
         Where no frame names that camera, it is the last one that came; skips the check if there is
         none.
@@ -40,14 +42,14 @@ class Photographer:
         if self._last and named(self._last.camera.pose, camera) is AS_SPECIFIED:
             x, y, z = camera.position
             self.take(Pose((x + ASIDE * max(1.0, abs(x)), y, z), camera.rotation), scene)
-        last, sent, until = None, -AGAIN_SECONDS, time.monotonic() + EFFECT_SECONDS
+        last, sent, until = None, -1.0, time.monotonic() + EFFECT_SECONDS
         while time.monotonic() < until and not (self.reader.ended or self.trial.fate()):
-            if time.monotonic() - sent >= AGAIN_SECONDS:
+            if sent < 0 or (insists and time.monotonic() - sent >= AGAIN_SECONDS):
                 self.trial.move(camera_pose(*scene, kind="point_cloud_pose"))
-                self.trial.move(camera_pose(*camera))
+                self.go(camera)
                 sent = time.monotonic()
             self.trial.wait(self._came, AGAIN_SECONDS)
-            for last in self._new():
+            for last in self.new():
                 meant = named(last.camera.pose, camera)
                 if meant is AS_SPECIFIED:
                     self.trial.delivered += 1
@@ -57,6 +59,15 @@ class Photographer:
         if last is None:
             self.trial.not_observable("the server sent no frame after the camera had been moved")
         return last
+
+    @property
+    def slots(self) -> int:
+        """How many images the ring holds."""
+        return self.dealings.memory.layout.slots if self.dealings.memory else 0
+
+    def go(self, camera: Pose) -> None:
+        """Send a camera, and wait for nothing."""
+        self.trial.move(camera_pose(*camera))
 
     def hold(self) -> Photograph:
         """The next image, not given back; skips the check if none comes."""
@@ -80,10 +91,7 @@ class Photographer:
         """Release an image that was held."""
         self.trial.viewer.release(self.reader, photograph.frame)
 
-    def _came(self) -> bool:
-        return len(self.dealings.frames) > self._seen
-
-    def _new(self) -> list[Photograph]:
+    def new(self) -> list[Photograph]:
         """Copies of the images that came since, which are given back."""
         found = []
         while self._came():
@@ -94,6 +102,9 @@ class Photographer:
                 self._last = photograph
             self.trial.viewer.release(self.reader, frame)
         return found
+
+    def _came(self) -> bool:
+        return len(self.dealings.frames) > self._seen
 
     def _copy(self, frame: Json) -> Photograph | None:
         if self.dealings.memory is None or not self.dealings.init_packets:

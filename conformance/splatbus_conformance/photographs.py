@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.closed_form import KNOWN, render
+from splatbus_conformance.closed_form import COLOR_BUDGET, KNOWN, render
 from splatbus_conformance.memory_reading import Opened, Pixels
 from splatbus_conformance.messages import Json
 from splatbus_conformance.pinhole import Camera, Reals, camera_of
@@ -82,10 +82,15 @@ def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph 
 
 
 def shows_the_scene(photograph: Photograph) -> bool:
-    """Whether this is the scene of `conformance/SCENE.md`, at rest."""
+    """Whether this is the scene of `conformance/SCENE.md`, at rest: by its depths, and by its
+    colours in whatever order, so that a wrong order of them is found.
+    """
     exact = render(photograph.camera)
-    seen = bool(photograph.covered().any())
-    return seen and exact.agreement(photograph.color, photograph.planar()) >= KNOWN
+    right = exact.depth_is_right(photograph.planar())
+    with np.errstate(invalid="ignore"):
+        off = np.abs(np.sort(photograph.color, axis=-1) - np.sort(exact.color, axis=-1))
+        right &= (off <= COLOR_BUDGET).all(axis=-1)
+    return bool(photograph.covered().any() and right[exact.certain].mean() >= KNOWN)
 
 
 def _member(value: object, *path: str) -> object:

@@ -1,6 +1,7 @@
 """Images from around the first view of a server, and the judgement of what they fit."""
 
 import math
+import random
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from splatbus_conformance.photographer import Photographer
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.reprojection import (
     APART,
+    AS_SPECIFIED,
     EVERY,
     FITS,
     MIRRORED,
@@ -49,10 +51,10 @@ class Taken(NamedTuple):
     photograph: Photograph
 
 
-def moves(first: Photograph) -> list[Pose]:
-    """Poses around a first view from which most of it is still seen."""
+def moves(first: Photograph, scale: float = 1.0) -> list[Pose]:
+    """Poses around a first view from which most of it is still seen; `scale` makes more of them."""
     depth = first.planar()
-    step = STEP * float(np.median(depth[first.covered()]))
+    step = scale * STEP * float(np.median(depth[first.covered()]))
     camera = first.camera
     narrow = min(camera.width / camera.fx, camera.height / camera.fy)
     turn = TURN * 2.0 * math.atan(narrow / 2.0)
@@ -65,6 +67,14 @@ def moves(first: Photograph) -> list[Pose]:
     ]
 
 
+def anywhere(first: Photograph, rng: random.Random) -> Pose:
+    """Some pose around a first view."""
+    near = rng.choice(moves(first))
+    nudge = [STEP * 0.1 * rng.uniform(-1, 1) for _ in range(3)]
+    place = tuple(number + part for number, part in zip(near.position, nudge, strict=True))
+    return Pose(place, turned_about(near.rotation, nudge, 0.05))
+
+
 def first_view(trial: ServerTrial) -> Photograph:
     """The image that the server showed at first; skips the check if it shows next to nothing."""
     first = trial.facts.first
@@ -75,52 +85,72 @@ def first_view(trial: ServerTrial) -> Photograph:
     return first
 
 
-def survey(trial: ServerTrial) -> list[Taken]:
+def survey(trial: ServerTrial, scale: float = 1.0) -> list[Taken]:
     """Images from around the first view, and last from where it was itself.
 
-    It ends early with an image whose frame names no camera that has to do with the pose sent.
+    It ends early with an image whose frame names another camera than was sent.
     """
     first = first_view(trial)
     photographer, found = Photographer(trial), []
-    for pose in (*moves(first), Pose(*first.pose)):
+    for pose in (*moves(first, scale), Pose(*first.pose)):
         found.append(Taken(pose, photographer.take(pose)))
-        if named(found[-1].photograph.camera.pose, pose) is None:
+        if named(found[-1].photograph.camera.pose, pose) is not AS_SPECIFIED:
             break
     return found
 
 
-def judge_readings(trial: ServerTrial, taken: Sequence[Taken], wrong: Sequence[Reading]) -> None:
-    """The requirement is violated if the images fit one of these wrong readings.
+class Finding(NamedTuple):
+    """What images tell of a requirement: that it is broken, why they tell nothing, or neither."""
 
-    Skips the check if they fit another reading or none, or if they cannot tell.
+    broken: str = ""
+    silent: str = ""
+
+
+def judge_readings(trial: ServerTrial, wrong: Sequence[Reading], *scales: float) -> None:
+    """The requirement is violated if images fit one of these wrong readings.
+
+    Surveys with steps of other scales are made as well, where those before tell nothing. Skips the
+    check if none does: if the images fit another reading or none, or cannot tell.
     """
+    silent = []
+    for scale in scales or (1.0,):
+        taken = survey(trial, scale)
+        finding = _weigh(trial, taken, wrong)
+        if finding.broken:
+            _expect_still(trial, taken)
+            trial.violated(finding.broken)
+        if not finding.silent:
+            return
+        silent.append(finding.silent)
+    trial.not_observable(silent[0])
+
+
+def _weigh(trial: ServerTrial, taken: Sequence[Taken], wrong: Sequence[Reading]) -> Finding:
     if len(taken) <= len(MOVES):
-        trial.not_observable("the server did not show the camera where it was put")
+        return Finding(silent="the server did not show the camera where it was put")
     *others, base = (it.photograph.view() for it in taken)
     shares = explain([Pair(base, other) for other in others], EVERY)
     right, by_words = float(shares[0]), dict(zip(EVERY, map(float, shares), strict=True))
-    trial.measured("points of one image off in another", 100 * (1 - right), None, "%", _span(taken))
     if right >= FITS:
         alike = [it.words for it in wrong if by_words[it] > right - APART]
-        if alike:
-            trial.not_observable(
-                f"the images fit {_either(alike)} as well as what the frames say: {right:.0%}"
-            )
-        return
+        said = f"the images fit {_either(alike)} as well as what the frames say: {right:.0%}"
+        trial.measured(
+            "points of one image off in others", 100 * (1 - right), None, "%", _at(taken)
+        )
+        return Finding(silent=said if alike else "")
     best = max(by_words.values())
     found = [it for it in EVERY[1:] if by_words[it] > best - ALIKE]
     if trial.facts.scene_known:
         found = [it for it in found if it not in ROWS]
     if best < FITS or best - right < APART or not found:
-        trial.not_observable(
-            f"the images fit no camera: {right:.0%} of the points of one are where another has"
-            f" them, and {best:.0%} if they are {EVERY[int(shares.argmax())].words}"
+        return Finding(
+            silent=f"the images fit no camera: {right:.0%} of the points of one are where another"
+            f" has them, and {best:.0%} if they are {EVERY[int(shares.argmax())].words}"
         )
     guilty = MIRRORED if MIRRORED in found else found[0]
     if guilty not in wrong:
-        trial.not_observable(f"the images fit {guilty.words}, which other requirements forbid")
-    _expect_still(trial, taken)
-    trial.violated(
+        return Finding(silent=f"the images fit {guilty.words}, which other requirements forbid")
+    return Finding(
         f"the images fit {_either([guilty.words, *(it.words for it in found if it != guilty)])}:"
         f" {best:.0%} of the points of one image are where another one has them by that,"
         f" and {right:.0%} by what the frames say"
@@ -154,5 +184,5 @@ def _either(words: Sequence[str]) -> str:
     return " or, which such images cannot tell apart, ".join(words)
 
 
-def _span(taken: Sequence[Taken]) -> str:
+def _at(taken: Sequence[Taken]) -> str:
     return f"{len(taken)} images around {taken[-1].sent}"

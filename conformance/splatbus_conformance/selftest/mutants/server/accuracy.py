@@ -1,0 +1,84 @@
+"""Mutants that compute the view from a pose as programs in the field do."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from splatbus_server import demo
+
+from splatbus_conformance.selftest.mutants.server.views import cameras
+from splatbus_conformance.selftest.specimen import mutant
+from splatbus_conformance.selftest.surgery import wrap
+
+
+@mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
+def server_takes_quaternions_for_unit_ones(patch: pytest.MonkeyPatch) -> None:
+    """Turns a quaternion into a matrix as if its norm were 1."""
+
+    def matrix(original: Any, q: Any) -> Any:
+        x, y, z, w = q
+        return (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        )
+
+    wrap(patch, demo, "_matrix", matrix)
+
+
+@mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
+def server_rounds_quaternions_to_four_digits(patch: pytest.MonkeyPatch) -> None:
+    """Keeps four digits of each number of a rotation."""
+    wrap(patch, demo, "_matrix", lambda original, q: original(tuple(round(part, 4) for part in q)))
+
+
+@mutant("ACC-3", check="check_rotations_do_not_shear", reason="RᵀR")
+def server_shears_its_views(patch: pytest.MonkeyPatch) -> None:
+    """Stores the rotation of a camera in half precision."""
+
+    def half(camera: Any) -> Any:
+        rows = np.array(camera.rotation).astype(np.float16).astype(float)
+        return replace(camera, rotation=tuple(map(tuple, rows.tolist())))
+
+    cameras(patch, half)
+
+
+@mutant("ACC-4", check="check_translations_are_exact", reason="translation")
+def server_counts_in_centimetres(patch: pytest.MonkeyPatch) -> None:
+    """Keeps where the camera is as whole hundredths of a unit."""
+    cameras(
+        patch,
+        lambda camera: replace(
+            camera, position=tuple(round(100 * number) / 100 for number in camera.position)
+        ),
+    )
+
+
+@mutant("ACC-5", check="check_the_camera_is_where_it_was_put", reason="camera centre")
+def server_recovers_the_centre_by_another_rotation(patch: pytest.MonkeyPatch) -> None:
+    """Finds the camera's centre from the view's translation by a rotation of five digits."""
+
+    def recovered(camera: Any) -> Any:
+        exact = np.array(camera.rotation)
+        centre = exact.round(5) @ (exact.T @ np.array(camera.position))
+        return replace(camera, position=tuple(centre.tolist()))
+
+    cameras(patch, recovered)
+
+
+@mutant("ACC-6", check="check_single_precision_is_rounded_once", reason="the camera")
+def server_multiplies_in_tf32(patch: pytest.MonkeyPatch) -> None:
+    """Multiplies matrices with 11 bits of each number, as tensor cores do unless told otherwise."""
+
+    def tf32(values: Any) -> Any:
+        bits = (np.asarray(values, np.float32).view(np.uint32) + 0x1000) & 0xFFFFE000
+        return bits.view(np.float32).astype(float)
+
+    def chained(camera: Any) -> Any:
+        rotation = tf32(camera.rotation)
+        moved = tf32(rotation.T @ tf32(camera.position))
+        centre = np.array(camera.rotation) @ moved
+        return replace(camera, position=tuple(centre.tolist()))
+
+    cameras(patch, chained)
