@@ -20,7 +20,7 @@ SENTINEL = 0.9
 """The share of transparent pixels that hold one value, from which it was meant to say "empty"."""
 WHOLE = 0.99
 """The share of pixels that must be right in an image that is whole."""
-GLANCE_SECONDS = 0.03
+GLANCE_SECONDS = 0.06
 """Time enough for a write that was under way to end."""
 STEP_SECONDS = 0.01
 ROUNDS, MOST_STEPS = 3, 200

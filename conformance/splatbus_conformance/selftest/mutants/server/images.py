@@ -13,7 +13,7 @@ from splatbus_server.ring import Ring
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
-LATE_SECONDS = 0.01
+LATE_SECONDS = 0.03
 
 
 def stored(patch: pytest.MonkeyPatch, channel: str, change: Callable[[Any], None]) -> None:

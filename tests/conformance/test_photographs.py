@@ -1,0 +1,82 @@
+"""What a copied image tells: which pixels are covered, how deep they are, which scene it shows."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from splatbus_conformance.closed_form import render
+from splatbus_conformance.messages import frame
+from splatbus_conformance.photographs import Photograph, shows_the_scene
+from splatbus_conformance.pinhole import camera_of
+
+DEPTHS = np.array([[np.inf, 100.0, 7.0, 2.5], [np.nan, -1.0, 0.0, 99.9]], np.float32)
+
+
+def photograph(depth: Any = DEPTHS, *, kind: str = "planar_z", empty: Any = "inf") -> Photograph:
+    height, width = depth.shape
+    message = frame(1, 1, 0, width, height)
+    message["camera"] |= {"fx": 2.0, "fy": 2.0, "position": [0.0, 0.0, 0.0]}
+    camera = camera_of(message)
+    assert camera is not None
+    color = np.zeros((*depth.shape, 4), np.float32)
+    return Photograph(message, camera, color, depth, {"depth": {"kind": kind, "empty": empty}})
+
+
+def test_what_is_infinite_legacy_or_no_depth_is_not_covered() -> None:
+    covered = [[False, False, True, True], [False, False, False, True]]
+    assert photograph().covered().tolist() == covered
+    assert np.isinf(photograph().planar()[~np.array(covered)]).all()
+
+
+def test_the_announced_empty_depth_is_not_covered_either() -> None:
+    assert photograph(empty=7).covered().tolist()[0] == [False, False, False, True]
+
+
+def test_a_distance_along_the_ray_is_made_planar() -> None:
+    depth = np.full((1, 1), 3.0, np.float32)
+    seen = photograph(depth, kind="ray_distance")
+    camera = seen.camera._replace(cx=-1.5, cy=-1.5)
+    assert seen._replace(camera=camera).planar()[0, 0] == pytest.approx(3.0 / math.sqrt(3.0))
+
+
+def test_the_scene_is_recognised_with_its_colours_in_any_order_but_not_with_others() -> None:
+    blank = photograph(np.zeros((48, 64), np.float32))
+    camera = blank.camera._replace(fx=41.6, fy=41.6)
+    exact = render(camera)
+    shown = Photograph(
+        blank.frame,
+        camera,
+        exact.color.astype(np.float32),
+        exact.depth.astype(np.float32),
+        blank.semantics,
+    )
+    assert shows_the_scene(shown)
+    assert shows_the_scene(shown._replace(color=shown.color[..., [2, 1, 0, 3]]))
+    assert not shows_the_scene(shown._replace(color=shown.color * 0.9))
+    assert not shows_the_scene(shown._replace(depth=shown.depth[::-1]))
+    assert not shows_the_scene(shown._replace(depth=np.full_like(shown.depth, np.inf)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"position": [0.0, 0.0]},
+        {"rotation": [0.0, 0.0, 0.0, 0.0]},
+        {"rotation": None},
+        {"fx": [1]},
+        {"fy": 0.0},
+        {"width": 1e400},
+        {"near": math.nan},
+    ],
+)
+def test_a_frame_whose_camera_is_malformed_names_none(change: Any) -> None:
+    message = frame(1, 1, 0)
+    assert camera_of(message) is not None
+    message["camera"] |= change
+    assert camera_of(message) is None
+
+
+def test_a_frame_without_a_camera_names_none() -> None:
+    assert camera_of({"camera": None}) is None
+    assert camera_of({}) is None
