@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from splatbus_conformance.selftest import matrix, trials
+from splatbus_conformance.selftest import harnesses, matrix, trials
 from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
 from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
@@ -69,7 +69,7 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:
                 yield row
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        trials.stop_all()
+        harnesses.stop_all()
         pool.shutdown()
 
 

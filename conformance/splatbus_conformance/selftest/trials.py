@@ -1,10 +1,6 @@
 """Run the harness, as a process, on one specimen, and say what came of it."""
 
-import contextlib
 import json
-import os
-import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -14,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.plan import Side
+from splatbus_conformance.selftest import harnesses
 from splatbus_conformance.selftest.specimen import Mutant, Variation
 from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
 
@@ -27,11 +24,9 @@ FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
 """The longest that the checks of one or two requirements may take on a client that fails them."""
-STOP_SECONDS = 15.0
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
 """What a specimen is told on its command line."""
 OUTPUT_CHARS = 600
-_running: set[subprocess.Popen[str]] = set()
 
 
 class Fate(StrEnum):
@@ -193,50 +188,8 @@ def run_harness(
     testee = f'"{sys.executable}" -m {module} {arguments}'
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
-        command = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
-        command += [how, testee, "--select", select, "--json", str(path)]
-        command += ["--shrink", "0", "--scripts", folder]
-        status, output = _run(command, seconds)
+        line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
+        line += ["--shrink", "0", "--scripts", folder]
+        status, output = harnesses.run(line, seconds)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()
-
-
-def stop_all() -> None:
-    """End every harness that runs now; whoever waits for one comes to an end too."""
-    for process in list(_running):
-        _end(process)
-
-
-def _run(command: list[str], seconds: float) -> tuple[int | None, str]:
-    """Run a command in a process group of its own, so that it can be ended with its children."""
-    process = subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-        start_new_session=os.name == "posix",
-    )
-    _running.add(process)
-    try:
-        output, _ = process.communicate(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        _end(process)
-        process.communicate()
-        return None, f"the harness did not come to an end within {seconds:g} s"
-    else:
-        return process.returncode, output
-    finally:
-        _running.discard(process)
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    """Ask a harness to end, so that it ends its testee and removes its memory; then make it."""
-    process.terminate()
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(STOP_SECONDS)
-    if os.name == "posix":
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    process.kill()
