@@ -91,6 +91,12 @@ def parser() -> argparse.ArgumentParser:
     how = server.add_mutually_exclusive_group(required=True)
     how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")
     how.add_argument("--connect", action="store_true", help="judge a server that runs already")
+    server.add_argument(
+        "--stand-in-cuda",
+        action="store_true",
+        help="give the server a CUDA runtime without a GPU, and judge what it does with device "
+        "memory (conformance/STAND_IN_CUDA.md)",
+    )
     _live_options(
         server,
         ports="ports of the server (free ones with --launch, 6001,6000 with --connect)",
@@ -140,6 +146,13 @@ def parser() -> argparse.ArgumentParser:
     )
     selftest.add_argument("--only", metavar="NAME,…", default="", help="only these mutants")
     selftest.add_argument("--json", metavar="FILE", help="write the kill matrix")
+    selftest.add_argument(
+        "--seeds",
+        type=int,
+        metavar="N",
+        default=0,
+        help="only the references, with N seeds, which must not change a verdict",
+    )
     selftest.set_defaults(run=commands.selftest)
     return top
 

@@ -13,6 +13,7 @@ from splatbus_conformance import rules
 from splatbus_conformance.checks import client as client_checks
 from splatbus_conformance.coverage import check_functions, judges
 from splatbus_conformance.selftest import command, matrix, trials
+from splatbus_conformance.selftest.seeds import differences
 from splatbus_conformance.selftest.specimen import RULE, SIDES, Mutant
 from splatbus_conformance.selftest.trials import Cell, Fate, Row, fate_of
 from splatbus_conformance.selftest.zoo import mutants, variations
@@ -126,7 +127,7 @@ def out():
 def run_selftest(monkeypatch, out, rows, only="", path=None):
     trials_ = {row.name: lambda row=row: row for row in rows}
     monkeypatch.setattr(command, "every_trial", lambda: iter(trials_.items()))
-    return command.selftest(argparse.Namespace(only=only, json=path), out)
+    return command.selftest(argparse.Namespace(only=only, json=path, seeds=0), out)
 
 
 def row(name, fate, kind="mutant"):
@@ -180,3 +181,12 @@ def test_a_mutant_that_no_check_looks_at_survives():
         unseen.name, unseen.does, unseen.alter, "FRM-3", "check_bad_length_closes_ipc", "x", "FRM-3"
     )
     assert trials.judge_mutant(elsewhere).fate is Fate.SURVIVED
+
+
+def test_seeds_that_disagree_are_told_apart():
+    found = [{"FRM-3 check_it": "pass"}, {"FRM-3 check_it": "skip", "FRM-4 rule": "pass"}]
+    assert differences(found) == [
+        "FRM-3 check_it: pass 1 times, skip 1 times",
+        "FRM-4 rule: absent 1 times, pass 1 times",
+    ]
+    assert differences([found[0]] * 3) == []

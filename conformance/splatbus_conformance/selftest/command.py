@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from splatbus_conformance.selftest import harnesses, matrix, trials
+from splatbus_conformance.selftest.seeds import judge_seeds
 from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
 from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
@@ -21,6 +22,8 @@ Trial = Callable[[], Row]
 
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the reference pair, the variations and the mutants; 1 unless all is as it must be."""
+    if arguments.seeds:
+        return judge_seeds(arguments.seeds, out)
     wanted = [name for name in arguments.only.split(",") if name]
     trials_ = dict(every_trial())
     if unknown := [name for name in wanted if name not in trials_]:

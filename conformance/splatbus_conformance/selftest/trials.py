@@ -174,7 +174,7 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str, side: Side, select: str, seconds: float, axes: str = ""
+    name: str, side: Side, select: str, seconds: float, axes: str = "", seed: int = 0
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -189,7 +189,7 @@ def run_harness(
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
-        line += ["--shrink", "0", "--scripts", folder]
+        line += ["--shrink", "0", "--scripts", folder, "--seed", str(seed)]
         status, output = harnesses.run(line, seconds)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()
