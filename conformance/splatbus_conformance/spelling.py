@@ -4,6 +4,7 @@ Each choice is taken from a `Random`, of which Hypothesis draws the seed: a text
 choices, and drawn one by one they would take longer than the testee that reads it.
 """
 
+import itertools
 import json
 from collections.abc import Container
 from decimal import Decimal
@@ -26,6 +27,13 @@ SHORT_ESCAPES = {
 LIBERTIES = ("order of members", "white space", "escapes", "digits and exponents")
 """What a spelling is free in; each can be left as `json.dumps` has it."""
 ORDER, SPACE, ESCAPES, DIGITS = LIBERTIES
+SPACES = " \t\n\r"
+GAPS: tuple[str, ...] = (
+    *("",) * 128,
+    *SPACES * 16,
+    *("".join(each) for each in itertools.product(SPACES, repeat=3)),
+)
+"""Half of them nothing, a quarter one, a quarter three: a table, since a text has hundreds."""
 LONGEST_PLAIN = 40
 """Digits on either side of the point beyond which a number is written with an exponent."""
 
@@ -68,7 +76,7 @@ def _token(value: Any, random: Random, liberties: Container[str]) -> str:
 
 
 def _gap(random: Random) -> str:
-    return "".join(random.choice(" \t\n\r") for _ in range(random.choice((0, 0, 1, 3))))
+    return random.choice(GAPS)
 
 
 def _text(value: str, random: Random, liberties: Container[str]) -> str:
@@ -76,14 +84,19 @@ def _text(value: str, random: Random, liberties: Container[str]) -> str:
 
 
 def _string(value: str, random: Random) -> str:
-    return '"' + "".join(_character(character, random) for character in value) + '"'
+    dice = random.getrandbits(2 * len(value) + 1)
+    written = (
+        each if dice >> 2 * place & 3 and _may_be_bare(each) else _escaped(each, random)
+        for place, each in enumerate(value)
+    )
+    return '"' + "".join(written) + '"'
 
 
-def _character(character: str, random: Random) -> str:
-    code = ord(character)
-    bare = code >= 0x20 and character not in '"\\' and not 0xD800 <= code <= 0xDFFF
-    if bare and random.random() < 0.75:
-        return character
+def _may_be_bare(character: str) -> bool:
+    return character >= " " and character not in '"\\' and not "\ud800" <= character <= "\udfff"
+
+
+def _escaped(character: str, random: Random) -> str:
     if character in SHORT_ESCAPES and random.random() < 0.5:
         return SHORT_ESCAPES[character]
     units = character.encode("utf-16-be", "surrogatepass")

@@ -58,7 +58,7 @@ def check_any_segmentation(trial: ClientTrial) -> None:
     dealings = trial.role.with_(connection)
     every_byte = list(range(1, 700))
     some = st.lists(st.integers(1, 700), max_size=6)
-    for cuts in trial.each([every_byte], some, quick=20, full=300, simpler=without_one):
+    for cuts in trial.each([every_byte], some, quick=20, full=1000, simpler=without_one):
         if "reinit" not in trial.facts.capabilities() and dealings.generation:
             connection = trial.greeted("ipc")
             dealings = trial.role.with_(connection)
