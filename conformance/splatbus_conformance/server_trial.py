@@ -245,12 +245,14 @@ class ServerTrial(Trial):
 
     def move(self, pose: Json | None = None) -> Json:
         """Pose the camera, from the first connection of this trial to pose (POS-11): where it has
-        not been lately, unless it is told where. Returns the pose.
+        not been lately, unless it is told where. The scene is put where it was at first (POS-13).
+        Returns the pose.
         """
         if self._mover is None or self._mover.ended or not self._mover.open:
             self._mover = self.dial("msg")
             if self.viewer.token is not None:
                 self.viewer.greet(self._mover)
+            self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
         if pose is None:
             row, column = divmod(next(_places), 64)
             pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
