@@ -97,7 +97,7 @@ def check_ignores_generations_that_it_did_not_announce(trial: ServerTrial) -> No
     """`opened`, `open_failed` and `closed` of other generations, with and without memory."""
     answers = st.sampled_from(("opened", "open_failed", "closed"))
     drawn = st.tuples(answers, st.integers(1, SAFE), st.booleans())
-    for kind, generation, reads in trial.each(drawn=drawn, quick=12, full=600):
+    for kind, generation, reads in trial.each(drawn=drawn, quick=12, full=300):
         connection = trial.ready("ipc") if reads else trial.ready("ipc", capabilities=[])
         memory = trial.viewer.with_(connection).memory
         if memory is not None and memory.generation == generation:

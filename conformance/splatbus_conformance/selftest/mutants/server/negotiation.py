@@ -203,11 +203,13 @@ def announces_cuda_memory(patch: pytest.MonkeyPatch, **changes: Any) -> list[Mem
 
 
 def at_once(patch: pytest.MonkeyPatch, made: list[Memory], *, version: bool = True) -> None:
-    """Send the init packet as soon as there is a connection, and nothing about it later."""
+    """Send the init packet as soon as there is a connection, and nothing about it later; nothing at
+    all where a token is required (NEG-18).
+    """
 
     def connect(original: Any, self: Connection, channel: str, terms: Any, now: float) -> None:
         original(self, channel, terms, now)
-        if channel == "ipc":
+        if channel == "ipc" and terms.token is None:
             packet = made[-1].init_packet
             if not version:
                 packet = packet._replace(version=None, generation=None, memory=None, ring=None)

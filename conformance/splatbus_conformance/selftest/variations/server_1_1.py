@@ -1,0 +1,152 @@
+"""Allowed variations: servers that negotiate, announce and lend in unusual ways, and conform."""
+
+import os
+from functools import partial
+from typing import Any
+
+import pytest
+from splatbus_server import api, memory, ring, shared_memory
+from splatbus_server.connection import Connection
+from splatbus_server.exchange import BOTH, Exchange
+from splatbus_server.memory import Memory
+from splatbus_server.session import Session
+from splatbus_wire.init_packet import Ring as Layout
+
+from splatbus_conformance.selftest.mutants.server.negotiation import (
+    announces_cuda_memory,
+    at_once,
+)
+from splatbus_conformance.selftest.specimen import variation
+from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
+
+NEEDLESS = (
+    *("malformed_packet", "packet_too_large", "malformed_json", "not_an_object"),
+    *("unknown_type", "busy"),
+)
+
+
+def has(patch: pytest.MonkeyPatch, *capabilities: str) -> None:
+    """Have these capabilities and no others."""
+    patch.setattr(api, "CAPABILITIES", capabilities)
+
+
+@variation()
+def server_has_no_capability(patch: pytest.MonkeyPatch) -> None:
+    """Says hello back, and has no images for anybody."""
+    has(patch)
+
+
+@variation()
+def server_speaks_1_1_alone(patch: pytest.MonkeyPatch) -> None:
+    """Refuses clients that say hello for 1.0."""
+    patch.setattr("splatbus_server.connection.VERSIONS", ("1.1",))
+
+
+@variation()
+def server_announces_cuda_memory(patch: pytest.MonkeyPatch) -> None:
+    """Has its images in memory of a device, and says so to everybody at once."""
+    at_once(patch, announces_cuda_memory(patch))
+
+
+@variation()
+def server_reports_nothing_that_it_need_not(patch: pytest.MonkeyPatch) -> None:
+    """Ignores what is broken without a word, but for requests."""
+
+    def send_error(
+        original: Any, self: Connection, code: str, text: str, pointer: Any = None, id: Any = None
+    ) -> None:
+        if code not in NEEDLESS:
+            original(self, code, text, pointer, id)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@variation()
+def server_reports_little(patch: pytest.MonkeyPatch) -> None:
+    """Writes errors without text, pointer or explanation."""
+
+    def bare(error: Json) -> Json:
+        kept = ("type", "code", "id", "supported")
+        return {name: error[name] for name in kept if name in error} | {"message": ""}
+
+    messages(patch, of_type("error", bare))
+
+
+@variation()
+def server_grants_in_another_order(patch: pytest.MonkeyPatch) -> None:
+    """Lists capabilities backwards, and says more of itself in welcome than anybody asks."""
+
+    def change(welcome: Json) -> Json:
+        server = {"name": "", "version": "\U0001f642" * 64, "licence": None}
+        granted = list(reversed(welcome["capabilities"]))
+        return welcome | {"capabilities": granted, "server": server, "motto": ["we", {}]}
+
+    messages(patch, of_type("welcome", change))
+
+
+@variation()
+def server_counts_otherwise(patch: pytest.MonkeyPatch) -> None:
+    """Begins with a large generation, and leaves numbers of images out."""
+    generation = 2**53 - 2
+
+    def init(original: Any, self: Memory, *arguments: Any, **named: Any) -> None:
+        original(self, *arguments, **named)
+        self.generation = generation
+        self.init_packet = self.init_packet._replace(generation=generation)
+
+    def publish(original: Any, self: ring.Ring, slot: int) -> int:
+        self._last_seq += 1000
+        number: int = original(self, slot)
+        return number
+
+    wrap(patch, Memory, "__init__", init)
+    wrap(patch, ring.Ring, "publish", publish)
+
+
+@variation()
+def server_alternates_colour_and_depth(patch: pytest.MonkeyPatch) -> None:
+    """Puts the depth of each slot behind its colour."""
+
+    def host_ring(original: Any, width: int, height: int, slots: int) -> tuple[Layout, int]:
+        usual, _ = original(width, height, slots)
+        stride = usual.color_stride + usual.depth_stride
+        return Layout(slots, 0, stride, usual.color_stride, stride), slots * stride
+
+    wrap(patch, memory, "host_ring", host_ring)
+
+
+@variation()
+def server_has_one_name_for_its_memory(patch: pytest.MonkeyPatch) -> None:
+    """Removes what has the name of its memory, then makes it; others do the same on their ports."""
+
+    def create(original: Any, size: int) -> Any:
+        patch.setattr("splatbus_server.shared_memory.secrets.token_hex", lambda count: name)
+        (shared_memory.DIRECTORY / f"splatbus-own-{name}").unlink(missing_ok=True)
+        return original(size, "splatbus-own-")
+
+    name = os.environ.get("SPLATBUS_IPC_PORT", "0")
+    wrap(patch, shared_memory, "create", create)
+
+
+@variation()
+def server_lends_to_many_readers(patch: pytest.MonkeyPatch) -> None:
+    """Has slots for more readers than it takes connections."""
+    patch.setattr("splatbus_server.cli.serve", partial(api.serve, readers=20))
+
+
+@variation()
+def server_republishes_for_each_reader(patch: pytest.MonkeyPatch) -> None:
+    """Renders anew whenever somebody opens the ring or subscribes."""
+
+    def again(original: Any, self: Session, *arguments: Any) -> Any:
+        self._exchange._shown = None
+        return original(self, *arguments)
+
+    wrap(patch, Session, "_subscribe", again)
+    wrap(patch, Session, "_answered", again)
+
+
+@variation(warns=("IMG-21",))
+def server_writes_colour_and_depth_always(patch: pytest.MonkeyPatch) -> None:
+    """Writes both, whatever readers want."""
+    wrap(patch, Exchange, "want", lambda original, self, c, m: original(self, c and BOTH, m))
