@@ -55,12 +55,12 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
         adapter=adapter,
         parallel=arguments.parallel,
         record=arguments.record,
-        stand_in_cuda=side == "client" and arguments.stand_in_cuda,
+        stand_in_cuda=arguments.stand_in_cuda,
     )
     if plan.stand_in_cuda and not starts_it:
         raise Usage(
-            "--stand-in-cuda changes where the client finds libcudart, which the harness can do "
-            "only for what it starts: use --launch or --adapter"
+            "--stand-in-cuda changes where the testee finds libcudart, which the harness can do "
+            "only for what it starts: use --launch" + (" or --adapter" if side == "client" else "")
         )
     if plan.parallel > 1 and not (starts_it and plan.ports == (0, 0)):
         raise Usage(

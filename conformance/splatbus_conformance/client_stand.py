@@ -7,15 +7,13 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.adapter import Adapted
 from splatbus_conformance.client_introduction import ClientFacts, introduce
 from splatbus_conformance.client_trial import ClientTrial
-from splatbus_conformance.device_introduction import why_unseen
+from splatbus_conformance.device_introduction import stand_in_for, why_unseen
 from splatbus_conformance.host_memory import HostMemory, sweep
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan, Usage
 from splatbus_conformance.role import Role
 from splatbus_conformance.smoke import smoke
-from splatbus_conformance.stand_in.building import NotAvailable
-from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Awaited, Launched, Testee
 
 SLOTS = 3
@@ -26,7 +24,7 @@ class ClientStand:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.stand_in = _stand_in() if plan.stand_in_cuda else None
+        self.stand_in = stand_in_for(plan)
         self.peer = _listening(plan)
         environment = {
             "SPLATBUS_HOST": plan.host,
@@ -82,13 +80,6 @@ class ClientStand:
 
     def _role(self) -> Role:
         return Role(self._memory, *self.plan.viewport, SLOTS)
-
-
-def _stand_in() -> StandIn:
-    try:
-        return StandIn()
-    except NotAvailable as error:
-        raise Usage(str(error)) from None
 
 
 def _listening(plan: Plan) -> Peer:

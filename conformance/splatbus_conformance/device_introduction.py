@@ -1,11 +1,36 @@
-"""The first meeting with a client over device memory: does it come to the stand-in at all?"""
+"""The first meeting over device memory: does the testee come to the stand-in at all?"""
 
+from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
+from splatbus_conformance.plan import Plan, Usage
 from splatbus_conformance.role import Role
+from splatbus_conformance.stand_in.building import NotAvailable
 from splatbus_conformance.stand_in.image import DeviceImage
 from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, SETTLE_SECONDS
+
+NOT_LOADED = (
+    "the testee did not load the stand-in CUDA runtime: it was started without the harness, is "
+    "linked with another one, or uses the driver (conformance/STAND_IN_CUDA.md)"
+)
+
+
+def stand_in_for(plan: Plan) -> StandIn | None:
+    """The stand-in, if it is asked for. Raises Usage where it cannot be had."""
+    try:
+        return StandIn() if plan.stand_in_cuda else None
+    except NotAvailable as error:
+        raise Usage(str(error)) from None
+
+
+def why_server_unseen(announced: Json | None, stand_in: StandIn) -> str | None:
+    """Why nothing can be seen of what a server does with device memory, after it was met."""
+    if not stand_in.calls():
+        return NOT_LOADED
+    if announced is None or "mem_color" not in announced:
+        return "the testee loads the stand-in CUDA runtime, but announced no CUDA memory"
+    return None
 
 
 def why_unseen(peer: Peer, role: Role, testee: Testee, stand_in: StandIn) -> str | None:
@@ -25,7 +50,4 @@ def why_unseen(peer: Peer, role: Role, testee: Testee, stand_in: StandIn) -> str
         return None
     if stand_in.calls():
         return "the testee loads the stand-in CUDA runtime, but did not open good device memory"
-    return (
-        "the testee did not load the stand-in CUDA runtime: it was started without the harness, is "
-        "linked with another one, or uses the driver (conformance/STAND_IN_CUDA.md)"
-    )
+    return NOT_LOADED

@@ -77,9 +77,11 @@ class Opened:
 
     def _copy(self, offset: int, numbers: int) -> Pixels:
         width, height = self.layout.width, self.layout.height
-        bytes_ = 4 * numbers * width * height
-        flat = np.frombuffer(self._view[offset : offset + bytes_], np.dtype("<f4"))
+        flat = np.frombuffer(self._read(offset, 4 * numbers * width * height), np.dtype("<f4"))
         return flat.reshape(height, width, numbers)[::-1]
+
+    def _read(self, offset: int, size: int) -> bytes:
+        return self._view[offset : offset + size]
 
 
 def open_memory(init_packet: Json) -> Opened:

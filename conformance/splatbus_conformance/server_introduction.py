@@ -15,6 +15,8 @@ from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
 FRAME_SECONDS = 5.0
+WHOLE_SECONDS = 0.1
+"""Time for the first image to be whole, should it not be when its frame comes (IMG-6)."""
 MOST_CAMERAS = 64
 
 
@@ -41,6 +43,9 @@ class ServerFacts:
     """It requires a token that it was not given."""
     size: tuple[int, int] = (0, 0)
 
+    device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
+    """Why nothing is seen of what it does with device memory, or None."""
+
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""
         return "1.1" if any(self.welcome.values()) or self.unauthorized else "1.0"
@@ -55,6 +60,8 @@ class ServerFacts:
         kind, _, of = need.partition(":")
         if kind == "1.1":
             return None if self.version() == "1.1" else "the server speaks 1.0 only"
+        if kind == "stand-in":
+            return self.device_unseen
         if kind == "capability":
             known, why = of in self.capabilities(), f"does not grant the capability {of}"
         elif kind == "opens":
@@ -105,6 +112,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         if channel == "ipc" and dealings.welcome:
             dealings.holds = True
             peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
+            peer.pump(WHOLE_SECONDS)
             facts.first = _first(dealings)
             facts.scene_known = facts.first is not None and shows_the_scene(facts.first)
             facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)

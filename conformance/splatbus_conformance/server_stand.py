@@ -5,6 +5,7 @@ import socket
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.device_introduction import stand_in_for, why_server_unseen
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_introduction import ServerFacts, introduce
@@ -21,12 +22,14 @@ class ServerStand:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self.stand_in = stand_in_for(plan)
         ports = [port or _free_port(plan.host) for port in plan.ports]
         self.peer = Peer(plan.host, dict(zip(CHANNELS, ports, strict=True)), plays="client")
         environment = {
             "SPLATBUS_HOST": plan.host,
             "SPLATBUS_IPC_PORT": str(ports[0]),
             "SPLATBUS_MSG_PORT": str(ports[1]),
+            **(self.stand_in.environment() if self.stand_in else {}),
         }
         self.testee = (
             Launched(plan.launch, environment)
@@ -34,12 +37,15 @@ class ServerStand:
             else Awaited(f"the server at {plan.host}")
         )
         self.facts = ServerFacts()
+        self._device = self.stand_in.device if self.stand_in else None
         self._token = os.environ.get(TOKEN_VARIABLE) or None
-        self._viewer = Viewer(self._token)
+        self._viewer = Viewer(self._token, self._device)
 
     def introduce(self) -> None:
         """Meet the server for the first time. Raises NoVerdict."""
         self.facts = introduce(self.peer, self._new_viewer(), self.testee, self.plan.patience)
+        if self.stand_in:
+            self.facts.device_unseen = why_server_unseen(self.facts.init_packet, self.stand_in)
 
     def trial(self, requirement: Requirement) -> ServerTrial:
         """A trial with fresh connections and a fresh viewer."""
@@ -50,6 +56,7 @@ class ServerStand:
             self.testee,
             self.facts,
             self.plan.patience,
+            self.stand_in,
         )
 
     def close(self) -> None:
@@ -57,10 +64,12 @@ class ServerStand:
         self._viewer.close()
         self.testee.close()
         self.peer.close()
+        if self.stand_in:
+            self.stand_in.close()
 
     def _new_viewer(self) -> Viewer:
         self._viewer.close()
-        self._viewer = Viewer(self._token)
+        self._viewer = Viewer(self._token, self._device)
         return self._viewer
 
 

@@ -16,6 +16,7 @@ from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.processes import owner
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import ServerFacts, reach
+from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Ended, Launched, Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
 from splatbus_conformance.values import numbers
@@ -50,10 +51,12 @@ class ServerTrial(Trial):
         testee: Testee,
         facts: ServerFacts,
         patience: float,
+        stand_in: StandIn | None = None,
     ) -> None:
         super().__init__(requirement, peer, testee, patience)
         self.viewer = viewer
         self.facts = facts
+        self.stand_in = stand_in
         peer.on_open = viewer.on_open
         peer.on_packet = viewer.on_packet
         self._mover: Connection | None = None
@@ -97,7 +100,7 @@ class ServerTrial(Trial):
         """A new connection that was given `welcome`, with memory open if the server gives any."""
         connection = self.greeted(channel, **changes)
         dealings = self.viewer.with_(connection)
-        if self.facts.opens and "host_shm" in dealings.granted:
+        if self.facts.opens and {"host_shm", "cuda_ipc"} & set(dealings.granted):
             self.wait(lambda: dealings.memory or dealings.refusal or connection.ended)
         return connection
 

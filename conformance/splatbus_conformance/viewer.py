@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from splatbus_conformance import messages
+from splatbus_conformance.device_reading import open_on_device
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.memory_reading import CannotOpen, Opened, open_memory
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.stand_in.device import Device
 from splatbus_conformance.values import whole
 
 
@@ -49,9 +51,13 @@ class Viewer:
     A check sets the switches before it connects, to leave out what it does itself.
     """
 
-    def __init__(self, token: str | None = None) -> None:
+    def __init__(self, token: str | None = None, device: Device | None = None) -> None:
         self.token = token
+        self.device = device
+        """Where CUDA memory can be read, if anywhere."""
         self.capabilities = {"ipc": ["host_shm", "frames", "reinit", "subscribe"], "msg": []}
+        if device is not None:
+            self.capabilities["ipc"] = ["cuda_ipc", *self.capabilities["ipc"]]
         self.opens = True
         """Opens the memory that is announced, and says so."""
         self.releases = True
@@ -99,7 +105,7 @@ class Viewer:
         dealings = self.with_(connection)
         former, generation = dealings.memory, init_packet.get("generation")
         try:
-            dealings.memory = open_memory(init_packet)
+            dealings.memory = self._opened(init_packet)
         except CannotOpen as error:
             dealings.memory, dealings.refusal = None, str(error)
             failed = {"type": "open_failed", "generation": generation, "reason": str(error)}
@@ -109,6 +115,12 @@ class Viewer:
         if former is not None:
             former.close()
             self.say(connection, {"type": "closed", "generation": former.generation})
+
+    def _opened(self, init_packet: Json) -> Opened:
+        memory = init_packet.get("memory")
+        if self.device and isinstance(memory, dict) and memory.get("kind") == "cuda_ipc":
+            return open_on_device(init_packet, self.device)
+        return open_memory(init_packet)
 
     def release(self, connection: Connection, frame: Json) -> None:
         """Give a frame back."""

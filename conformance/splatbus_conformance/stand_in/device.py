@@ -11,6 +11,7 @@ import shutil
 import struct
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 PARENT = Path("/dev/shm")
 PREFIX = "splatbus-device-"
@@ -20,6 +21,22 @@ HANDLE = re.compile(rb"splatbus-stand-in (memory|event) (\d{10}) ([0-9a-f]{16})\
 HANDLE_BYTES = 64
 PROGRESS = struct.Struct("=QQ")
 """Of an event: count of its records, and the last of them that is complete."""
+
+
+class Named(NamedTuple):
+    """What a handle says."""
+
+    kind: str
+    """`memory` or `event`."""
+    process: int
+    """Who exported it."""
+    name: str
+
+
+def named_by(handle: bytes) -> Named | None:
+    """What a handle says; None if it is none of the stand-in."""
+    parts = HANDLE.fullmatch(handle) if len(handle) == HANDLE_BYTES else None
+    return Named(parts[1].decode(), int(parts[2]), parts[3].decode()) if parts else None
 
 
 class Shared:
@@ -107,11 +124,11 @@ class Device:
 
     def read(self, handle: bytes, offset: int, size: int) -> bytes:
         """Bytes of the memory that this handle names, whoever exported it; ValueError if none."""
-        named = HANDLE.fullmatch(handle)
-        if len(handle) != HANDLE_BYTES or not named or named[1] != b"memory":
+        named = named_by(handle)
+        if named is None or named.kind != "memory":
             raise ValueError("no handle of memory of the stand-in CUDA runtime")
         try:
-            with (self.folder / f"memory-{named[3].decode()}").open("rb") as file:
+            with (self.folder / f"memory-{named.name}").open("rb") as file:
                 file.seek(offset)
                 data = file.read(size)
         except FileNotFoundError:

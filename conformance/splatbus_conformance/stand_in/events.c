@@ -86,6 +86,7 @@ static int await(struct object *event) {
 }
 
 static int record(struct object *event) {
+    usleep(getenv("SPLATBUS_STAND_IN_SLOW") ? 5000 : 0); /* parts what is done before from after */
     uint64_t count = __atomic_add_fetch(&progress_of(event)->recorded, 1, __ATOMIC_ACQ_REL);
     __atomic_store_n(&progress_of(event)->completed, count, __ATOMIC_RELEASE);
     event->at = now();
