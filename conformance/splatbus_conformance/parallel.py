@@ -87,7 +87,8 @@ class Worker:
                 f"cannot start the testee: {error}" if isinstance(error, OSError) else str(error)
             )
             pytest.exit("the testee was not met")
-        order = partial(dealt, workers=self.workers)
+        profile = "quick" if self.plan.profile == "quick" else "full"
+        order = partial(dealt, workers=self.workers, profile=profile)
         self.config.pluginmanager.register(CheckPlugin(self.plan, self.stand, order))
 
     def pytest_sessionfinish(self) -> None:
@@ -104,9 +105,12 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(worker)
 
 
-def dealt(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
-    """The order in which workers are dealt checks: long ones first, those that may crash last."""
-    durations: dict[str, float] = read_json("durations.json")
+def dealt(items: list[pytest.Item], workers: int, profile: str) -> list[pytest.Item]:
+    """The order in which workers are dealt checks: long ones first, those that may crash last.
+
+    How long a check took once on the reference client is an estimate, and decides nothing else.
+    """
+    durations: dict[str, float] = read_json("durations.json")[profile]
     ordered = sorted(
         items,
         key=lambda it: (declared(it).may_crash, -durations.get(it.name, USUAL_SECONDS)),

@@ -150,7 +150,7 @@ def check_takes_any_spelling_on_ipc(trial: ClientTrial) -> None:
 )
 def check_takes_any_spelling_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
-    judge_writers_on_msg(trial, map(odd_spelling, spellings(trial, quick=6, full=60)))
+    judge_writers_on_msg(trial, map(odd_spelling, spellings(trial, quick=6, full=30)))
 
 
 @check(
@@ -173,7 +173,7 @@ def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
 )
 def check_ignores_unknown_members_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
-    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=3, full=60)
+    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=3, full=30)
     judge_writers_on_msg(trial, map(unknown_members, seeds))
 
 

@@ -86,7 +86,9 @@ def takes_integers_without_a_fraction_only(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant(
-    "JSN-6", check="check_takes_any_spelling_on_the_message_channel", reason="welcome and replies"
+    "JSN-6",
+    check="check_takes_any_spelling_on_the_message_channel",
+    reason="messages on the message channel",
 )
 def crashes_on_white_space_in_a_reply(patch: pytest.MonkeyPatch) -> None:
     """Crashes on a reply with white space before the first brace."""
@@ -127,7 +129,7 @@ def finds_members_at_any_level(patch: pytest.MonkeyPatch) -> None:
 @mutant(
     "JSN-7",
     check="check_ignores_unknown_members_on_the_message_channel",
-    reason="welcome and replies",
+    reason="messages on the message channel",
 )
 def crashes_on_unknown_members_of_a_reply(patch: pytest.MonkeyPatch) -> None:
     """Crashes on a reply with a member that it does not know."""
