@@ -14,7 +14,7 @@ AGAIN_SECONDS = 0.5
 MISTAKEN_SECONDS = 1.0
 """How long a frame with the right camera may take to follow one that could be a mistaken one."""
 ASIDE = 0.01
-"""How far a camera is moved aside, so that an image from where it was can be told to be new."""
+"""How far something is moved aside, so that an image from where it was can be told to be new."""
 AT_REST = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
@@ -34,19 +34,20 @@ class Photographer:
     def take(self, camera: Pose, scene: Pose = AT_REST, *, insists: bool = True) -> Photograph:
         """What the server shows for a camera, with the Gaussians as `scene` says.
 
-        The poses are sent again while no such image comes, unless it `insists` no more.
+        While no such image comes, both poses are sent again, as viewers do; or, if it does not
+        insist, the Gaussians are moved a little, so that an image is due.
 
         Where no frame names that camera, it is the last one that came; skips the check if there is
         none.
         """
         if self._last and named(self._last.camera.pose, camera) is AS_SPECIFIED:
-            x, y, z = camera.position
-            self.take(Pose((x + ASIDE * max(1.0, abs(x)), y, z), camera.rotation), scene)
+            self.take(aside(camera), scene)
         last, sent, until = None, -1.0, time.monotonic() + EFFECT_SECONDS
         while time.monotonic() < until and not (self.reader.ended or self.trial.fate()):
-            if sent < 0 or (insists and time.monotonic() - sent >= AGAIN_SECONDS):
-                self.trial.move(camera_pose(*scene, kind="point_cloud_pose"))
-                self.go(camera)
+            if sent < 0 or time.monotonic() - sent >= AGAIN_SECONDS:
+                self._place(scene if insists or sent < 0 else aside(scene))
+                if insists or sent < 0:
+                    self.go(camera)
                 sent = time.monotonic()
             self.trial.wait(self._came, AGAIN_SECONDS)
             for last in self.new():
@@ -103,6 +104,9 @@ class Photographer:
             self.trial.viewer.release(self.reader, frame)
         return found
 
+    def _place(self, scene: Pose) -> None:
+        self.trial.move(camera_pose(*scene, kind="point_cloud_pose"))
+
     def _came(self) -> bool:
         return len(self.dealings.frames) > self._seen
 
@@ -110,3 +114,9 @@ class Photographer:
         if self.dealings.memory is None or not self.dealings.init_packets:
             return None
         return photograph_of(frame, self.dealings.memory, self.dealings.init_packets[-1])
+
+
+def aside(pose: Pose) -> Pose:
+    """A pose next to another one."""
+    x, y, z = pose.position
+    return Pose((x + ASIDE * max(1.0, abs(x)), y, z), pose.rotation)

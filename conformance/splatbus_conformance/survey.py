@@ -53,8 +53,8 @@ class Taken(NamedTuple):
 
 def moves(first: Photograph, scale: float = 1.0) -> list[Pose]:
     """Poses around a first view from which most of it is still seen; `scale` makes more of them."""
-    depth = first.planar()
-    step = scale * STEP * float(np.median(depth[first.covered()]))
+    depths = first.planar()[first.covered()]
+    step = scale * STEP * (float(np.median(depths)) if depths.size else 1.0)
     camera = first.camera
     narrow = min(camera.width / camera.fx, camera.height / camera.fy)
     turn = TURN * 2.0 * math.atan(narrow / 2.0)
@@ -75,12 +75,12 @@ def anywhere(first: Photograph, rng: random.Random) -> Pose:
     return Pose(place, turned_about(near.rotation, nudge, 0.05))
 
 
-def first_view(trial: ServerTrial) -> Photograph:
-    """The image that the server showed at first; skips the check if it shows next to nothing."""
+def first_view(trial: ServerTrial, least: float = LEAST_COVERED) -> Photograph:
+    """The image that the server showed at first; skips the check if it shows less than this."""
     first = trial.facts.first
     if first is None:
         trial.not_observable("the server showed no image")
-    if first.covered().mean() < LEAST_COVERED:
+    if first.covered().mean() < least:
         trial.not_observable("in the server's first image next to nothing is seen")
     return first
 

@@ -146,7 +146,7 @@ def _sentinel(image: Photograph, clear: Mask) -> float | None:
 )
 def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
     """An image is held while the camera moves on and the ring goes round, more than once."""
-    first, rng = first_view(trial), random.Random(trial.seed)
+    first, rng = first_view(trial, 0.0), random.Random(trial.seed)
     photographer = Photographer(trial)
     steps = ROUNDS * photographer.slots
     for _ in trial.each(range(100 if trial.thorough else 3)):
@@ -173,7 +173,7 @@ def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
 @check("IMG-6", observable="the bytes of an image when its frame comes, and later", needs=PIXELS)
 def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
     """An image is read the moment that its frame comes, and again while the camera rests."""
-    first, rng = first_view(trial), random.Random(trial.seed)
+    first, rng = first_view(trial, 0.0), random.Random(trial.seed)
     photographer = Photographer(trial)
     for _ in trial.each(range(500 if trial.thorough else 12)):
         photographer.go(anywhere(first, rng))

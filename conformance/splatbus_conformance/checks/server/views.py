@@ -80,7 +80,7 @@ def check_images_are_of_the_camera_that_is_named(trial: ServerTrial) -> None:
 @check("POS-7", observable="the camera that frames name after many poses at once", needs=PIXELS)
 def check_the_newest_camera_is_shown(trial: ServerTrial) -> None:
     """Several poses at once, of which the last has to be shown; far ones, too."""
-    first, rng = first_view(trial), random.Random(trial.seed)
+    first, rng = first_view(trial, 0.0), random.Random(trial.seed)
     photographer = Photographer(trial)
     photographer.take(_near(rng, first.pose))
     for _ in trial.each(range(500 if trial.thorough else 25)):
