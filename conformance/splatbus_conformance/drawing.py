@@ -4,12 +4,32 @@ A live testee remembers, so a case is not independent of the one before it: Hypo
 and the check delivers the cases one after the other. The same seed draws the same cases.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TypeVar
+from unittest import mock
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.internal.conjecture import providers
 from hypothesis.strategies import SearchStrategy
 
 T = TypeVar("T")
+
+
+@contextmanager
+def seeds_meaning_the_same() -> Iterator[None]:
+    """While this lasts, what Hypothesis draws hangs on the seed alone.
+
+    It would else mix in constants that it finds in modules of the project in which it runs, which
+    are others from one installation to the next, and keep them in a folder where the user works.
+    It has no setting for that.
+    """
+    nothing = type(providers.GLOBAL_CONSTANTS)()
+    with (
+        mock.patch.object(providers, "_get_local_constants", return_value=nothing),
+        mock.patch.object(providers, "CONSTANTS_CACHE", type(providers.CONSTANTS_CACHE)(1024)),
+    ):
+        yield
 
 
 def draw(strategy: SearchStrategy[T], count: int, seed_number: int) -> list[T]:
@@ -28,5 +48,6 @@ def draw(strategy: SearchStrategy[T], count: int, seed_number: int) -> list[T]:
     def collect(case: T) -> None:
         cases.append(case)
 
-    collect()
+    with seeds_meaning_the_same():
+        collect()
     return cases

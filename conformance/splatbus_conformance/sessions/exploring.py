@@ -21,6 +21,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
+from splatbus_conformance.drawing import seeds_meaning_the_same
 from splatbus_conformance.script import Case
 from splatbus_conformance.sessions import Found, Part, Session, Step
 from splatbus_conformance.shrinking import smallest, without_one
@@ -123,7 +124,7 @@ class _Search:
             suppress_health_check=list(HealthCheck),
             verbosity=Verbosity.quiet,
         )
-        with contextlib.suppress(Found, Flaky, _OutOfTime):
+        with seeds_meaning_the_same(), contextlib.suppress(Found, Flaky, _OutOfTime):
             run_state_machine_as_test(self._machine(kinds), settings=chosen)
         if self._found:
             self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.profile]
