@@ -15,6 +15,8 @@ LEAST_POINTS = 200
 OUTLIER = 6.0
 """Points that are off by so many times the median are left out: they lie on something else."""
 ROUNDS = 4
+WORST_CONDITION = 1e10
+"""Of the normal equations: beyond it, too few directions of surfaces are seen."""
 
 
 class Registration(NamedTuple):
@@ -61,12 +63,14 @@ def register(camera: Camera, depth: Reals, exact: Exact, scene: Rigid) -> Regist
     )
     kept = np.full(len(points), True)
     for _ in range(ROUNDS):
-        found, _, rank, _ = np.linalg.lstsq(unknowns[kept], -distance[kept], rcond=None)
+        some = unknowns[kept]
+        square = some.T @ some
+        if kept.sum() < LEAST_POINTS or np.linalg.cond(square) > WORST_CONDITION:
+            return None
+        found = np.linalg.solve(square, -some.T @ distance[kept])
         left = np.abs(unknowns @ found + distance)
         kept = left <= OUTLIER * max(float(np.median(left)), 1e-12)
-        if rank < 12 or kept.sum() < LEAST_POINTS:
-            return None
-    covariance = np.linalg.inv(unknowns[kept].T @ unknowns[kept]) * float(np.mean(left[kept] ** 2))
+    covariance = np.linalg.inv(square) * float(np.mean(left[kept] ** 2))
     return Registration(
         scene.rotation @ (turn + found[:9].reshape(3, 3)),
         camera.pose.position + scene.rotation @ found[9:],

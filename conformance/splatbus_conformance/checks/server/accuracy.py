@@ -28,6 +28,8 @@ SINGLE = 2.0**-23
 """One unit in the last place of single precision, relative."""
 RENDERER = 4.0
 """Such units that a renderer may lose by its own arithmetic in single precision."""
+SMALL, FEWEST = 12_000, 3
+"""Pixels of an image up to which there are as many cases as wanted; the fewest for larger ones."""
 WHOLE = 0.99
 """The share of the certain pixels that have to be right."""
 
@@ -44,7 +46,8 @@ class Shown(NamedTuple):
 def shown(trial: ServerTrial, farthest: float, quick: int, full: int) -> Iterator[Shown]:
     """Cameras and scenes up to so far from the origin, and the image that came of each."""
     photographer = Photographer(trial)
-    drawn = stages(trial.requirement.id, farthest)
+    drawn, (width, height) = stages(trial.requirement.id, farthest), trial.facts.size
+    quick = max(FEWEST, min(quick, quick * SMALL // (width * height)))
     for camera, scene_ in trial.each(drawn=drawn, quick=quick, full=full):
         stage = Stage(Pose(*map(tuple, camera)), Pose(*map(tuple, scene_)))
         photograph, scene = photographer.take(*stage), rigid(*stage.scene)
@@ -121,7 +124,7 @@ def registered(
 @check("ACC-2", observable=REGISTERED, needs=SCENE)
 def check_rotations_are_those_of_the_quaternion(trial: ServerTrial) -> None:
     """Quaternions of norms from 0.9905 to 1.0095, half-turns, and next to the identity."""
-    for it, image, visible in registered(trial, 1.0, 15, 500):
+    for it, image, visible in registered(trial, 1.0, 12, 500):
         error = float(np.abs(image.rotation - it.photograph.camera.pose.rotation).max())
         trial.measured("entry of the rotation matrix", error, visible, "", str(it.stage.camera))
     trial.expect_within_budgets()
@@ -130,7 +133,7 @@ def check_rotations_are_those_of_the_quaternion(trial: ServerTrial) -> None:
 @check("ACC-3", observable=REGISTERED, needs=SCENE)
 def check_rotations_do_not_shear(trial: ServerTrial) -> None:
     """‖RᵀR − I‖₂ of the matrix that the image was rendered with."""
-    for it, image, visible in registered(trial, 1.0, 15, 500):
+    for it, image, visible in registered(trial, 1.0, 12, 500):
         trial.measured("‖RᵀR − I‖₂", image.shear, 2 * visible, "", str(it.stage.camera))
     trial.expect_within_budgets()
 
@@ -138,7 +141,7 @@ def check_rotations_do_not_shear(trial: ServerTrial) -> None:
 @check("ACC-4", observable=REGISTERED, needs=SCENE)
 def check_translations_are_exact(trial: ServerTrial) -> None:
     """t = −Rᵀ·c of the view, for cameras up to 1,000 units from the origin."""
-    for it, image, visible in registered(trial, 1e3, 10, 500):
+    for it, image, visible in registered(trial, 1e3, 8, 500):
         pose = it.photograph.camera.pose
         wanted = -pose.rotation.T @ pose.position
         # A rotation that is off would show here, too, by as much as the camera is far: ACC-2.
@@ -150,7 +153,7 @@ def check_translations_are_exact(trial: ServerTrial) -> None:
 @check("ACC-5", observable=REGISTERED, needs=SCENE)
 def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
     """The camera's centre, as the image has it, up to 10,000 units from the origin."""
-    for it, image, visible in registered(trial, 1e4, 10, 500):
+    for it, image, visible in registered(trial, 1e4, 8, 500):
         wanted = it.photograph.camera.pose.position
         _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
     trial.expect_within_budgets()
@@ -159,7 +162,7 @@ def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
 @check("ACC-6", observable=REGISTERED, needs=SCENE)
 def check_single_precision_is_rounded_once(trial: ServerTrial) -> None:
     """Cameras up to 100,000 units from the origin, where each digit that was lost is seen."""
-    for it, image, visible in registered(trial, 1e5, 10, 500):
+    for it, image, visible in registered(trial, 1e5, 8, 500):
         wanted = it.photograph.camera.pose.position
         _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
     trial.expect_within_budgets()
