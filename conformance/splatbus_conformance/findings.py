@@ -76,6 +76,8 @@ class Findings:
     traffic: Traffic = field(default_factory=Traffic)
     placed: dict[int, Result] = field(default_factory=dict)
     """What each check said, by its place in a serial run."""
+    seeds: list[int] = field(default_factory=list)
+    """Of the runs that were added up."""
 
     def put(self, place: int, result: Result) -> None:
         """Note a verdict; of two on one place, which different seeds gave, the worse."""
@@ -85,6 +87,7 @@ class Findings:
 
     def add(self, other: "Findings", seed: int) -> None:
         """Take in what a run with this seed found; each failure says which seed it was."""
+        self.seeds.append(seed)
         for place, result in other.placed.items():
             told = replace(result, text=f"{result.text} (seed {seed})")
             self.put(place, told if result.verdict in CONDEMNS else result)

@@ -107,7 +107,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
             complaints=complaints,
             deselected=deselected,
             profile=plan.profile,
-            seed=plan.seed,
+            seeds=findings.seeds or [plan.seed],
         )
         wishes.json.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
     if wishes.junit:

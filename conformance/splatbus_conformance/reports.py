@@ -2,7 +2,7 @@
 
 import platform
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any
@@ -30,7 +30,7 @@ def json_report(
     complaints: Iterable[str] = (),
     deselected: Mapping[str, list[str]] = MappingProxyType({}),
     profile: str = "quick",
-    seed: int = 0,
+    seeds: Sequence[int] = (0,),
 ) -> dict[str, Any]:
     """The report as one object (schema: report.schema.json)."""
     results = list(results)
@@ -46,7 +46,7 @@ def json_report(
         "harnessSeconds": round(traffic.busy_seconds, 3),
         "waitingSeconds": round(traffic.waiting_seconds, 3),
         "profile": profile,
-        "seed": seed,
+        "seeds": list(seeds),
         "complaints": list(complaints),
         "environment": {"python": platform.python_version(), "platform": sys.platform},
         "requirements": [
