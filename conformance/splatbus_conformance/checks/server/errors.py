@@ -27,6 +27,8 @@ def said(channel: Channel, what: str, message: Json) -> Fault:
     return Fault(channel, what, packet(encode(message)))
 
 
+GLANCE_SECONDS = 0.03
+"""How long an IPC connection is listened to, where nothing can be asked."""
 FOR_THE_HEADER = {
     "a header that announces nothing": 0,
     "a header beyond the limit": LIMITS["max_payload_bytes"] + 1,
@@ -72,13 +74,13 @@ def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
     unread = [Fault("msg", "half a hello", broken), Fault("ipc", "half a hello", broken)]
     for channel, what, script in trial.each(listed=[f for f in unread + faults if no_hello(f)]):
         connection = trial.dial(channel)
+        dealings = trial.viewer.with_(connection)
         connection.send(script)
         if channel == "msg":
             trial.answers(connection)
-        errors = trial.viewer.with_(connection).errors()
-        if channel == "ipc":
-            trial.wait(lambda: errors or connection.ended, 0.03)  # noqa: B023
-        errors = trial.viewer.with_(connection).errors()
+        else:
+            trial.wait(lambda: dealings.errors() or connection.ended, GLANCE_SECONDS)  # noqa: B023
+        errors = dealings.errors()
         trial.expect(not errors, f"{channel}: {what}: error {', '.join(errors)} before hello")
         connection.close()
         trial.delivered += 1

@@ -14,6 +14,8 @@ from splatbus_conformance.watching import LENDS, beside, frames_of, holding
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
 QUIET_SECONDS = 0.4
 """A server that sends no frame for so long, to a reader that waits, has none to send."""
+RENDER_SECONDS = 0.05
+"""Time for an image that nobody is shown yet: more cases find it ready than not."""
 RESENT = 25
 """How often the same pose is sent: half a second of a viewer."""
 SAME_IMAGES = 5
@@ -149,6 +151,7 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
                     trial.violated("no frame came when the camera moved, to a reader that waits")
             pose = trial.move()
             if moment == "holding":
+                trial.rest(RENDER_SECONDS)
                 dealings.holds = False
                 trial.viewer.release(connection, dealings.frames[-1])
             elif moment == "connecting":

@@ -17,7 +17,7 @@ REFUSES = "check_refuses_readers_that_it_has_no_slot_for"
 
 
 @mutant("IMG-9", check="check_waits_for_no_reader", reason="was not seen while")
-def server_waits_for_its_readers(patch: pytest.MonkeyPatch) -> None:
+def server_publishes_when_nobody_reads(patch: pytest.MonkeyPatch) -> None:
     """Publishes when nobody holds an image."""
 
     def publish(original: Any, self: Exchange, *arguments: Any) -> Any:

@@ -150,7 +150,7 @@ def server_supports_what_is_no_version(patch: pytest.MonkeyPatch) -> None:
     check="check_waits_for_who_can_open_its_memory",
     reason="an init packet after a hello that lists nothing",
 )
-def server_announces_host_memory_to_all(patch: pytest.MonkeyPatch) -> None:
+def server_announces_host_memory_after_each_hello(patch: pytest.MonkeyPatch) -> None:
     """Sends the init packet after each hello."""
 
     def greet(original: Any, self: Session, connection: Connection, now: float) -> Any:
