@@ -15,12 +15,14 @@ from typing import Any, TypeVar
 import pytest
 
 from splatbus_conformance.data import read_json
+from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.plugin import CheckPlugin, declared
 from splatbus_conformance.stand import Stand, set_up
 
 T = TypeVar("T")
-GIVEN, NO_VERDICT = "splatbus_given", "splatbus_no_verdict"
+GIVEN, NO_VERDICT, LEFT = "splatbus_given", "splatbus_no_verdict", "splatbus_left"
+"""What a worker is given, and what it gives back at its end: the last two, where there are any."""
 USUAL_SECONDS = 0.2
 
 
@@ -35,7 +37,8 @@ def arguments(workers: int) -> list[str]:
 class Controller:
     """The plugin of the process that starts the workers."""
 
-    def __init__(self, plan: Plan, environment: Mapping[str, str]) -> None:
+    def __init__(self, plan: Plan, environment: Mapping[str, str], findings: Findings) -> None:
+        self.findings = findings
         self.no_verdict = ""
         """Why a worker could not meet its testee."""
         self._given = json.dumps({"plan": plan.as_text(), "environment": dict(environment)})
@@ -54,7 +57,10 @@ class Controller:
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
         """A worker has ended."""
-        if text := getattr(node, "workeroutput", {}).get(NO_VERDICT):
+        given_back: dict[str, Any] = getattr(node, "workeroutput", {})
+        if left := given_back.get(LEFT):
+            self.findings.traffic.add(Traffic.from_text(left))
+        if text := given_back.get(NO_VERDICT):
             self.no_verdict = text
             pytest.exit(text)
 
@@ -75,6 +81,7 @@ class Worker:
         self.config, self.workers = config, workers
         self.plan = Plan.from_text(values["plan"])
         self.stand: Stand | None = None
+        self.checks: CheckPlugin | None = None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self) -> None:
@@ -89,10 +96,13 @@ class Worker:
             pytest.exit("the testee was not met")
         profile = "quick" if self.plan.profile == "quick" else "full"
         order = partial(dealt, workers=self.workers, profile=profile)
-        self.config.pluginmanager.register(CheckPlugin(self.plan, self.stand, order))
+        self.checks = CheckPlugin(self.plan, self.stand, order)
+        self.config.pluginmanager.register(self.checks)
 
     def pytest_sessionfinish(self) -> None:
         """End the testee: without a controller, nothing that comes later is called."""
+        if self.checks:
+            self.config.workeroutput[LEFT] = self.checks.traffic.as_text()  # type: ignore[attr-defined]
         if self.stand:
             self.stand.close()
 

@@ -42,7 +42,7 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
     if plan.parallel > 1:
-        controller = parallel.Controller(plan, dict(os.environ))
+        controller = parallel.Controller(plan, dict(os.environ), findings)
         status = _pytest(plan, [gathering, controller], *parallel.arguments(plan.parallel))
         if controller.no_verdict:
             raise NoVerdict(controller.no_verdict)
