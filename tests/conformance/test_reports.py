@@ -23,7 +23,19 @@ RESULTS = [
 
 
 def test_json_report_satisfies_its_schema_and_names_every_requirement() -> None:
-    report = json_report("cmd", "sentence", RESULTS, KNOWN, exit_code=1, traffic=TRAFFIC, seconds=1.5)
+    report = json_report(
+        "cmd",
+        "sentence",
+        RESULTS,
+        KNOWN,
+        exit_code=1,
+        traffic=TRAFFIC,
+        seconds=1.5,
+        complaints=["too little"],
+        deselected={"POS-1": ["rule"]},
+        profile="soak",
+        seeds=[3, 4],
+    )
     jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(report)
     assert {entry["id"] for entry in report["requirements"]} == set(KNOWN)
     verdicts = {entry["id"]: entry["verdict"] for entry in report["requirements"]}
@@ -38,6 +50,18 @@ def test_junit_counts_failures_errors_and_skips() -> None:
     failure = suite.find("./testcase/failure")
     assert failure is not None
     assert "line <&>" in (failure.text or "")
+
+
+def test_junit_fails_on_complaints_and_skips_expected_failures() -> None:
+    known = Result("FRM-3", "check_a", Level.WIRE, Verdict.EXPECTED, "seen (expected: issue 17)")
+    suite = ElementTree.fromstring(junit_report("cmd", [known], 1.5, ["too little"]))[0]
+    counts = {name: suite.get(name) for name in ("tests", "failures", "skipped")}
+    assert counts == {"tests": "2", "failures": "1", "skipped": "1"}
+    skipped, failure = suite.find("./testcase/skipped"), suite.find("./testcase/failure")
+    assert skipped is not None
+    assert failure is not None
+    assert skipped.get("message") == "expected failure: seen (expected: issue 17)"
+    assert failure.get("message") == "too little"
 
 
 @given(st.text())
