@@ -21,6 +21,8 @@ def play(
 ) -> None:
     """Judge by sessions of these steps."""
     knowledge, poses = learn(trial, counting=counting), numbers()
+    if counting and not knowledge.crowd:
+        trial.not_observable("it lends to so many clients that a lost lease is not missed")
     go_through(
         trial,
         lambda: WithServer(trial, knowledge, poses, counting),
