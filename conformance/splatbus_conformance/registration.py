@@ -14,6 +14,7 @@ from splatbus_conformance.pinhole import Camera, Reals, Rigid
 LEAST_POINTS = 200
 OUTLIER = 6.0
 """Points that are off by so many times the median are left out: they lie on something else."""
+SMALLEST = 1e-6
 ROUNDS = 4
 WORST_CONDITION = 1e10
 """Of the normal equations: beyond it, too few directions of surfaces are seen."""
@@ -61,15 +62,17 @@ def register(camera: Camera, depth: Reals, exact: Exact, scene: Rigid) -> Regist
     unknowns = np.concatenate(
         ((normal[:, :, None] * points[:, None, :]).reshape(-1, 9), normal), axis=1
     )
-    kept = np.full(len(points), True)
+    left = np.abs(distance)
+    # What the linear map leaves by itself, on curved surfaces, makes no point an outlier.
+    curved = float(np.median(left)) ** 2
     for _ in range(ROUNDS):
+        kept = left <= OUTLIER * max(float(np.median(left)), curved, SMALLEST)
         some = unknowns[kept]
         square = some.T @ some
         if kept.sum() < LEAST_POINTS or np.linalg.cond(square) > WORST_CONDITION:
             return None
         found = np.linalg.solve(square, -some.T @ distance[kept])
         left = np.abs(unknowns @ found + distance)
-        kept = left <= OUTLIER * max(float(np.median(left)), 1e-12)
     covariance = np.linalg.inv(square) * float(np.mean(left[kept] ** 2))
     return Registration(
         scene.rotation @ (turn + found[:9].reshape(3, 3)),

@@ -2,7 +2,7 @@
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.oracle import exact, norm, to_double
 from splatbus_conformance.oracle.rotations import product
 from splatbus_conformance.pinhole import rotation_matrix
-from splatbus_conformance.stress import ROTATIONS, Pose
+from splatbus_conformance.stress import NORM_SLACK, ROTATIONS, Pose
 
 
 class Stage(NamedTuple):
@@ -21,13 +21,23 @@ class Stage(NamedTuple):
     scene: Pose
 
 
+def hardest(salt: str, farthest: float) -> list[Stage]:
+    """One of each kind of rotation, and of the least and the greatest norm."""
+    rng = random.Random(salt)
+    found = [_stage(turn(rng), rng, farthest) for turn in ROTATIONS]
+    for length in (1.0 - NORM_SLACK, 1.0 + NORM_SLACK):
+        found.append(_stage([length * part for part in ROTATIONS[0](rng)], rng, farthest))
+    return found
+
+
 def stages(salt: str, farthest: float) -> st.SearchStrategy[Stage]:
     """Cameras up to so far from the origin, turned in every way, before a scene that came along."""
-    return st.builds(
-        lambda turn, seed: _stage(turn, random.Random(f"{salt} {seed}"), farthest),
-        st.sampled_from(range(len(ROTATIONS))),
-        st.integers(0, 2**32 - 1),
-    )
+
+    def stage(turn: Callable[[random.Random], Sequence[float]], seed: int) -> Stage:
+        rng = random.Random(f"{salt} {seed}")
+        return _stage(turn(rng), rng, farthest)
+
+    return st.builds(stage, st.sampled_from(ROTATIONS), st.integers(0, 2**32 - 1))
 
 
 def staged(camera: Pose, before: Pose) -> Stage:
@@ -50,10 +60,10 @@ def turned_about(
     return tuple(map(to_double, product(exact(rotation), turn)))
 
 
-def _stage(turn: int, rng: random.Random, farthest: float) -> Stage:
+def _stage(rotation: Sequence[float], rng: random.Random, farthest: float) -> Stage:
     before = Pose(
         (rng.uniform(-1, 1), rng.uniform(-1.2, 0.2), rng.uniform(-2, 0.5)),
         turned_about((0, 0, 0, 1), [rng.gauss(0, 1) for _ in range(3)], rng.uniform(0, 0.25)),
     )
     position = tuple(rng.uniform(-farthest, farthest) for _ in range(3))
-    return staged(Pose(position, tuple(ROTATIONS[turn](rng))), before)
+    return staged(Pose(position, tuple(rotation)), before)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from splatbus_conformance.drawing import draw
 from splatbus_conformance.pinhole import rigid, rotation_matrix
-from splatbus_conformance.staging import staged, stages, turned_about
+from splatbus_conformance.staging import hardest, staged, stages, turned_about
 from splatbus_conformance.stress import Pose
 
 LOCAL = Pose((0.3, -0.5, -1.0), (0.05, -0.1, 0.02, 0.99))
@@ -29,6 +29,14 @@ def test_every_stage_is_a_pair_of_valid_poses_within_reach() -> None:
         assert max(map(abs, camera.position)) <= 100.0
         assert np.linalg.norm(rigid(*scene).sees(np.array(camera.position))) < 3.0
     assert len(norms) > 10, "quaternions of many norms"
+
+
+def test_the_hardest_are_the_same_each_time_and_reach_both_ends_of_the_norm() -> None:
+    stages_ = hardest("test", 1.0)
+    assert stages_ == hardest("test", 1.0)
+    norms = [math.hypot(*stage.camera.rotation) for stage in stages_]
+    assert min(norms) < 0.991
+    assert max(norms) > 1.009
 
 
 def test_a_turn_is_about_an_axis_of_the_camera_itself() -> None:
