@@ -10,7 +10,7 @@ from splatbus_conformance.demands import Demands
 from splatbus_conformance.expected import Expectation, ExpectationsError
 from splatbus_conformance.plan import Plan, Side, Usage
 from splatbus_conformance.plugin import selectable
-from splatbus_conformance.selection import RULE, Item, Selection, UnknownTermError, terms
+from splatbus_conformance.selection import ALL, RULE, Item, Selection, UnknownTermError, terms
 from splatbus_conformance.verdicts import Level
 
 DEPLOYED_PORTS = (6001, 6000)
@@ -131,6 +131,8 @@ def parse_share(text: str) -> float:
 
 def parse_selection(only: str, never: str, side: Side) -> Selection:
     """`--select` and `--deselect`; Usage for a term that means nothing."""
+    if not (only or never):
+        return ALL
     items = selectable_on(side)
     found = []
     for option, text in (("--select", only), ("--deselect", never)):

@@ -19,6 +19,13 @@ from splatbus_conformance.stand import Stand, set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+NOT_NEEDED = (
+    *("cacheprovider", "doctest", "faulthandler", "freeze_support", "junitxml", "legacypath"),
+    *("logging", "monkeypatch", "pastebin", "recwarn", "setuponly", "setupplan", "stepwise"),
+    *("subtests", "terminal", "threadexception", "tmpdir", "unittest", "unraisableexception"),
+    "warnings",
+)
+"""Plugins of pytest that only take time here, in each process anew."""
 FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
 
 
@@ -99,8 +106,8 @@ def _pytest(plan: Plan, plugins: list[object], *more: str) -> int:
     arguments = [
         str(folder),
         *("-c", os.devnull, "--rootdir", str(folder), "--import-mode=importlib"),
-        *("-p", "no:cacheprovider", "-p", "no:terminal", "-p", "no:logging"),
-        *("-p", "no:faulthandler", "-p", "no:warnings", "--capture=no", "--assert=plain"),
+        *(argument for name in NOT_NEEDED for argument in ("-p", f"no:{name}")),
+        *("--capture=no", "--assert=plain"),
         *("-o", "python_files=*.py", "-o", "python_functions=check_*"),
         *more,
     ]
