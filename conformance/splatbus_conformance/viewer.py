@@ -82,7 +82,10 @@ class Viewer:
         dealings.heard.append(message)
         kind = message.get("type")
         if kind == "welcome":
-            dealings.welcome = dealings.welcome or message
+            first, dealings.welcome = dealings.welcome is None, dealings.welcome or message
+            before = dealings.init_packets[-1:]
+            if first and self.opens and before and "version" in before[0]:
+                self.open(connection, before[0])
         elif connection.channel == "ipc" and kind == "frame":
             dealings.frames.append(message)
             if self.releases and not dealings.holds:

@@ -12,6 +12,10 @@ from splatbus_conformance.stand_in.trace import Call, Trace
 DEVICES = 2
 """So that it shows whether a client heeds `meta.device`."""
 
+SLOW_RECORDS = {"SPLATBUS_STAND_IN_SLOW": "1"}
+"""A variable with which `cudaEventRecord` takes 5 ms: what a program does before it is parted from
+what it does afterwards."""
+
 
 class StandIn:
     """Everything that one testee needs to meet the stand-in, and what it did there.

@@ -1,0 +1,129 @@
+"""Checks on what a server of 1.0 stores in its images (spec 1.0 chapter 5).
+
+They are read through the handles of its init packets, in the memory of the stand-in CUDA runtime.
+"""
+
+import base64
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.server.device import SHOWN, announced
+from splatbus_conformance.memory_reading import Pixels
+from splatbus_conformance.photographs import LEGACY_EMPTY
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.stand_in import publishing
+from splatbus_conformance.trial import EFFECT_SECONDS
+
+IMAGES, PAUSE_SECONDS = 8, 0.05
+SMALLEST = float(np.finfo(np.float32).tiny)
+MOST = 0.5
+"""With fewer sensible numbers than this an image is read in the wrong order of bytes, if the other
+order makes sense of them all."""
+PLACES = {"colour": ("mem_color", 4), "depth": ("mem_depth", 1)}
+
+
+class Stored(NamedTuple):
+    """What lay in the buffers of 1.0 at one moment; it may be of two images (section 5.4)."""
+
+    color: Pixels
+    """(h, w, 4) float32, rows top-down."""
+    depth: Pixels
+    """(h, w) float32, rows top-down."""
+
+
+def stored(trial: ServerTrial) -> list[Stored]:
+    """Images while the camera moves, once the server has drawn one."""
+    shown = announced(trial)
+    planes = publishing.legacy_planes(shown.packet)
+    if len(planes) < len(PLACES) or trial.stand_in is None:
+        trial.not_observable("its handles are none of the stand-in")
+    device, meta = trial.stand_in.device, shown.packet["meta"]
+    width, height = int(meta["w"]), int(meta["h"])
+
+    def plane(what: str) -> Pixels:
+        member, numbers = PLACES[what]
+        span, handle = planes[what], base64.b64decode(shown.packet[member])
+        try:
+            data = device.read(handle, span.begin, span.end - span.begin)
+        except ValueError as error:
+            trial.not_observable(f"its {what} cannot be read: {error}")
+        return np.frombuffer(data, np.dtype("<f4")).reshape(height, width, numbers)[::-1]
+
+    if not trial.wait(lambda: all(drawn(plane(what)) for what in PLACES)):
+        trial.not_observable(f"in {EFFECT_SECONDS:g} s it wrote no image")
+    found = []
+    for _ in range(IMAGES):
+        trial.move()
+        trial.rest(PAUSE_SECONDS)
+        found.append(Stored(plane("colour"), plane("depth")[..., 0]))
+    trial.delivered += len(found)
+    return found
+
+
+def drawn(pixels: Pixels) -> bool:
+    """Somebody has written there: not all of it is poison."""
+    return bool((pixels.view(np.uint32) != 0xFFFFFFFF).any())
+
+
+def first_of(wrong: NDArray[np.bool_], pixels: Pixels) -> str:
+    """How many are wrong, and the first of them."""
+    row, column, *_ = np.argwhere(wrong)[0]
+    return f"{wrong.sum()} of {wrong.size}, {pixels[wrong][0]} at row {row}, column {column}"
+
+
+@check("BUF-2", observable="whether the numbers make sense byte by byte in reverse", needs=SHOWN)
+def check_numbers_in_device_memory_are_little_endian(trial: ServerTrial) -> None:
+    """Colours that are from 0 to 1 only if their bytes are read from the other end."""
+    for color, _ in stored(trial):
+        right, swapped = sensible(color), sensible(color.byteswap())
+        reversed_ = swapped == 1.0 and right < MOST and color.any()
+        trial.expect(not reversed_, "colours are from 0 to 1 if they are read as big-endian")
+
+
+def sensible(color: Pixels) -> float:
+    """The share of the numbers other than 0 that are colours, and not as good as 0."""
+    numbers = color[color != 0]
+    with np.errstate(invalid="ignore"):
+        return float(((numbers >= SMALLEST) & (numbers <= 1.0)).mean()) if numbers.size else 1.0
+
+
+@check("BUF-3", observable="every colour of some images", needs=SHOWN)
+def check_colours_in_device_memory_are_from_0_to_1(trial: ServerTrial) -> None:
+    """Every number of every pixel."""
+    for color, _ in stored(trial):
+        wrong = ~within(color)
+        if wrong.any():
+            trial.violated(f"colours that are not from 0 to 1: {first_of(wrong, color)}")
+
+
+@check("BUF-5", observable="alpha where something is seen", needs=SHOWN)
+def check_alpha_in_device_memory_is_1_where_there_is_none(trial: ServerTrial) -> None:
+    """Alpha that is the same everywhere in all images was not rendered: then it is 1."""
+    images = stored(trial)
+    alphas = {float(alpha) for image in images for alpha in np.unique(image.color[..., 3])}
+    if not any((np.isfinite(depth) & (depth != LEGACY_EMPTY)).any() for _, depth in images):
+        trial.not_observable("nothing is seen in its images")
+    if len(alphas) == 1:
+        trial.expect(alphas == {1.0}, f"alpha is {alphas.pop()} in every pixel of {IMAGES} images")
+
+
+@check("BUF-7", observable="depths that are no depth, and those where alpha is 0", needs=SHOWN)
+def check_depths_in_device_memory_are_positive(trial: ServerTrial) -> None:
+    """Every depth is positive or +∞. That pixels without alpha are empty is told only of servers
+    that speak 1.1, since colour and depth of 1.0 may be of different images.
+    """
+    for _, depth in stored(trial):
+        with np.errstate(invalid="ignore"):
+            wrong = ~(depth > 0)
+        if wrong.any():
+            trial.violated(f"depths that are neither positive nor +∞: {first_of(wrong, depth)}")
+
+
+def within(color: Pixels) -> NDArray[np.bool_]:
+    """(h, w, 4): from 0 to 1."""
+    with np.errstate(invalid="ignore"):
+        found: NDArray[np.bool_] = (color >= 0.0) & (color <= 1.0)
+    return found
