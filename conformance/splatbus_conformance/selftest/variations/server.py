@@ -1,1 +1,261 @@
 """Allowed variations: servers that are unusual, and conform. The harness must pass them."""
+
+import json
+import re
+import socket
+from typing import Any
+
+import pytest
+from splatbus_server import api, cli, memory, service
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.control import Control, Poses
+from splatbus_server.service import Peer, Service
+from splatbus_server.session import Session
+from splatbus_wire import decoding
+from splatbus_wire.messages import GetViewportSize, ViewportSize
+from splatbus_wire.poses import IDENTITY, Pose
+
+from splatbus_conformance.messages import init_packet_1_0
+from splatbus_conformance.selftest.legacy import announces_at_once
+from splatbus_conformance.selftest.specimen import variation
+from splatbus_conformance.selftest.surgery import messages, payloads, wrap
+from splatbus_conformance.selftest.variations.client import DECIMAL
+
+CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
+
+
+@variation()
+def server_members_that_nobody_knows(patch: pytest.MonkeyPatch) -> None:
+    """Adds members of its own to every message."""
+    messages(patch, lambda message: message | {"x-engine": {"frame": [1, None, {"deep": True}]}})
+
+
+@variation()
+def server_members_in_reverse_order(patch: pytest.MonkeyPatch) -> None:
+    """Writes the members of every object in reverse."""
+
+    def reverse(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: reverse(value[name]) for name in reversed(value)}
+        return value
+
+    messages(patch, reverse)
+
+
+@variation()
+def server_white_space_everywhere(patch: pytest.MonkeyPatch) -> None:
+    """Writes JSON for people, with white space around it."""
+    payloads(patch, lambda payload: b" \n" + json.dumps(json.loads(payload), indent="\t").encode())
+
+
+@variation()
+def server_escapes_everywhere(patch: pytest.MonkeyPatch) -> None:
+    """Writes every letter in names and strings as an escape."""
+
+    def escape(text: re.Match[bytes]) -> bytes:
+        return b'"' + b"".join(b"\\u%04x" % byte for byte in text[1]) + b'"'
+
+    payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
+
+
+@variation()
+def server_numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
+    """Writes every fraction with 17 digits and an exponent."""
+    payloads(patch, lambda payload: DECIMAL.sub(lambda n: b"%.17E" % float(n[0]), payload))
+
+
+@variation(warns=("FRM-7",))
+def server_sends_byte_by_byte(patch: pytest.MonkeyPatch) -> None:
+    """Hands TCP one byte at a time."""
+
+    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
+        unsent = peer.connection.unsent
+        try:
+            while len(unsent) > 1:
+                del unsent[: peer.socket.send(unsent[:1])]
+        except OSError:
+            pass
+        original(self, peer, now)
+
+    wrap(patch, Service, "_flush", flush)
+
+
+@variation()
+def server_closes_on_what_is_broken(patch: pytest.MonkeyPatch) -> None:
+    """Closes a message connection of 1.0 on broken text and broken poses."""
+
+    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
+        if self.welcome is None and self.channel == "message" and error.code != "unknown_type":
+            self.end("it is broken", now)
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@variation()
+def server_ignores_broken_requests(patch: pytest.MonkeyPatch) -> None:
+    """Leaves a message connection of 1.0 open after a broken request."""
+
+    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
+        if self.welcome is None:
+            return Refusal(error.code, str(error))
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@variation()
+def server_takes_no_strings_for_numbers(patch: pytest.MonkeyPatch) -> None:
+    """Refuses poses whose numbers are strings."""
+    original = decoding._pose_and_timestamp
+    patch.setattr(
+        decoding,
+        "_pose_and_timestamp",
+        lambda message, or_strings: original(message, or_strings=False),
+    )
+
+
+@variation()
+def server_keeps_the_newest_client(patch: pytest.MonkeyPatch) -> None:
+    """Serves one client on each channel, and closes it when the next comes."""
+
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        for peer in [p for p in self._peers if p.connection.channel == channel]:
+            self._drop(peer)
+        original(self, channel, listener)
+
+    wrap(patch, Service, "_accept", accept)
+
+
+@variation()
+def server_keeps_the_oldest_client(patch: pytest.MonkeyPatch) -> None:
+    """Serves one client on each channel, and closes others at once."""
+    patch.setattr(service, "MOST_CONNECTIONS", 1)
+
+
+@variation()
+def server_keeps_many_clients(patch: pytest.MonkeyPatch) -> None:
+    """Serves sixty-four clients on each channel."""
+    patch.setattr(service, "MOST_CONNECTIONS", 64)
+
+
+@variation()
+def server_without_reinit(patch: pytest.MonkeyPatch) -> None:
+    """Has neither `reinit` nor `subscribe`."""
+    patch.setattr(api, "CAPABILITIES", ("host_shm", "frames"))
+
+
+@variation()
+def server_without_frames(patch: pytest.MonkeyPatch) -> None:
+    """Has no `frames`: announces memory, and lends nothing."""
+    patch.setattr(api, "CAPABILITIES", ("host_shm",))
+
+
+@variation()
+def server_speaks_1_0(patch: pytest.MonkeyPatch) -> None:
+    """Speaks 1.0 alone: a hello is an unknown type. Its images are in memory of the host."""
+    _knows_no_hello(patch)
+
+
+@variation()
+def server_speaks_1_0_of_cuda_memory(patch: pytest.MonkeyPatch) -> None:
+    """Speaks 1.0 alone, and announces CUDA memory to everybody at once."""
+    _knows_no_hello(patch)
+    announces_at_once(patch, init_packet_1_0())
+
+
+@variation()
+def server_comes_with_cameras(patch: pytest.MonkeyPatch) -> None:
+    """Shows a scene with three cameras."""
+    _serves(patch, cameras=CAMERAS)
+
+
+@variation()
+def server_comes_with_one_camera(patch: pytest.MonkeyPatch) -> None:
+    """Shows a scene with one camera."""
+    _serves(patch, cameras=CAMERAS[2:])
+
+
+@variation()
+def server_tells_no_size_at_first(patch: pytest.MonkeyPatch) -> None:
+    """Tells the size `[0,0]` until it has rendered an image."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if isinstance(message, GetViewportSize) and self._exchange._shown is None:
+            connection.send(ViewportSize(0, 0, message.id))
+            return None
+        return original(self, connection, message, *rest)
+
+    wrap(patch, Session, "handle", handle)
+
+
+@variation()
+def server_turns_its_scene(patch: pytest.MonkeyPatch) -> None:
+    """Turns the scene by itself, so that each image differs from the one before."""
+    _renders(patch, 60.0, 20.0)
+
+
+@variation()
+def server_renders_slowly(patch: pytest.MonkeyPatch) -> None:
+    """Renders thirty images a second at most."""
+    _renders(patch, 30.0, 0.0)
+
+
+@variation()
+def server_goes_home(patch: pytest.MonkeyPatch) -> None:
+    """Puts camera and Gaussians back when the client that moved them has gone."""
+
+    def leave(original: Any, self: Control, connection: Any) -> bool:
+        had_control = next(iter(self._sent), None) is connection
+        if had_control:
+            self.poses = Poses(IDENTITY)
+        return bool(original(self, connection)) or had_control
+
+    wrap(patch, Control, "leave", leave)
+
+
+@variation()
+def server_lends_to_one_reader(patch: pytest.MonkeyPatch) -> None:
+    """Has slots for one client that reads images."""
+    _serves(patch, readers=1)
+
+
+@variation()
+def server_spaces_its_ring(patch: pytest.MonkeyPatch) -> None:
+    """Puts depth before colour, with gaps between the slots and before them."""
+
+    def spaced(original: Any, width: int, height: int, slots: int) -> Any:
+        layout, _ = original(width, height, slots)
+        depth = layout.depth_stride + 48
+        color = layout.color_stride + 80
+        begin = 4096 + slots * depth
+        moved = layout._replace(
+            depth_offset=4096, depth_stride=depth, color_offset=begin, color_stride=color
+        )
+        return moved, begin + slots * color + 20
+
+    wrap(patch, memory, "host_ring", spaced)
+
+
+def _knows_no_hello(patch: pytest.MonkeyPatch) -> None:
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        if b"hello" in payload and self.channel == "message":
+            payload = payload.replace(b"hello", b"aloha")
+        if self.channel == "ipc":
+            return Refusal("unknown_type", "this channel speaks, and does not listen")
+        return original(self, payload, now)
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+def _serves(patch: pytest.MonkeyPatch, **changed: Any) -> None:
+    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, **named | changed))
+
+
+def _renders(patch: pytest.MonkeyPatch, fps: float, degrees_per_second: float) -> None:
+    def render(original: Any, stop: Any, bus: Any, *_: float) -> None:
+        original(stop, bus, fps, degrees_per_second)
+
+    wrap(patch, cli, "render_until", render)

@@ -115,7 +115,7 @@ def server_lets_the_fourth_wait_on_ipc(patch: pytest.MonkeyPatch) -> None:
 @mutant(
     "CHN-14",
     check="check_others_are_served_whatever_one_does_on_ipc",
-    reason="no reply beside a client that sends one byte",
+    reason=" beside a client that sends one byte",
 )
 def server_reads_packets_to_their_end(patch: pytest.MonkeyPatch) -> None:
     """Waits, with all that it does, until a packet that began is complete."""
