@@ -172,10 +172,10 @@ def check_single_precision_is_rounded_once(trial: ServerTrial) -> None:
 def _measure(
     trial: ServerTrial, what: str, image: Reals, wanted: Reals, visible: float, input: str
 ) -> None:
-    """An error in units in the last place of single precision, norm-wise, past what is visible."""
+    """An error, norm-wise, in units in the last place of single precision."""
     unit = SINGLE * max(1.0, float(np.linalg.norm(wanted)))
-    error = max(0.0, float(np.linalg.norm(image - wanted)) - visible) / unit
-    trial.measured(what, error, RENDERER, "ULP of single precision", input)
+    error, budget = float(np.linalg.norm(image - wanted)) / unit, RENDERER + visible / unit
+    trial.measured(what, error, budget, "ULP of single precision", input)
 
 
 def _where(stage: Stage, error: Reals, considered: NDArray[np.bool_]) -> str:
