@@ -14,6 +14,8 @@ from splatbus_conformance.testee import Testee
 from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
+GONE_SECONDS = 0.05
+"""Until a server has noticed that a connection was closed, and has room for the next."""
 FRAME_SECONDS = 5.0
 WHOLE_SECONDS = 0.1
 """Time for the first image to be whole, should it not be when its frame comes (IMG-6)."""
@@ -26,6 +28,8 @@ class ServerFacts:
 
     listens: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, True))
     """It accepts connections on that channel."""
+    alone: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, False))
+    """It closes a connection on that channel, old or new, as soon as there are two (CHN-13)."""
     welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
     init_packet: Json | None = None
     """The first that a client of 1.1 was sent, or else a client of 1.0."""
@@ -100,6 +104,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         facts.init_packet = next(iter(viewer.with_(old_ipc).init_packets), None)
         facts.at_once = facts.init_packet is not None
     peer.close_all()
+    peer.pump(GONE_SECONDS)
     for channel in (channel for channel in CHANNELS if facts.listens[channel]):
         connection = reach(peer, testee, channel, patience)
         if connection is None:
@@ -120,6 +125,16 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             facts.renders = bool(dealings.frames)
     meta = (facts.init_packet or {}).get("meta", {})
     facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
+    peer.close_all()
+    peer.pump(GONE_SECONDS)
+    pairs = {
+        channel: [reach(peer, testee, channel, patience) for _ in range(2)]
+        for channel in CHANNELS
+        if facts.listens[channel]
+    }
+    peer.pump(GONE_SECONDS)
+    for channel, pair in pairs.items():
+        facts.alone[channel] = any(each is not None and each.ended for each in pair)
     peer.close_all()
     return facts
 

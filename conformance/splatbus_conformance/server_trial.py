@@ -15,7 +15,7 @@ from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.processes import owner
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.server_introduction import ServerFacts, reach
+from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, reach
 from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Ended, Launched, Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
@@ -68,7 +68,7 @@ class ServerTrial(Trial):
         if self.testee.ended() is not None:
             self.testee.stop()
         self.testee.ensure_running()
-        connection = reach(self.peer, self.testee, channel, self.patience)
+        connection = self._reach(channel)
         if connection is None:
             self.not_observable(f"the server accepts no connection on the {channel} channel")
         return connection
@@ -226,7 +226,7 @@ class ServerTrial(Trial):
         """Whether the server answers a request on a new connection."""
         if self.fate():
             return False
-        connection = reach(self.peer, self.testee, "msg", self.patience)
+        connection = self._reach("msg")
         served = connection is not None and self.answers(connection)
         if connection is not None:
             connection.close()
@@ -235,6 +235,12 @@ class ServerTrial(Trial):
     def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the server ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
+
+    def _reach(self, channel: Channel) -> Connection | None:
+        """A new connection; who serves one at a time is given time to see that the last is gone."""
+        if self.facts.alone[channel]:
+            self.rest(GONE_SECONDS)
+        return reach(self.peer, self.testee, channel, self.patience)
 
     def _end_of(self, connection: Connection) -> str:
         if self.wait(lambda: connection.ended, EFFECT_SECONDS):

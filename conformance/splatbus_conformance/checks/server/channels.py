@@ -205,6 +205,8 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
     readable = trial.facts.renders and (channel == "msg" or beside)
     steering = Steering(trial) if readable else None
     watched = channel == "ipc" or beside
+    if not watched:
+        witness.close()
     for misdeed in trial.each(misdeeds):
         what = f"a client that {misdeed.what}, on the {channel} channel"
         culprit = trial.dial(channel)
@@ -217,6 +219,7 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
         if not watched:
             trial.expect(trial.serves(), f"no reply after {what}")
         trial.delivered += 1
+    witness.close()
     trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
 
 

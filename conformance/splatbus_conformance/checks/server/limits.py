@@ -103,8 +103,12 @@ def flood(trial: ServerTrial, connection: Connection, request: bytes, most: int)
     many = request * (CHUNK // len(request))
     sent, began = 0, time.monotonic()
     moved = began
-    while (now := time.monotonic()) < min(moved + STALL_SECONDS, began + FLOOD_SECONDS):
+    while (now := time.monotonic()) < moved + STALL_SECONDS:
         flooded = sent >= most * len(request)
+        if not flooded and now > began + FLOOD_SECONDS:
+            trial.not_observable(
+                f"the server takes requests too slowly: {sent} bytes of them so far"
+            )
         begun = sent % len(request)
         taken = connection.push((request if flooded else many)[begun:])
         if taken is None or trial.fate():
