@@ -4,6 +4,7 @@ A worker loads this module as a plugin (`-p`). The controller hands it the plan 
 environment, which the testee has to find as it was.
 """
 
+import atexit
 import contextlib
 import json
 import os
@@ -105,6 +106,8 @@ class Worker:
             self.config.workeroutput[LEFT] = self.checks.traffic.as_text()  # type: ignore[attr-defined]
         if self.stand:
             self.stand.close()
+        # All is given back; taking down each module first would take longer than many a check.
+        atexit.register(os._exit, 0)
 
 
 def pytest_configure(config: pytest.Config) -> None:
