@@ -143,6 +143,15 @@ class Moment(NamedTuple):
         return self.call.function == "cudaEventRecord"
 
 
+class _Written(NamedTuple):
+    """A write that no later one has covered."""
+
+    begin: int
+    end: int
+    stream: int
+    number: int
+
+
 Clock = dict[int, int]
 """For each stream the number of its last write that something comes after."""
 
@@ -201,19 +210,22 @@ def moments(calls: Iterable[Call], event: str, planes: Mapping[str, Span]) -> li
     the host's own waits.
     """
     streams = _Streams()
-    last: dict[str, Clock] = {}
+    last: dict[str, list[_Written]] = {}
     found = []
     for number, call in enumerate(call for call in calls if call.ok):
         streams.follow(call, number)
         written = [what for what, span in planes.items() if writes(call, span)]
         for what in written:
-            last.setdefault(what, {})[call.stream] = number
+            begin = max(planes[what].begin, call.to_offset)
+            end = min(planes[what].end, call.to_offset + max(1, call.height) * call.width)
+            left = [it for it in last.get(what, []) if it.begin < begin or end < it.end]
+            last[what] = [*left, _Written(begin, end, call.stream, number)]
         if written or (call.function == "cudaEventRecord" and call.event == event):
             behind = streams.carried.get(event, {})
             still_open = (
                 what
-                for what, clock in last.items()
-                if any(behind.get(stream, -1) < at for stream, at in clock.items())
+                for what, seen in last.items()
+                if any(behind.get(write.stream, -1) < write.number for write in seen)
             )
             found.append(Moment(call, frozenset(last), frozenset(still_open)))
     return found

@@ -93,12 +93,12 @@ def check_records_the_event_after_the_image(trial: ServerTrial) -> None:
             f"for {share:.0%} of the time an image lay there without the event recorded behind it;"
             f" {last_record(seen)}"
         )
-    trial.wait(lambda: not found()[-1].open)
-    if still_open := (seen := found())[-1].open:
+    if not trial.wait(lambda: not found()[-1].open):
+        seen = found()
         last = next(moment.call for moment in reversed(seen) if not moment.recorded)
         trial.violated(
             f"in {EFFECT_SECONDS:g} s the event was not once seen recorded behind the last write of"
-            f" the {' and '.join(sorted(still_open))}, {last}; {last_record(seen)}"
+            f" the {' and '.join(sorted(seen[-1].open))}, {last}; {last_record(seen)}"
         )
     trial.delivered += 1
 
