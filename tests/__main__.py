@@ -3,8 +3,10 @@
 `python -m tests` runs every step, `python -m tests lint types` those that are named.
 """
 
+import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -33,12 +35,24 @@ def main(wanted: list[str]) -> int:
     if unknown := set(wanted) - set(STEPS):
         print(f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(STEPS)}")
         return 2
-    for name in wanted or STEPS:
-        print(f"== {name}", flush=True)
-        if status := subprocess.run(STEPS[name], cwd=ROOT).returncode:
-            print(f"== {name} failed", flush=True)
-            return status
+    with tempfile.TemporaryDirectory(prefix="splatbus-bytecode-") as folder:
+        environment = caching(dict(os.environ), folder)
+        for name in wanted or STEPS:
+            print(f"== {name}", flush=True)
+            if status := subprocess.run(STEPS[name], cwd=ROOT, env=environment).returncode:
+                print(f"== {name} failed", flush=True)
+                return status
     return 0
+
+
+def caching(environment: dict[str, str], folder: str) -> dict[str, str]:
+    """An environment whose many processes do not all compile the same modules.
+
+    Where Python is told to write no bytecode, none is written here, but into this folder.
+    """
+    if environment.pop("PYTHONDONTWRITEBYTECODE", ""):
+        environment["PYTHONPYCACHEPREFIX"] = folder
+    return environment
 
 
 if __name__ == "__main__":

@@ -58,7 +58,8 @@ def _without(good: Json) -> Iterator[BrokenPose]:
 
 def _mistyped(good: Json) -> Iterator[BrokenPose]:
     for part in ("position", "rotation"):
-        strange: tuple[Any, ...] = (None, True, 0, "x", [], {}, list(good[part].values()), [good[part]])
+        lists = (list(good[part].values()), [good[part]])
+        strange: tuple[Any, ...] = (None, True, 0, "x", [], {}, *lists)
         for value in strange:
             what = f"{part} {shorten(repr(value))}"
             yield BrokenPose("POS-1", what, good | {part: value})

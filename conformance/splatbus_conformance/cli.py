@@ -147,6 +147,12 @@ def parser() -> argparse.ArgumentParser:
     selftest.add_argument("--only", metavar="NAME,…", default="", help="only these mutants")
     selftest.add_argument("--json", metavar="FILE", help="write the kill matrix")
     selftest.add_argument(
+        "--profile",
+        choices=("brief", "quick"),
+        default="brief",
+        help="for variations: all checks, with fewer cases or with all (%(default)s)",
+    )
+    selftest.add_argument(
         "--seeds",
         type=int,
         metavar="N",
@@ -176,9 +182,10 @@ def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) ->
     what = command.add_argument_group("what it is judged by")
     what.add_argument(
         "--profile",
-        choices=("quick", "full", "soak"),
+        choices=("brief", "quick", "full", "soak"),
         default="quick",
-        help="how many cases; a soak goes on with new seeds for --minutes (%(default)s)",
+        help="how many cases: a quarter of quick, a thousand, ten thousand, or full ones with new "
+        "seeds for --minutes (%(default)s)",
     )
     what.add_argument(
         "--minutes", type=float, metavar="N", default=10.0, help="length of a soak (%(default)g)"

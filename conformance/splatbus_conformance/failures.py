@@ -78,10 +78,11 @@ def _with(result: Result, script: Script, path: Path, plan: Plan) -> Result:
 
 
 def _how(plan: Plan) -> str:
+    device = " --stand-in-cuda" if plan.stand_in_cuda else ""
     if plan.adapter:
-        return f"--adapter {shlex.quote(plan.adapter)}"
+        return f"--adapter {shlex.quote(plan.adapter)}{device}"
     if plan.launch:
-        return f"--launch {shlex.quote(plan.launch)}"
+        return f"--launch {shlex.quote(plan.launch)}{device}"
     way = "--wait" if plan.side == "client" else "--connect"
     return f"{way} --ports {plan.ports[0]},{plan.ports[1]}"
 

@@ -20,6 +20,7 @@ from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.plugin import CheckPlugin, declared
 from splatbus_conformance.stand import Stand, set_up
+from splatbus_conformance.trial import THOROUGH
 
 T = TypeVar("T")
 GIVEN, NO_VERDICT, LEFT = "splatbus_given", "splatbus_no_verdict", "splatbus_left"
@@ -95,7 +96,7 @@ class Worker:
                 f"cannot start the testee: {error}" if isinstance(error, OSError) else str(error)
             )
             pytest.exit("the testee was not met")
-        profile = "quick" if self.plan.profile == "quick" else "full"
+        profile = "full" if self.plan.profile in THOROUGH else "quick"
         order = partial(dealt, workers=self.workers, profile=profile)
         self.checks = CheckPlugin(self.plan, self.stand, order)
         self.config.pluginmanager.register(self.checks)

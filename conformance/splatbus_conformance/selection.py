@@ -54,7 +54,7 @@ class Selection:
         if self.only and not any(item.answers_to(term) for term in self.only):
             return False
         named = item.requirement in self.only or item.name in self.only
-        return named or item.profile == "quick" or profile != "quick"
+        return named or item.profile == "quick" or profile not in ("brief", "quick")
 
     @property
     def partial(self) -> bool:

@@ -21,6 +21,10 @@ SETTLE_SECONDS = 0.05
 """Time for what was sent last to be understood; a client that is cut off before that backs off."""
 EFFECT_SECONDS: float = LIMITS["close_seconds"]
 """How long a check waits for an effect; the time that spec 1.0 section 1.2 gives a close."""
+THOROUGH = ("full", "soak")
+"""Profiles that take their time."""
+BRIEFLY = 4
+"""The brief profile delivers one case of so many."""
 REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 
@@ -56,7 +60,7 @@ class Trial:
     @property
     def thorough(self) -> bool:
         """The run takes its time."""
-        return self.profile != "quick"
+        return self.profile in THOROUGH
 
     def each(
         self,
@@ -100,7 +104,7 @@ class Trial:
 
     def affords(self, place: int) -> bool:
         """Whether there is time for the case at this place."""
-        return True
+        return self.profile != "brief" or place % BRIEFLY == 0
 
     def _chosen(
         self,

@@ -129,8 +129,8 @@ def out():
 
 def run_selftest(monkeypatch, out, rows, only="", path=None):
     trials_ = {row.name: lambda row=row: row for row in rows}
-    monkeypatch.setattr(command, "every_trial", lambda: iter(trials_.items()))
-    return command.selftest(argparse.Namespace(only=only, json=path, seeds=0), out)
+    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    return command.selftest(argparse.Namespace(only=only, json=path, seeds=0, profile="brief"), out)
 
 
 def row(name, fate, kind="mutant"):

@@ -14,8 +14,8 @@ from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
 from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
-WORKERS = 4
-"""Most of a run is waiting: four do not disturb each other on two cores yet."""
+WORKERS = 6
+"""Most of a run is waiting: six do not disturb each other on two cores yet."""
 
 Trial = Callable[[], Row]
 
@@ -25,7 +25,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     if arguments.seeds:
         return judge_seeds(arguments.seeds, out)
     wanted = [name for name in arguments.only.split(",") if name]
-    trials_ = dict(every_trial())
+    trials_ = dict(every_trial(arguments.profile))
     if unknown := [name for name in wanted if name not in trials_]:
         out.print(
             f"splatbus-conformance: --only {','.join(unknown)}: there is no such specimen; "
@@ -50,12 +50,15 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     return EXIT_CONFORMING if good else EXIT_NOT_CONFORMING
 
 
-def every_trial() -> Iterator[tuple[str, Trial]]:
-    """The name of each specimen, and how to judge it; the long ones first."""
+def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
+    """The name of each specimen, and how to judge it; the long ones first.
+
+    Variations are judged by this profile.
+    """
     for name in REFERENCE:
         yield name, lambda it=name: trials.judge_reference(it)  # type: ignore[misc]
     for variation in variations():
-        yield variation.name, lambda it=variation: trials.judge_variation(it)  # type: ignore[misc]
+        yield variation.name, lambda it=variation: trials.judge_variation(it, profile)  # type: ignore[misc]
     for mutant in mutants():
         yield mutant.name, lambda it=mutant: trials.judge_mutant(it)  # type: ignore[misc]
 

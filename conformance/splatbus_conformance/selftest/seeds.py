@@ -49,7 +49,9 @@ def differences(found: list[Verdicts]) -> list[str]:
 
 def _verdicts(name: str, seed: int) -> Verdicts:
     side, axes = REFERENCE[name]
-    report, _, last_words = run_harness(name, side, "", FULL_RUN_SECONDS, axes, seed)
+    report, _, last_words = run_harness(
+        name, side, "", FULL_RUN_SECONDS, axes, ("--seed", str(seed))
+    )
     if report is None:
         return {last_words: "no report"}
     return {

@@ -4,6 +4,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -99,13 +100,14 @@ class Row:
 def judge_reference(name: str) -> Row:
     """Run every check on the reference client, or on the reference server."""
     side, axes = REFERENCE[name]
-    return _judge_conforming(f"the reference {side} as it is", name, side, axes, frozenset())
+    does = f"the reference {side} as it is"
+    return _judge_conforming(does, name, side, axes, frozenset(), "quick")
 
 
-def judge_variation(variation: Variation) -> Row:
+def judge_variation(variation: Variation, profile: str) -> Row:
     """Run every check on an allowed variation."""
     it = variation
-    return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns)
+    return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns, profile)
 
 
 def judge_mutant(mutant: Mutant) -> Row:
@@ -141,9 +143,13 @@ def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
     return Fate.MISTAKEN if against else Fate.SURVIVED
 
 
-def _judge_conforming(does: str, name: str, side: Side, axes: str, warns: frozenset[str]) -> Row:
+def _judge_conforming(
+    does: str, name: str, side: Side, axes: str, warns: frozenset[str], profile: str
+) -> Row:
     began = time.monotonic()
-    report, status, last_words = run_harness(name, side, "", FULL_RUN_SECONDS, axes)
+    report, status, last_words = run_harness(
+        name, side, "", FULL_RUN_SECONDS, axes, ("--profile", profile)
+    )
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
     reference = name in REFERENCE
@@ -174,7 +180,7 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str, side: Side, select: str, seconds: float, axes: str = "", seed: int = 0
+    name: str, side: Side, select: str, seconds: float, axes: str = "", more: Sequence[str] = ()
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -189,7 +195,7 @@ def run_harness(
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
-        line += ["--shrink", "0", "--scripts", folder, "--seed", str(seed)]
+        line += ["--shrink", "0", "--scripts", folder, *more]
         status, output = harnesses.run(line, seconds)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

@@ -1,9 +1,8 @@
-"""Go through sessions: those that are kept, then those that Hypothesis makes up, and makes small.
+"""Go through sessions: those that are kept, then those that Hypothesis makes up.
 
-A session that breaks a requirement is made small against new testees, within a time limit: by
-Hypothesis, whose way of leaving steps out needs many tries where they depend on each other, then by
-delta debugging, to which steps are just a list. Every session is noted in the trial, so that a
-script shows it again without Hypothesis.
+A session that breaks a requirement is made small against new testees, within a time limit; by delta
+debugging, for Hypothesis removes choices, and where a step is possible only after others it needs
+hundreds of tries. Every session is noted in the trial, so that a script shows it again.
 """
 
 import contextlib
@@ -27,10 +26,9 @@ from splatbus_conformance.sessions import Found, Part, Session, Step
 from splatbus_conformance.shrinking import smallest, without_one
 from splatbus_conformance.trial import Trial
 
-EXPLORING_SECONDS = {"quick": 10.0, "full": 40.0}
+EXPLORING_SECONDS = {False: 10.0, True: 40.0}
 """No session is begun after so long; a testee that is quick comes to the end long before."""
-SHRINKING_SECONDS = {"quick": 5.0, "full": 15.0}
-"""For each of the two ways."""
+SHRINKING_SECONDS = {False: 10.0, True: 30.0}
 MOST_CUT_SHORT = 2
 """Sessions that end because they broke another requirement, before the check gives up."""
 
@@ -85,7 +83,7 @@ class _Search:
         """What cut sessions short."""
         self._trial, self._part = trial, part
         self._found: list[Found] = []
-        self._until = time.monotonic() + EXPLORING_SECONDS[trial.profile]
+        self._until = time.monotonic() + EXPLORING_SECONDS[trial.thorough]
 
     def deliver(self, steps: Sequence[Step]) -> None:
         """Take these steps with the testee."""
@@ -120,14 +118,13 @@ class _Search:
             derandomize=False,
             print_blob=False,
             report_multiple_bugs=False,
-            phases=[Phase.generate, Phase.shrink],
+            phases=[Phase.generate],
             suppress_health_check=list(HealthCheck),
             verbosity=Verbosity.quiet,
         )
         with seeds_meaning_the_same(), contextlib.suppress(Found, Flaky, _OutOfTime):
             run_state_machine_as_test(self._machine(kinds), settings=chosen)
         if self._found:
-            self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.profile]
             smallest(self._shortest().steps, self._fails_too, self._in_time)
             shortest = self._shortest()
             if len(self._found) > 1:
@@ -195,7 +192,7 @@ class _Search:
     def note_failure(self, found: Found) -> None:
         """The first failure ends the search for others, and begins that for a smaller one."""
         if not self._found:
-            self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.profile]
+            self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.thorough]
         self._found.append(found)
 
     def stop_in_time(self) -> None:

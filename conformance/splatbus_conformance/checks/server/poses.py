@@ -53,7 +53,7 @@ def check_keeps_the_former_pose(trial: ServerTrial) -> None:
     steering, poser = Steering(trial), trial.dial("msg")
     home = camera_pose((0.25, 0.5, -0.75), ROTATION)
     trial.expect(steering.shows(poser, home), "no frame shows a good pose")
-    broken = broken_poses(FAR)[:: 1 if trial.profile == "full" else STRIDE]
+    broken = broken_poses(FAR)[:: 1 if trial.thorough else STRIDE]
     for each in trial.each(broken):
         if poser.ended:
             poser = trial.dial("msg")

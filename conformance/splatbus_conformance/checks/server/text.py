@@ -186,7 +186,7 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
 )
 def check_does_not_move_by_broken_text(trial: ServerTrial) -> None:
     """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
-    texts = broken_texts(FAR)[:: 1 if trial.profile == "full" else STRIDE]
+    texts = broken_texts(FAR)[:: 1 if trial.thorough else STRIDE]
     steering, poser = Steering(trial), trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
     for text in trial.each(texts):
@@ -227,7 +227,7 @@ def check_handles_the_next_packet(trial: ServerTrial) -> None:
 def check_handles_the_next_packet_on_ipc(trial: ServerTrial) -> None:
     """The same with `hello`, on the IPC channel."""
     trial.greeted("ipc").close()
-    texts = broken_texts(UNKNOWN)[:: 1 if trial.profile == "full" else STRIDE]
+    texts = broken_texts(UNKNOWN)[:: 1 if trial.thorough else STRIDE]
     ignored = 0
     for text in trial.each(texts):
         connection = trial.dial("ipc")
