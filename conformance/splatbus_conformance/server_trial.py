@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import os
 import signal
+import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -237,10 +238,21 @@ class ServerTrial(Trial):
         return self.wait(lambda: connection.ended, seconds)
 
     def _reach(self, channel: Channel) -> Connection | None:
-        """A new connection; who serves one at a time is given time to see that the last is gone."""
-        if self.facts.alone[channel]:
+        """A new connection; where one is served at a time and none is held, one that stays.
+
+        There, the next is refused until the server has seen that the last has gone.
+        """
+        kept = (c for c in self.peer.connections if c.channel == channel and c.open)
+        retries = self.facts.alone[channel] and all(c.ended for c in kept)
+        deadline = time.monotonic() + EFFECT_SECONDS
+        while True:
+            connection = reach(self.peer, self.testee, channel, self.patience)
+            if connection is None or not retries:
+                return connection
             self.rest(GONE_SECONDS)
-        return reach(self.peer, self.testee, channel, self.patience)
+            if not connection.ended or time.monotonic() > deadline:
+                return connection
+            connection.close()
 
     def _end_of(self, connection: Connection) -> str:
         if self.wait(lambda: connection.ended, EFFECT_SECONDS):

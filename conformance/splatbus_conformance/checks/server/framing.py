@@ -103,7 +103,9 @@ def check_half_packet_is_discarded(trial: ServerTrial) -> None:
         connection = trial.dial("msg")
         connection.send(request[:kept])
         connection.close()
-        outcome = trial.outcome_on_msg(trial.dial("msg"))
+        following = trial.dial("msg")
+        outcome = trial.outcome_on_msg(following)
+        following.close()
         what = f"a connection that ends after {kept} bytes of a request, and then another one"
         trial.judge(outcome, what)
 
