@@ -86,7 +86,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, recorded=bool(plan.record))
-    sentence, verdicts = summary(results, judged, plan.level, wishes.demands.level)
+    sentence, verdicts = summary(results, judged, reached(results), wishes.demands.level)
     deselected = left_out(plan)
     if deselected:
         sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
@@ -115,6 +115,11 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     if wishes.write_expected:
         return write_expected(wishes.write_expected, found, wishes, out)
     return status
+
+
+def reached(results: Iterable[Result]) -> Level:
+    """The highest assurance at which something was found to be right."""
+    return max((it.level for it in results if it.verdict is Verdict.PASS), default=Level.WIRE)
 
 
 def left_out(plan: Plan) -> dict[str, list[str]]:

@@ -42,11 +42,6 @@ class Plan:
         """The harness starts the testee itself."""
         return bool(self.launch or self.adapter)
 
-    @property
-    def level(self) -> str:
-        """The highest assurance that a verdict of the run can have."""
-        return "L3" if self.stand_in_cuda else "L2" if self.adapter else "L1"
-
     def as_text(self) -> str:
         """For another process."""
         return json.dumps(asdict(self))

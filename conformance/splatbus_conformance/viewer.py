@@ -27,6 +27,8 @@ class Dealings:
     """Every object that the server sent."""
     init_packets: list[Json] = field(default_factory=list)
     frames: list[Json] = field(default_factory=list)
+    held: Json | None = None
+    """The frame that was not given back yet."""
     memory: Opened | None = None
     """What the last init packet announced, mapped."""
     refusal: str = ""
@@ -88,6 +90,7 @@ class Viewer:
                 self.open(connection, before[0])
         elif connection.channel == "ipc" and kind == "frame":
             dealings.frames.append(message)
+            dealings.held = message
             if self.releases and not dealings.holds:
                 self.release(connection, message)
         elif connection.channel == "ipc" and kind is None and "meta" in message:
@@ -116,6 +119,8 @@ class Viewer:
         else:
             self.say(connection, {"type": "opened", "generation": generation})
         if former is not None:
+            if dealings.held is not None:
+                self.release(connection, dealings.held)
             former.close()
             self.say(connection, {"type": "closed", "generation": former.generation})
 
@@ -127,6 +132,8 @@ class Viewer:
 
     def release(self, connection: Connection, frame: Json) -> None:
         """Give a frame back."""
+        dealings = self.with_(connection)
+        dealings.held = None if dealings.held == frame else dealings.held
         named = {name: frame.get(name) for name in ("generation", "seq")}
         if all(whole(value) is not None for value in named.values()):
             self.say(connection, {"type": "release", **named})
