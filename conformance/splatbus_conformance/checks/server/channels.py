@@ -212,7 +212,8 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
         culprit = trial.dial(channel)
         misdeed.commit(trial, culprit)
         if watched:
-            trial.expect(trial.answers(witness), f"no reply beside {what}")
+            answered = trial.answers(witness) or trial.wait(trial.fate, REACTION_SECONDS)
+            trial.expect(answered and not trial.fate(), f"no reply beside {what}")
             seen = steering is None or steering.renders_for(witness)
             trial.expect(seen, f"no new image beside {what}")
         culprit.close()
