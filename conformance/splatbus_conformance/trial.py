@@ -184,6 +184,7 @@ class Trial:
 
 OUTCOME_WORDS = {
     "accepts": "took it as valid",
+    "applies": "applied it",
     "closes": "closed the connection",
     "declines": "answered open_failed",
     "dies": "died",
@@ -192,6 +193,8 @@ OUTCOME_WORDS = {
     "ignores": "ignored it and went on",
     "keeps": "kept its state",
     "reconnects": "connected again",
+    "replies": "replied to it",
+    "reports": "answered with an error",
     "refuses": "answered open_failed to the good init packet that followed",
     "waits": "waited",
 }
