@@ -131,7 +131,9 @@ def _sent_too_early(conversation: Conversation) -> Message | None:
     for message, hello, welcome in placed(conversation):
         if hello is not None and welcome is None and kind_of_memory(message) == "host_shm":
             return message
-    if conversation.welcome is not None:
+    # After a broken request it is not certain which answer belongs to which.
+    hello_first = next((m.kind for m in conversation.sent_by("client")), None) == "hello"
+    if conversation.welcome is not None and hello_first:
         for pair in exchanges(conversation).pairs:
             if pair.asked_after_hello and not pair.welcomed:
                 return pair.answer
