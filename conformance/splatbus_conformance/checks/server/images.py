@@ -250,11 +250,20 @@ def _expect_right(
     by a further image of a camera that is put there.
     """
     for channel, right in zip(("color", "depth"), _right(trial, photographer, image), strict=True):
-        trial.expect(
-            channel not in channels or right >= WHOLE,
+        if channel not in channels or right >= WHOLE:
+            continue
+        _expect_still(trial, photographer, image)
+        trial.violated(
             f"{1 - right:.0%} of the {channel} of image {image.frame['seq']}, rendered {when}, is"
             f" not of the camera that its frame names, {image.pose}",
         )
+
+
+def _expect_still(trial: ServerTrial, photographer: Photographer, image: Photograph) -> None:
+    """The positive control: the camera at rest, put there once more, sees what it should."""
+    again = photographer.take(image.pose, AT_REST)
+    if min(_right(trial, photographer, again)) < WHOLE:
+        trial.not_observable("the scene moves by itself, or is another than it was")
 
 
 def _right(

@@ -124,6 +124,8 @@ def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
             outcome = trial.fate() or ("closes" if connection.ended else "ignores")
             trial.judge(outcome, f"{request['type']} without hello")
             trial.delivered += 1
+            if request is not requests[-1] or trial.facts.alone["msg"]:
+                connection.close()
         if trial.facts.renders:
             seen = trial.sees(trial.reading(), trial.move())
             trial.expect(seen, "after a pose without hello, that of a client with the token failed")
