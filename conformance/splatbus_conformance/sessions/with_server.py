@@ -20,7 +20,7 @@ RESEND_SECONDS = 0.1
 END_SECONDS = 1.0
 """How long a half-closed connection is kept for its end."""
 ENDS = ("close", "reset", "end")
-PAUSES = (0.002, 0.02)
+PAUSES = (0.001, 0.01)
 CHANNEL_WORDS = {"ipc": "IPC", "msg": "message"}
 POSES = ("camera_pose", "point_cloud_pose")
 WANTED = (("color",), ("depth",), ("color", "depth"))

@@ -11,7 +11,7 @@ from splatbus_conformance.sessions import Step
 from splatbus_conformance.sessions.exploring import Amount, go_through
 from splatbus_conformance.sessions.with_client import WithClient
 
-FEW, MANY = Amount(2, 3), Amount(4, 8)
+FEW, MANY = Amount(2, 6), Amount(6, 10)
 READING = ("lend", "announce", "mislead", "split", "stall")
 LOSING = (*READING, "drop", "pose", "refuse")
 TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit", "returns:ipc")

@@ -9,7 +9,7 @@ from splatbus_conformance.sessions.exploring import Amount, go_through
 from splatbus_conformance.sessions.knowledge import learn
 from splatbus_conformance.sessions.with_server import EVERYTHING, WithServer, numbers
 
-FEW, MANY = Amount(6, 10), Amount(40, 20)
+FEW, MANY = Amount(8, 15), Amount(50, 25)
 LENDS = ("capability:frames", "opens", "frames")
 
 
@@ -71,7 +71,7 @@ def check_obeys_the_first_in_any_session(trial: ServerTrial) -> None:
 def check_lends_one_at_a_time_in_any_session(trial: ServerTrial) -> None:
     """Clients hold frames while the camera moves, and subscribe."""
     kinds = ("hold", "pose", "release", "subscribe", "connect", "drop", "look", "stall")
-    moves = (("pose", 0, "camera_pose"), ("stall", 0.02))
+    moves = (("pose", 0, "camera_pose"), ("stall", 0.01))
     holds = (("connect", "ipc", 1), ("look",), ("hold", 0))
     play(trial, kinds, (*holds, *moves, *moves, *moves, ("subscribe", 0, "color"), ("look",)))
 
@@ -80,6 +80,6 @@ def check_lends_one_at_a_time_in_any_session(trial: ServerTrial) -> None:
 def check_takes_leases_back_in_any_session(trial: ServerTrial) -> None:
     """Clients that hold frames end in every way; then those who are lent frames are counted."""
     kinds = ("hold", "pose", "drop", "connect", "release", "subscribe", "half", "stall", "look")
-    holds = (("hold", 0), ("pose", 0, "camera_pose"), ("stall", 0.02))
-    moves = (("pose", 0, "camera_pose"), ("stall", 0.02), ("drop", "ipc", 0, "close"))
+    holds = (("hold", 0), ("pose", 0, "camera_pose"), ("stall", 0.01))
+    moves = (("pose", 0, "camera_pose"), ("stall", 0.01), ("drop", "ipc", 0, "close"))
     play(trial, kinds, (*holds, *moves), counting=True)
