@@ -96,6 +96,9 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
             dealings = trial.viewer.with_(connections["ipc"])
             trial.wait(lambda: dealings.welcome or connections["ipc"].ended)  # noqa: B023
             trial.expect(dealings.welcome, f"no welcome on the IPC channel {what}")
+            if trial.facts.init_packet is not None:
+                trial.wait(lambda: dealings.init_packets or connections["ipc"].ended)  # noqa: B023
+            trial.expect(trial.answers(connections["msg"]), f"no further reply {what}")
         for channel, connection in connections.items():
             trial.expect(not connection.ended, f"the {channel} connection was ended {what}")
 
