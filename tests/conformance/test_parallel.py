@@ -73,7 +73,7 @@ def test_the_verdicts_are_those_of_a_serial_run_in_the_same_order(tmp_path: Path
 def test_workers_without_a_check_say_what_they_saw_when_they_met_the_testee() -> None:
     code, output = run("client", "--launch", GOOD, "--select", "FRM-1,FRM-2", "--parallel", "2")
     assert code == 0, output
-    assert "conforming at L1: 2 of" in output
+    assert "conforming at L0: 2 of" in output
 
 
 def test_each_testee_has_ports_of_its_own(tmp_path: Path) -> None:
