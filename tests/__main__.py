@@ -25,7 +25,7 @@ STEPS = {
     "types": (*PYTHON, "mypy", *PACKAGES),
     "imports": (str(Path(sys.executable).with_name("lint-imports")),),
     "prose": (*PYTHON, "splatbus_schemas.prose"),
-    "tests": (*PYTHON, "pytest"),
+    "tests": (*PYTHON, "pytest", "-n", "3", "--dist", "loadfile"),
     "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
 }
 
