@@ -93,7 +93,8 @@ def check_records_the_event_after_the_image(trial: ServerTrial) -> None:
             f"for {share:.0%} of the time an image lay there without the event recorded behind it;"
             f" {last_record(seen)}"
         )
-    if not trial.wait(lambda: not found()[-1].open):
+    known = len(seen) - 1
+    if not trial.wait(lambda: any(not moment.open for moment in found()[known:])):
         seen = found()
         last = next(moment.call for moment in reversed(seen) if not moment.recorded)
         trial.violated(
