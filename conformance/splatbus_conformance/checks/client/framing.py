@@ -12,6 +12,8 @@ from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.shrinking import without_one
 
+STRANGER = packet(encode({"type": "weather_report"}))
+"""A packet that is ignored, for another to be joined to."""
 BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
 
 
@@ -62,7 +64,7 @@ def check_any_segmentation(trial: ClientTrial) -> None:
         if "reinit" not in trial.facts.capabilities() and dealings.generation:
             connection = trial.greeted("ipc")
             dealings = trial.role.with_(connection)
-        data = packet(encode(trial.role.init_packet(connection)))
+        data = STRANGER + packet(encode(trial.role.init_packet(connection)))
         for begin, end in itertools.pairwise([0, *sorted(cuts), len(data)]):
             connection.send(data[begin:end])
             trial.rest(0.0 if len(cuts) > 6 else 0.0005)
