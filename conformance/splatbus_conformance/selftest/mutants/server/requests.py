@@ -87,7 +87,7 @@ def server_closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="the testee replies")
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="the testee replied to it")
 def server_answers_unknown_types(patch: pytest.MonkeyPatch) -> None:
     """Answers what it does not know with the size of the image."""
 
@@ -99,7 +99,7 @@ def server_answers_unknown_types(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replies")
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
 def server_answers_broken_requests(patch: pytest.MonkeyPatch) -> None:
     """Takes camera 0 for an index that it cannot read."""
 
