@@ -69,12 +69,6 @@ def parser() -> argparse.ArgumentParser:
         default="64x48",
         help="image size to announce (%(default)s); some clients insist on their own",
     )
-    client.add_argument(
-        "--stand-in-cuda",
-        action="store_true",
-        help="give the client a CUDA runtime without a GPU, and judge what it does with device "
-        "memory (conformance/STAND_IN_CUDA.md)",
-    )
     _live_options(
         client,
         ports="ports to listen on (free ones, 6001,6000 with --wait)",
@@ -91,12 +85,6 @@ def parser() -> argparse.ArgumentParser:
     how = server.add_mutually_exclusive_group(required=True)
     how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")
     how.add_argument("--connect", action="store_true", help="judge a server that runs already")
-    server.add_argument(
-        "--stand-in-cuda",
-        action="store_true",
-        help="give the server a CUDA runtime without a GPU, and judge what it does with device "
-        "memory (conformance/STAND_IN_CUDA.md)",
-    )
     _live_options(
         server,
         ports="ports of the server (free ones with --launch, 6001,6000 with --connect)",
@@ -168,6 +156,12 @@ def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) ->
     where = command.add_argument_group("where the testee is")
     where.add_argument("--host", default="127.0.0.1", help=f"{host} (%(default)s)")
     where.add_argument("--ports", metavar="IPC,MSG", help=ports)
+    where.add_argument(
+        "--stand-in-cuda",
+        action="store_true",
+        help="give it a CUDA runtime without a GPU, and judge what it does with device memory "
+        "(conformance/STAND_IN_CUDA.md)",
+    )
     where.add_argument(
         "--patience", type=float, metavar="S", help="longest wait for a connection, in seconds"
     )

@@ -26,13 +26,8 @@ class ClientStand:
         self.plan = plan
         self.stand_in = stand_in_for(plan)
         self.peer = _listening(plan)
-        environment = {
-            "SPLATBUS_HOST": plan.host,
-            "SPLATBUS_IPC_PORT": str(self.peer.ports["ipc"]),
-            "SPLATBUS_MSG_PORT": str(self.peer.ports["msg"]),
-            **(self.stand_in.environment() if self.stand_in else {}),
-        }
-        self.testee = self._testee(environment)
+        device = self.stand_in.environment() if self.stand_in else {}
+        self.testee = self._testee(self.peer.environment() | device)
         self.facts = ClientFacts()
         sweep()
         self._memory = HostMemory(ring_bytes(*plan.viewport, SLOTS))

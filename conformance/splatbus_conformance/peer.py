@@ -136,6 +136,14 @@ class Peer:
         self._start = time.monotonic()
         self._count = dict.fromkeys(CHANNELS, 0)
 
+    def environment(self) -> dict[str, str]:
+        """The variables that tell a testee of its address (spec 1.0 section 3.1)."""
+        return {
+            "SPLATBUS_HOST": self.host,
+            "SPLATBUS_IPC_PORT": str(self.ports["ipc"]),
+            "SPLATBUS_MSG_PORT": str(self.ports["msg"]),
+        }
+
     def listen(self, channel: Channel) -> None:
         """Accept connections on this channel from now on; OSError if the port is taken."""
         if channel not in self._listeners:

@@ -25,14 +25,9 @@ class ServerStand:
         self.stand_in = stand_in_for(plan)
         ports = [port or _free_port(plan.host) for port in plan.ports]
         self.peer = Peer(plan.host, dict(zip(CHANNELS, ports, strict=True)), plays="client")
-        environment = {
-            "SPLATBUS_HOST": plan.host,
-            "SPLATBUS_IPC_PORT": str(ports[0]),
-            "SPLATBUS_MSG_PORT": str(ports[1]),
-            **(self.stand_in.environment() if self.stand_in else {}),
-        }
+        device = self.stand_in.environment() if self.stand_in else {}
         self.testee = (
-            Launched(plan.launch, environment)
+            Launched(plan.launch, self.peer.environment() | device)
             if plan.launch
             else Awaited(f"the server at {plan.host}")
         )

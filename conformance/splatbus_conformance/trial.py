@@ -123,12 +123,8 @@ class Trial:
         for place, value in enumerate(listed):
             yield Case(False, place), value
         if drawn is not None:
-            for value in self.cases(drawn, quick, full):
+            for value in draw(drawn, full if self.thorough else quick, self.seed):
                 yield Case(True, value), value
-
-    def cases(self, strategy: SearchStrategy[T], quick: int, full: int) -> list[T]:
-        """Cases drawn by Hypothesis, so many in each profile; the same ones for the same seed."""
-        return draw(strategy, full if self.thorough else quick, self.seed)
 
     def wait(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
         """Wait until the condition holds or the testee's process has ended; whether it holds."""

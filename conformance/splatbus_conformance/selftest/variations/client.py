@@ -1,9 +1,7 @@
 """Allowed variations: clients that are unusual, and conform. The harness must pass them."""
 
 import itertools
-import json
 import os
-import re
 from typing import Any
 
 import pytest
@@ -20,56 +18,51 @@ from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0 as 
 from splatbus_conformance.selftest.mutants.client.frames import subscribes
 from splatbus_conformance.selftest.mutants.client.framing import in_two_writes
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.respelling import (
+    add_members,
+    escape_letters,
+    reverse_members,
+    space_out,
+    write_fractions,
+)
 from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import Json, messages, of_type, payloads, wrap
-
-DECIMAL = re.compile(rb"(?<=[:\[,])-?[0-9]+\.[0-9]+(?:e[+-]?[0-9]+)?(?=[,}\]])")
+from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
 
 @variation()
 def members_that_nobody_knows(patch: pytest.MonkeyPatch) -> None:
     """Adds members of its own to every message."""
-    messages(patch, lambda message: message | {"x-engine": {"frame": [1, None, {"deep": True}]}})
+    add_members(patch)
 
 
 @variation(warns=("POS-4",))
 def members_in_reverse_order(patch: pytest.MonkeyPatch) -> None:
     """Writes the members of every object in reverse."""
-
-    def reverse(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: reverse(value[name]) for name in reversed(value)}
-        return value
-
-    messages(patch, reverse)
+    reverse_members(patch)
 
 
 @variation()
 def white_space_everywhere(patch: pytest.MonkeyPatch) -> None:
     """Writes JSON for people, with white space around it."""
-    payloads(patch, lambda payload: b" \n" + json.dumps(json.loads(payload), indent="\t").encode())
+    space_out(patch)
 
 
 @variation()
 def escapes_everywhere(patch: pytest.MonkeyPatch) -> None:
     """Writes every letter in names and strings as an escape."""
-
-    def escape(text: re.Match[bytes]) -> bytes:
-        return b'"' + b"".join(b"\\u%04x" % byte for byte in text[1]) + b'"'
-
-    payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
+    escape_letters(patch)
 
 
 @variation()
 def numbers_of_17_digits(patch: pytest.MonkeyPatch) -> None:
     """Writes every fraction with 17 digits."""
-    payloads(patch, lambda payload: DECIMAL.sub(lambda n: b"%.17f" % float(n[0]), payload))
+    write_fractions(patch, b"%.17f")
 
 
 @variation()
 def numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
     """Writes every fraction with an exponent."""
-    payloads(patch, lambda payload: DECIMAL.sub(lambda n: b"%.17E" % float(n[0]), payload))
+    write_fractions(patch, b"%.17E")
 
 
 @variation()

@@ -1,7 +1,5 @@
 """Allowed variations: servers that are unusual, and conform. The harness must pass them."""
 
-import json
-import re
 import socket
 from typing import Any
 
@@ -17,9 +15,15 @@ from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_conformance.messages import init_packet_1_0
 from splatbus_conformance.selftest.legacy import announces_at_once
+from splatbus_conformance.selftest.respelling import (
+    add_members,
+    escape_letters,
+    reverse_members,
+    space_out,
+    write_fractions,
+)
 from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import messages, payloads, wrap
-from splatbus_conformance.selftest.variations.client import DECIMAL
+from splatbus_conformance.selftest.surgery import wrap
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
 
@@ -27,41 +31,31 @@ CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range
 @variation()
 def server_members_that_nobody_knows(patch: pytest.MonkeyPatch) -> None:
     """Adds members of its own to every message."""
-    messages(patch, lambda message: message | {"x-engine": {"frame": [1, None, {"deep": True}]}})
+    add_members(patch)
 
 
 @variation()
 def server_members_in_reverse_order(patch: pytest.MonkeyPatch) -> None:
     """Writes the members of every object in reverse."""
-
-    def reverse(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {name: reverse(value[name]) for name in reversed(value)}
-        return value
-
-    messages(patch, reverse)
+    reverse_members(patch)
 
 
 @variation()
 def server_white_space_everywhere(patch: pytest.MonkeyPatch) -> None:
     """Writes JSON for people, with white space around it."""
-    payloads(patch, lambda payload: b" \n" + json.dumps(json.loads(payload), indent="\t").encode())
+    space_out(patch)
 
 
 @variation()
 def server_escapes_everywhere(patch: pytest.MonkeyPatch) -> None:
     """Writes every letter in names and strings as an escape."""
-
-    def escape(text: re.Match[bytes]) -> bytes:
-        return b'"' + b"".join(b"\\u%04x" % byte for byte in text[1]) + b'"'
-
-    payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
+    escape_letters(patch)
 
 
 @variation()
 def server_numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
     """Writes every fraction with 17 digits and an exponent."""
-    payloads(patch, lambda payload: DECIMAL.sub(lambda n: b"%.17E" % float(n[0]), payload))
+    write_fractions(patch, b"%.17E")
 
 
 @variation(warns=("FRM-7",))

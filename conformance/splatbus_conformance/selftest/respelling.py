@@ -1,0 +1,46 @@
+"""Make either of the reference pair write its messages in other ways that RFC 8259 allows."""
+
+import json
+import re
+from typing import Any
+
+import pytest
+
+from splatbus_conformance.selftest.surgery import messages, payloads
+
+DECIMAL = re.compile(rb"(?<=[:\[,])-?[0-9]+\.[0-9]+(?:e[+-]?[0-9]+)?(?=[,}\]])")
+
+
+def add_members(patch: pytest.MonkeyPatch) -> None:
+    """Members that nobody knows, in every message."""
+    messages(patch, lambda message: message | {"x-engine": {"frame": [1, None, {"deep": True}]}})
+
+
+def reverse_members(patch: pytest.MonkeyPatch) -> None:
+    """The members of every object in reverse."""
+
+    def reverse(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: reverse(value[name]) for name in reversed(value)}
+        return value
+
+    messages(patch, reverse)
+
+
+def space_out(patch: pytest.MonkeyPatch) -> None:
+    """JSON for people, with white space around it."""
+    payloads(patch, lambda payload: b" \n" + json.dumps(json.loads(payload), indent="\t").encode())
+
+
+def escape_letters(patch: pytest.MonkeyPatch) -> None:
+    """Every letter in names and strings as an escape."""
+
+    def escape(text: re.Match[bytes]) -> bytes:
+        return b'"' + b"".join(b"\\u%04x" % byte for byte in text[1]) + b'"'
+
+    payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
+
+
+def write_fractions(patch: pytest.MonkeyPatch, form: bytes) -> None:
+    """Every fraction in this form, such as `%.17f`."""
+    payloads(patch, lambda payload: DECIMAL.sub(lambda n: form % float(n[0]), payload))
