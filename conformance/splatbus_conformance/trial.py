@@ -25,6 +25,8 @@ THOROUGH = ("full", "soak")
 """Profiles that take their time."""
 BRIEFLY = 4
 """The brief profile delivers one case of so many."""
+ENDING_SECONDS = 0.3
+"""How long after its sockets a process may end, and still be said to have ended, not closed."""
 REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 
@@ -157,7 +159,11 @@ class Trial:
 
     def judge(self, outcome: str, what: str) -> None:
         """Compare an outcome with those that the specification accepts for this requirement."""
-        if outcome not in self.requirement.acceptable:
+        acceptable = self.requirement.acceptable
+        if outcome == "closes" and outcome not in acceptable:
+            self.wait(self.fate, ENDING_SECONDS)
+            outcome = self.fate() or outcome
+        if outcome not in acceptable:
             self.violated(f"{what}: the testee {OUTCOME_WORDS.get(outcome, outcome)}")
 
     def expect(self, holds: object, what: str) -> None:
