@@ -7,14 +7,11 @@ import contextlib
 import json
 import os
 import queue
-import shlex
 import subprocess
-import tempfile
 import threading
 import time
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from jsonschema import Draft202012Validator
@@ -24,7 +21,7 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict
-from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Ended
+from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Command, Ended
 
 ANSWER_SECONDS = 10.0
 GLANCE_SECONDS = 0.002
@@ -68,8 +65,7 @@ class Adapted:
         self.name = command
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
-        self._command = shlex.split(command) if os.name == "posix" else command
-        self._environment = {**os.environ, **environment}
+        self._command = Command(command, environment)
         self._peer, self._patience = peer, patience
         self._process: subprocess.Popen[bytes] | None = None
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
@@ -77,12 +73,9 @@ class Adapted:
         self._last = 0
         self._mute = False
         """It broke off: nothing more is asked of it."""
-        file, name = tempfile.mkstemp(prefix="splatbus-adapter-", suffix=".log")
-        os.close(file)
-        self._log = Path(name)
 
     def ensure_running(self) -> bool:
-        """Start it if it does not run, with its client. Raises AdapterBroken, OSError."""
+        """Start it if it does not run, with its client. Raises NoVerdict, AdapterBroken."""
         if self._process is not None and self._process.poll() is None:
             return False
         self.open()
@@ -93,16 +86,9 @@ class Adapted:
     def open(self) -> Greeting:
         """Start the adapter, without its client, and read its first line.
 
-        Raises AdapterBroken, and OSError if the command cannot be started.
+        Raises AdapterBroken, and NoVerdict if the command cannot be started.
         """
-        with self._log.open("wb") as log:
-            process = self._process = subprocess.Popen(
-                self._command,
-                env=self._environment,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-            )
+        process = self._process = self._command.start({}, subprocess.PIPE, subprocess.PIPE)
         self._mute = False
         self._lines, self._commands = queue.SimpleQueue(), queue.SimpleQueue()
         for what, lines in ((_read, self._lines), (_write, self._commands)):
@@ -187,12 +173,12 @@ class Adapted:
 
     def output(self) -> str:
         """The end of what it said on stderr."""
-        return self._log.read_text("utf-8", errors="replace")[-2000:]
+        return self._command.printed()
 
     def close(self) -> None:
-        """End it and remove its log."""
+        """End it, and forget what it printed."""
         self.stop()
-        self._log.unlink(missing_ok=True)
+        self._command.forget()
 
     def _next_line(self, what: str, seconds: float) -> Json:
         deadline = time.monotonic() + seconds

@@ -8,7 +8,8 @@ import traceback
 from collections.abc import Sequence
 
 from splatbus_conformance import commands
-from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, Level
+from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE, Level
 
 SHRINK_SECONDS = 30.0
 
@@ -258,8 +259,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Whoever starts this in the background of a shell passes on that SIGINT is ignored.
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, signal.default_int_handler)
+    out = commands.console(arguments.plain)
     try:
-        return int(arguments.run(arguments, commands.console(arguments.plain)))
+        return int(arguments.run(arguments, out))
+    except Usage as error:
+        out.print(f"splatbus-conformance: {error}", markup=False)
+        return EXIT_USAGE
+    except NoVerdict as error:
+        out.print(f"no verdict: {error}", markup=False)
+        return EXIT_NO_VERDICT
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED

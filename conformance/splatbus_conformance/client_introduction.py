@@ -12,7 +12,7 @@ from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
-from splatbus_conformance.testee import Testee
+from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
 from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 
 SETTLE_SECONDS = 1.0
@@ -141,9 +141,8 @@ def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
     text = f"nothing connected to {where} within {patience:g} s"
     if ended := testee.ended():
         text = f"nothing connected to {where}: the testee {ended}"
-    if output := testee.output().strip():
-        text += "; the last that it printed:\n" + output
-    return text + (
+    return (
+        f"{text}{last_words(testee)}"
         "\nThe testee finds these ports in SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT;"
-        "\nif it knows only fixed ports, name them: --ports 6001,6000 (IPC, message)."
+        f"\n{FIXED_PORTS}"
     )

@@ -19,7 +19,7 @@ from splatbus_conformance.judging import judge
 from splatbus_conformance.plan import Side, Usage
 from splatbus_conformance.replay_command import replay_script
 from splatbus_conformance.reports import json_report
-from splatbus_conformance.script import ScriptError, load
+from splatbus_conformance.script import load
 from splatbus_conformance.terminal import print_connections, print_failures, summary
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
@@ -53,12 +53,7 @@ def server(arguments: argparse.Namespace, out: Console) -> int:
 
 
 def _live(side: Side, arguments: argparse.Namespace, out: Console) -> int:
-    try:
-        plan, wishes = plan_of(side, arguments), wishes_of(side, arguments)
-    except Usage as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
-        return EXIT_USAGE
-    return judge(plan, wishes, out)
+    return judge(plan_of(side, arguments), wishes_of(side, arguments), out)
 
 
 def replay(arguments: argparse.Namespace, out: Console) -> int:
@@ -67,10 +62,9 @@ def replay(arguments: argparse.Namespace, out: Console) -> int:
 
     try:
         script = load(Path(arguments.file))
-        plan = plan_of(script.side, parser().parse_args([script.side, *arguments.how]))
-    except (OSError, ScriptError, Usage) as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
-        return EXIT_USAGE
+    except OSError as error:
+        raise Usage(str(error)) from error
+    plan = plan_of(script.side, parser().parse_args([script.side, *arguments.how]))
     return replay_script(script, plan, out)
 
 
@@ -96,8 +90,7 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
         try:
             judged = judge_recording(recording.load(Path(name)))
         except (OSError, recording.RecordingError, UnicodeDecodeError) as error:
-            out.print(f"splatbus-conformance: {name}: {error}", markup=False)
-            return EXIT_USAGE
+            raise Usage(f"{name}: {error}") from error
         print_connections(out, name, judged)
         for peer in peers:
             results = audit_results(judged, peer)

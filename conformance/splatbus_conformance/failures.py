@@ -54,7 +54,7 @@ def _made_small(plan: Plan, scripts: dict[int, Script], seconds: float) -> dict[
             share = (until - time.monotonic()) / left
             if share > 0:
                 made[place] = worked_out(stand, script, share)
-    except (NoVerdict, OSError):
+    except NoVerdict:
         pass  # what is not small is written down as it is
     finally:
         stand.close()

@@ -14,9 +14,9 @@ from splatbus_conformance.asking import Wishes, selectable_on
 from splatbus_conformance.demands import shortfalls
 from splatbus_conformance.failures import work_out
 from splatbus_conformance.findings import Findings
-from splatbus_conformance.plan import NoVerdict, Plan, Usage
+from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.reports import json_report, junit_report
-from splatbus_conformance.running import Interrupted, run_checks
+from splatbus_conformance.running import run_checks
 from splatbus_conformance.terminal import (
     Live,
     print_complaints,
@@ -25,10 +25,8 @@ from splatbus_conformance.terminal import (
     summary,
 )
 from splatbus_conformance.verdicts import (
-    EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     EXIT_NOT_CONFORMING,
-    EXIT_USAGE,
     Level,
     Result,
     Verdict,
@@ -37,7 +35,10 @@ from splatbus_conformance.verdicts import (
 
 
 def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
-    """Judge a testee by a plan, and write the reports that are wished for."""
+    """Judge a testee by a plan, and write the reports that are wished for.
+
+    Raises Usage, NoVerdict.
+    """
     live = Live(out)
     began = time.monotonic()
     try:
@@ -45,14 +46,6 @@ def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
             findings = soak(plan, 60 * wishes.minutes, live)
         else:
             findings = run_checks(plan, live)
-    except Usage as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
-        return EXIT_USAGE
-    except NoVerdict as error:
-        out.print(f"no verdict: {error}", markup=False)
-        return EXIT_NO_VERDICT
-    except Interrupted:
-        return EXIT_INTERRUPTED
     finally:
         live.end()
     return _report(plan, findings, time.monotonic() - began, wishes, out)

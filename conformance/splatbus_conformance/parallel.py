@@ -91,18 +91,18 @@ class Worker:
         try:
             self.stand = set_up(self.plan)
             self.stand.introduce()
-        except (NoVerdict, Usage, OSError) as error:
-            self.config.workeroutput[NO_VERDICT] = _printable(  # type: ignore[attr-defined]
-                f"cannot start the testee: {error}" if isinstance(error, OSError) else str(error)
-            )
+        except (NoVerdict, Usage) as error:
+            self.config.workeroutput[NO_VERDICT] = _printable(str(error))  # type: ignore[attr-defined]
             pytest.exit("the testee was not met")
         profile = "full" if self.plan.profile in THOROUGH else "quick"
         order = partial(dealt, workers=self.workers, profile=profile)
         self.checks = CheckPlugin(self.plan, self.stand, order)
         self.config.pluginmanager.register(self.checks)
 
+    @pytest.hookimpl(tryfirst=True)
     def pytest_sessionfinish(self) -> None:
         """End the testee: without a controller, nothing that comes later is called."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
         if self.checks:
             self.config.workeroutput[LEFT] = self.checks.traffic.as_text()  # type: ignore[attr-defined]
         if self.stand:

@@ -7,37 +7,26 @@ from rich.markup import escape
 from rich.text import Text
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance.plan import NoVerdict, Plan, Usage
+from splatbus_conformance.plan import Plan
 from splatbus_conformance.replaying import Replay, replay
-from splatbus_conformance.script import Script, ScriptError
+from splatbus_conformance.script import Script
 from splatbus_conformance.stand import set_up
 from splatbus_conformance.terminal import words
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
     EXIT_NO_VERDICT,
     EXIT_NOT_CONFORMING,
-    EXIT_USAGE,
 )
 
 
 def replay_script(script: Script, plan: Plan, out: Console) -> int:
     """Deliver a script to the testee of a plan: 1 if it fails again, 0 if it does not, 3 if nothing
-    can be said.
+    can be said. Raises Usage, NoVerdict.
     """
-    try:
-        stand = set_up(replace(plan, side=script.side, viewport=script.viewport))
-    except Usage as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
-        return EXIT_USAGE
+    stand = set_up(replace(plan, side=script.side, viewport=script.viewport))
     try:
         stand.introduce()
         given = replay(stand, script)
-    except NoVerdict as error:
-        out.print(f"no verdict: {error}", markup=False)
-        return EXIT_NO_VERDICT
-    except ScriptError as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
-        return EXIT_USAGE
     finally:
         stand.close()
     _print(script, given, out)

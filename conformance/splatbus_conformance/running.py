@@ -29,10 +29,6 @@ NOT_NEEDED = (
 FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
 
 
-class Interrupted(Exception):  # noqa: N818 - a finding, no error of ours
-    """Somebody pressed Ctrl-C."""
-
-
 def run_checks(plan: Plan, progress: Progress) -> Findings:
     """Run every check that the plan selects; the rules judge all that crosses the wire.
 
@@ -41,7 +37,7 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     Raises:
         Usage: the plan cannot be carried out.
         NoVerdict: the testee could not be met.
-        Interrupted: somebody pressed Ctrl-C.
+        KeyboardInterrupt: somebody pressed Ctrl-C.
     """
     findings = Findings()
     checks: dict[str, Check] = {it.__name__: it.check for it in check_functions(plan.side)}
@@ -69,8 +65,6 @@ def _run_here(plan: Plan, gathering: Gathering, progress: Progress) -> int:
         status = _pytest(plan, [plugin, gathering])
         gathering.findings.traffic.add(plugin.traffic)
         return status
-    except OSError as error:
-        raise NoVerdict(f"cannot start the testee: {error}") from error
     finally:
         stand.close()
 
@@ -89,9 +83,9 @@ def _what_to_start(stand: Stand, plan: Plan) -> str:
 
 
 def _note_what_did_not_run(gathering: Gathering, status: int) -> None:
-    """Raises Interrupted."""
+    """Raises KeyboardInterrupt where pytest has handled one."""
     if status == pytest.ExitCode.INTERRUPTED and not gathering.uncollected:
-        raise Interrupted
+        raise KeyboardInterrupt
     if gathering.uncollected or status in (
         pytest.ExitCode.INTERNAL_ERROR,
         pytest.ExitCode.USAGE_ERROR,

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from splatbus_conformance.plan import Side
+from splatbus_conformance.plan import Side, Usage
 
 FORMAT = "1"
 
@@ -47,7 +47,7 @@ class Script:
     transcript: tuple[str, ...] = field(default=())
 
 
-class ScriptError(ValueError):
+class ScriptError(Usage):
     """A file is no script; the message says what is wrong with it."""
 
 

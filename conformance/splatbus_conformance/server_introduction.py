@@ -10,7 +10,7 @@ from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.testee import Testee
+from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
 from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
@@ -165,9 +165,8 @@ def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
     text = f"nothing listens on {where} after {patience:g} s"
     if ended := testee.ended():
         text = f"nothing listens on {where}: the server {ended}"
-    if output := testee.output().strip():
-        text += "; the last that it printed:\n" + output
-    return text + (
+    return (
+        f"{text}{last_words(testee)}"
         "\nA launched server finds its ports in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT;"
-        "\nif it knows only fixed ports, name them: --ports 6001,6000 (IPC, message)."
+        f"\n{FIXED_PORTS}"
     )

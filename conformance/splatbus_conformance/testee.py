@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from splatbus_conformance.plan import NoVerdict
+
 STOP_SECONDS = 5.0
 WINDOWS_CRASH = 0xC0000000
 
@@ -28,6 +30,9 @@ class Ended(NamedTuple):
         return f"ended with status {self.status}"
 
 
+FIXED_PORTS = "if it knows only fixed ports, name them: --ports 6001,6000 (IPC, message)."
+
+
 class Testee(Protocol):
     """What the harness can do with a program under test."""
 
@@ -36,7 +41,10 @@ class Testee(Protocol):
     """It may be crashed: the harness can start another."""
 
     def ensure_running(self) -> bool:
-        """Start it if it does not run; True if it was started now."""
+        """Start it if it does not run; True if it was started now.
+
+        Raises NoVerdict if it cannot be started.
+        """
 
     def ended(self) -> Ended | None:
         """How it ended, or None while it runs or where that cannot be known."""
@@ -51,6 +59,51 @@ class Testee(Protocol):
         """End it, and give back what it took."""
 
 
+def last_words(testee: Testee) -> str:
+    """What a testee printed last, to go on after a sentence; nothing if it printed nothing."""
+    output = testee.output().strip()
+    return f"; the last that it printed:\n{output}" if output else ""
+
+
+class Command:
+    """The command that starts a testee, and what the testee prints."""
+
+    def __init__(self, line: str, environment: Mapping[str, str]) -> None:
+        # Windows splits command lines itself, and by rules of its own.
+        self._line = shlex.split(line) if os.name == "posix" else line
+        self._environment = {**os.environ, **environment}
+        file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
+        os.close(file)
+        self._log = Path(name)
+
+    def start(
+        self, added: Mapping[str, str], stdin: int, stdout: int | None = None
+    ) -> subprocess.Popen[bytes]:
+        """Start it with these variables added; what it prints is kept, but for a stdout of its own.
+
+        Raises NoVerdict if it cannot be started.
+        """
+        with self._log.open("ab") as log:
+            try:
+                return subprocess.Popen(
+                    self._line,
+                    env={**self._environment, **added},
+                    stdin=stdin,
+                    stdout=log if stdout is None else stdout,
+                    stderr=log,
+                )
+            except OSError as error:
+                raise NoVerdict(f"cannot start the testee: {error}") from error
+
+    def printed(self) -> str:
+        """The end of what it printed."""
+        return self._log.read_text("utf-8", errors="replace")[-2000:]
+
+    def forget(self) -> None:
+        """Remove what it printed."""
+        self._log.unlink(missing_ok=True)
+
+
 class Launched:
     """A testee that the harness starts, again for each scenario that left none alive."""
 
@@ -58,27 +111,15 @@ class Launched:
 
     def __init__(self, command: str, environment: Mapping[str, str]) -> None:
         self.name = command
-        # Windows splits command lines itself, and by rules of its own.
-        self._command = shlex.split(command) if os.name == "posix" else command
-        self._environment = {**os.environ, **environment}
+        self._command = Command(command, environment)
         self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
-        file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
-        os.close(file)
-        self._log = Path(name)
 
     def ensure_running(self) -> bool:
-        """Start it if it does not run; OSError if the command cannot be started."""
+        """Start it if it does not run. Raises NoVerdict if the command cannot be started."""
         if self._process is not None and self._process.poll() is None:
             return False
-        with self._log.open("ab") as log:
-            self._process = subprocess.Popen(
-                self._command,
-                env={**self._environment, **self._added},
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
+        self._process = self._command.start(self._added, subprocess.DEVNULL)
         return True
 
     def add_to_environment(self, added: Mapping[str, str]) -> None:
@@ -110,12 +151,12 @@ class Launched:
 
     def output(self) -> str:
         """The end of what it printed."""
-        return self._log.read_text("utf-8", errors="replace")[-2000:]
+        return self._command.printed()
 
     def close(self) -> None:
-        """End it and remove its log."""
+        """End it, and forget what it printed."""
         self.stop()
-        self._log.unlink(missing_ok=True)
+        self._command.forget()
 
 
 class Awaited:

@@ -143,6 +143,7 @@ def test_a_command_that_does_not_exist_is_no_verdict() -> None:
     code, output = run("client", "--launch", "/nowhere/my-viewer", "--parallel", "2")
     assert code == 3, output
     assert "cannot start the testee" in output
+    assert "Warning" not in output
 
 
 @pytest.mark.parametrize(

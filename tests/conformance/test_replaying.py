@@ -8,10 +8,12 @@ import pytest
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.replaying import replay, worked_out
-from splatbus_conformance.script import Case, Script, ScriptError
+from splatbus_conformance.script import Case, Script, ScriptError, save
 from splatbus_conformance.stand import Stand, set_up
 from splatbus_conformance.trial import Violation
 from splatbus_schemas.requirements import requirements
+
+from tests.conformance.commanding import run
 
 MINIATURE = Path(__file__).parent / "miniatures" / "client.py"
 SEGMENTS = "check_any_segmentation"
@@ -95,3 +97,12 @@ def test_a_breach_that_a_rule_finds_is_found_again(stand: Stand) -> None:
 def test_a_check_that_is_gone_is_named(stand: Stand) -> None:
     with pytest.raises(ScriptError, match="check_of_old"):
         replay(stand, Script("client", "FRM-3", "check_of_old", False, ()))
+
+
+def test_a_command_that_does_not_exist_is_no_verdict(tmp_path: Path) -> None:
+    path = tmp_path / "script.json"
+    save(Script("client", "FRM-4", SEGMENTS, False, ()), path)
+    code, output = run("replay", str(path), "--launch", "/nowhere/my-viewer")
+    assert code == 3
+    assert "cannot start the testee" in output
+    assert "Traceback" not in output
