@@ -36,7 +36,7 @@ class Message(NamedTuple):
         return kind if isinstance(kind, str) else None
 
 
-@dataclass
+@dataclass(eq=False)
 class Conversation:
     """All that crossed one connection, messages in the order in which they were complete."""
 
@@ -51,7 +51,7 @@ class Conversation:
     """When each side ended its stream, by end of stream or reset."""
     resets: set[Direction] = field(default_factory=set)
     """The sides that ended it by a reset."""
-    beside: list["Conversation"] = field(default_factory=list, repr=False, compare=False)
+    beside: list["Conversation"] = field(default_factory=list, repr=False)
     """Every conversation of the recording, this one among them."""
 
     def sent_by(self, peer: str) -> list[Message]:

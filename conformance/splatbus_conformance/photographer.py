@@ -23,6 +23,7 @@ class Photographer:
 
     def __init__(self, trial: ServerTrial) -> None:
         self.trial = trial
+        self.began = time.monotonic()
         trial.viewer.releases = False
         self.reader = trial.reading()
         self.dealings = trial.viewer.with_(self.reader)
@@ -102,6 +103,14 @@ class Photographer:
                 found.append(photograph)
                 self._last = photograph
             self.trial.viewer.release(self.reader, frame)
+        return found
+
+    def stay(self, seconds: float) -> list[Photograph]:
+        """The images of a camera that is not moved for so many seconds."""
+        until, found = time.monotonic() + seconds, list[Photograph]()
+        while (left := until - time.monotonic()) > 0 and not self.reader.ended:
+            self.trial.wait(self._came, left)
+            found += self.new()
         return found
 
     def _place(self, scene: Pose) -> None:

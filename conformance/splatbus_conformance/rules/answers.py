@@ -9,6 +9,7 @@ however many requests wait.
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 from splatbus_conformance.conversation import Conversation, Message, placed
@@ -132,8 +133,9 @@ def valid_request(message: Message) -> bool:
     return sound and all(judgement.breach is None for judgement in request(message))
 
 
+@lru_cache(maxsize=1)  # each rule on replies asks for the same
 def exchanges(conversation: Conversation) -> Exchanges:
-    """Match the replies on a message connection to its requests."""
+    """Match the replies on a message connection, the whole of it, to its requests."""
     found = Exchanges()
     if conversation.channel != "msg":
         return found

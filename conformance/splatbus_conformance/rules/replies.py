@@ -209,8 +209,9 @@ def _announced(conversations: list[Conversation]) -> list[Size]:
     sizes = []
     for conversation in conversations:
         for message in conversation.messages:
-            announced = size((message.value or {}).get("meta"))
-            if message.kind == "init_packet" and announced is not None:
+            if message.kind != "init_packet" or message.value is None:
+                continue
+            if (announced := size(message.value.get("meta"))) is not None:
                 sizes.append(Size(message.packet.ended, announced))
     return sorted(sizes)
 

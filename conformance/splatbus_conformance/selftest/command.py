@@ -1,6 +1,7 @@
 """`splatbus-conformance selftest`."""
 
 import argparse
+import itertools
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from splatbus_conformance.plan import SIDES
 from splatbus_conformance.selftest import harnesses, matrix, trials
 from splatbus_conformance.selftest.seeds import judge_seeds
 from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
@@ -53,11 +55,14 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
 def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
     """The name of each specimen, and how to judge it; the long ones first.
 
-    Variations are judged by this profile.
+    Variations are judged by this profile, clients and servers in turn: a client waits for most of
+    its trial, and a server computes.
     """
     for name in REFERENCE:
         yield name, lambda it=name: trials.judge_reference(it)  # type: ignore[misc]
-    for variation in variations():
+    sides = [[it for it in variations() if it.side == side] for side in SIDES]
+    in_turn = itertools.chain.from_iterable(itertools.zip_longest(*sides))
+    for variation in filter(None, in_turn):
         yield variation.name, lambda it=variation: trials.judge_variation(it, profile)  # type: ignore[misc]
     for mutant in mutants():
         yield mutant.name, lambda it=mutant: trials.judge_mutant(it)  # type: ignore[misc]

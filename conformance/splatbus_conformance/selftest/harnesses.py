@@ -60,6 +60,8 @@ def _harness(line: list[str], output: str) -> None:
     file = os.open(output, os.O_WRONLY | os.O_CREAT, 0o600)
     for stream in (1, 2):
         os.dup2(file, stream)
+    # NumPy starts twice as fast without threads that no specimen needs.
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     sys.exit(main(line))
 
 

@@ -1,6 +1,7 @@
 """Checks on what a server stores in its images, and when (spec 1.0 chapter 5, 1.1 chapter 5)."""
 
 import random
+import time
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -11,7 +12,7 @@ from splatbus_conformance.closed_form import COLOR_BUDGET, render
 from splatbus_conformance.photographer import AT_REST, Photographer
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.survey import anywhere, first_view, moves
+from splatbus_conformance.survey import anywhere, first_view, likeness, moves
 
 PIXELS = ("1.1", "frames", "pixels")
 SUBSCRIBES = (*PIXELS, "capability:subscribe")
@@ -23,6 +24,8 @@ WHOLE = 0.99
 GLANCE_SECONDS = 0.06
 """Time enough for a write that was under way to end."""
 STEP_SECONDS = 0.01
+STRAGGLERS = 2
+"""So many images may still come of what the camera did before it came to rest."""
 ROUNDS, MOST_STEPS = 3, 200
 """How often the camera is moved while an image is held: so many times as the ring has slots; more
 often for a server that is slow, but at most so often."""
@@ -260,10 +263,15 @@ def _expect_right(
 
 
 def _expect_still(trial: ServerTrial, photographer: Photographer, image: Photograph) -> None:
-    """The positive control: the camera at rest, put there once more, sees what it should."""
-    again = photographer.take(image.pose, AT_REST)
+    """The positive control: the camera at rest, put there once more, sees what it should, and the
+    same for as long as the check has lasted.
+    """
+    lasted = time.monotonic() - photographer.began
+    again = [photographer.take(image.pose, AT_REST), *photographer.stay(GLANCE_SECONDS)][-1]
     # Either suffices: a server may take the other from another image.
-    if max(_right(trial, photographer, again)) < WHOLE:
+    still = max(_right(trial, photographer, again)) >= WHOLE
+    settled = photographer.stay(lasted)[STRAGGLERS:]
+    if not still or any(likeness(settled[0], it) < WHOLE for it in settled):
         trial.not_observable("the scene moves by itself, or is another than it was")
 
 
