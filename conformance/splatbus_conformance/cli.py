@@ -81,7 +81,8 @@ def parser() -> argparse.ArgumentParser:
         "server",
         help="judge a server",
         description="Judge a server. The harness plays its clients. A server that it launches has "
-        "to listen on the ports that it finds in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT.",
+        "to listen on the ports that it finds in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT. If it "
+        "requires a token, the harness takes that from SPLATBUS_TOKEN.",
     )
     how = server.add_mutually_exclusive_group(required=True)
     how.add_argument("--launch", metavar="CMD", help="start this command, and judge it")

@@ -1,17 +1,25 @@
 """What the tests of the stand-in share: the library if it can be had, and programs that use it."""
 
+import inspect
 import json
 import os
+import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
+from splatbus_conformance.checks import Check
+from splatbus_conformance.plan import Plan, Side
+from splatbus_conformance.stand import set_up
 from splatbus_conformance.stand_in.building import NotAvailable, library_folder
 from splatbus_conformance.stand_in.session import StandIn
+from splatbus_conformance.trial import Violation
+from splatbus_schemas.requirements import requirements
 
 RUNTIME = Path(__file__).with_name("cuda_runtime.py")
 
@@ -101,3 +109,41 @@ def program(stand_in: StandIn) -> Iterator[Program]:
         yield found
     finally:
         found.leave()
+
+
+def checks_in(*modules: ModuleType) -> dict[str, Any]:
+    """The check functions of these modules, by name."""
+    return {
+        name: function
+        for module in modules
+        for name, function in inspect.getmembers(module, inspect.isfunction)
+        if name.startswith("check_")
+    }
+
+
+def judged(side: Side, program: Path, checks: Mapping[str, Any]) -> dict[str, str]:
+    """What each of these checks finds in a program: an empty text for a pass."""
+    library()
+    command = shlex.join([sys.executable, str(program)])
+    size = (64, 48) if side == "client" else (0, 0)
+    stand = set_up(Plan(side, command, "127.0.0.1", (0, 0), size, 10.0, stand_in_cuda=True))
+    found = {}
+    try:
+        stand.introduce()
+        for name, function in checks.items():
+            check: Check = function.check
+            assert not [why for why in map(stand.facts.lacks, check.needs) if why]
+            trial = stand.trial(requirements("1.1")[check.requirement])
+            found[name] = ""
+            try:
+                function(trial)
+                assert trial.delivered
+            except Violation as violation:
+                found[name] = str(violation)
+            except pytest.skip.Exception as skipped:
+                found[name] = f"skipped: {skipped}"
+            if stand.testee.ended():
+                stand.testee.stop()
+    finally:
+        stand.close()
+    return found

@@ -1,68 +1,24 @@
 """The checks of device memory: the good miniature passes, each broken one fails for its reason."""
 
-import inspect
-import shlex
 import shutil
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.checks import Check
 from splatbus_conformance.checks.client import device, device_frames
-from splatbus_conformance.client_stand import ClientStand
-from splatbus_conformance.plan import Plan
-from splatbus_conformance.trial import Violation
-from splatbus_schemas.requirements import requirements
 
-from tests.conformance.stand_in_testing import library
+from tests.conformance.stand_in_testing import checks_in, judged
 
 MINIATURES = Path(__file__).parent / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_client.py", MINIATURES / "cuda_frames.py"
-CHECKS = {
-    miniature: {
-        name: function
-        for name, function in inspect.getmembers(module, inspect.isfunction)
-        if name.startswith("check_")
-    }
-    for miniature, module in ((OF_IMAGES, device), (OF_FRAMES, device_frames))
-}
+CHECKS = {OF_IMAGES: checks_in(device), OF_FRAMES: checks_in(device_frames)}
 ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
-
-
-def judged(program: Path, *names: str) -> dict[str, str]:
-    """What each check finds: an empty text for a pass."""
-    library()
-    command = shlex.join([sys.executable, str(program)])
-    plan = Plan(*("client", command, "127.0.0.1", (0, 0), (64, 48), 10.0), stand_in_cuda=True)
-    stand = ClientStand(plan)
-    found = {}
-    try:
-        stand.introduce()
-        for name in names:
-            check: Check = ALL_CHECKS[name].check
-            reason = next(filter(None, map(stand.facts.lacks, check.needs)), None)
-            assert reason is None
-            trial = stand.trial(requirements("1.1")[check.requirement])
-            found[name] = ""
-            try:
-                ALL_CHECKS[name](trial)
-                assert trial.delivered
-            except Violation as violation:
-                found[name] = str(violation)
-            except pytest.skip.Exception as skipped:
-                found[name] = f"skipped: {skipped}"
-            if stand.testee.ended():
-                stand.testee.stop()
-    finally:
-        stand.close()
-    return found
 
 
 @pytest.mark.parametrize("miniature", CHECKS, ids=lambda path: path.stem)
 def test_the_good_miniature_passes_every_check(miniature: Path) -> None:
-    names = CHECKS[miniature]
-    assert judged(miniature, *names) == dict.fromkeys(names, "")
+    checks = CHECKS[miniature]
+    assert judged("client", miniature, checks) == dict.fromkeys(checks, "")
 
 
 BROKEN = {
@@ -227,7 +183,7 @@ def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         assert old in source
         program = folder / f"{name.replace(' ', '_')}.py"
         program.write_text(source.replace(old, new), "utf-8")
-        return judged(program, check)[check]
+        return judged("client", program, {check: ALL_CHECKS[check]})[check]
 
     with ThreadPoolExecutor(4) as pool:
         return dict(zip(BROKEN, pool.map(found, BROKEN), strict=True))

@@ -1,71 +1,30 @@
 """The checks of device memory on servers: good miniatures pass, broken ones fail as they should."""
 
-import inspect
-import shlex
 import shutil
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import pytest
-from splatbus_conformance.checks import Check
 from splatbus_conformance.checks.server import device, device_frames, device_images
-from splatbus_conformance.plan import Plan
-from splatbus_conformance.server_stand import ServerStand
-from splatbus_conformance.trial import Violation
-from splatbus_schemas.requirements import requirements
 
-from tests.conformance.stand_in_testing import library
+from tests.conformance.stand_in_testing import checks_in, judged
 
 MINIATURES = Path(__file__).parent / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_server.py", MINIATURES / "cuda_frames_server.py"
-CHECKS: dict[Path, dict[str, Any]] = {
-    miniature: {
-        name: function
-        for module in modules
-        for name, function in inspect.getmembers(module, inspect.isfunction)
-        if name.startswith("check_")
-    }
-    for miniature, modules in ((OF_IMAGES, (device, device_images)), (OF_FRAMES, (device_frames,)))
+CHECKS = {
+    OF_IMAGES: checks_in(device, device_images),
+    OF_FRAMES: checks_in(device_frames),
 }
 ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
 
 
-def judged(program: Path, *names: str) -> dict[str, str]:
-    """What each check finds: an empty text for a pass."""
-    library()
-    command = shlex.join([sys.executable, str(program)])
-    plan = Plan(*("server", command, "127.0.0.1", (0, 0), (0, 0), 10.0), stand_in_cuda=True)
-    stand = ServerStand(plan)
-    found = {}
-    try:
-        stand.introduce()
-        for name in names:
-            check: Check = ALL_CHECKS[name].check
-            assert check.level == "L3"
-            assert not [why for why in map(stand.facts.lacks, check.needs) if why]
-            trial = stand.trial(requirements("1.1")[check.requirement])
-            found[name] = ""
-            try:
-                ALL_CHECKS[name](trial)
-                assert trial.delivered
-            except Violation as violation:
-                found[name] = str(violation)
-            except pytest.skip.Exception as skipped:
-                found[name] = f"skipped: {skipped}"
-    finally:
-        stand.close()
-    return found
-
-
 def test_the_good_miniature_of_images_passes_every_check() -> None:
-    names = CHECKS[OF_IMAGES]
-    assert judged(OF_IMAGES, *names) == dict.fromkeys(names, "")
+    checks = CHECKS[OF_IMAGES]
+    assert judged("server", OF_IMAGES, checks) == dict.fromkeys(checks, "")
 
 
 def test_the_good_miniature_of_frames_passes_every_check() -> None:
-    assert judged(OF_FRAMES, *ALL_CHECKS) == dict.fromkeys(ALL_CHECKS, "")
+    assert judged("server", OF_FRAMES, ALL_CHECKS) == dict.fromkeys(ALL_CHECKS, "")
 
 
 RECORD = '        cuda("EventRecord", self.event, self.stream)\n'
@@ -257,7 +216,7 @@ def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
             source = source.replace(old, new)
         program = folder / f"{name.replace(' ', '_').replace(chr(39), '')}.py"
         program.write_text(source, "utf-8")
-        return judged(program, check)[check]
+        return judged("server", program, {check: ALL_CHECKS[check]})[check]
 
     with ThreadPoolExecutor(4) as pool:
         return dict(zip(BROKEN, pool.map(found, BROKEN), strict=True))
@@ -307,7 +266,8 @@ def test_what_is_allowed_passes(tmp_path: Path) -> None:
         assert old in source
         program = tmp_path / f"{name.replace(' ', '_')}.py"
         program.write_text(source.replace(old, new), "utf-8")
-        return {check: why for check, why in judged(program, *CHECKS[OF_IMAGES]).items() if why}
+        found = judged("server", program, CHECKS[OF_IMAGES])
+        return {check: why for check, why in found.items() if why}
 
     with ThreadPoolExecutor(4) as pool:
         found_of = dict(zip(ALLOWED, pool.map(found, ALLOWED), strict=True))

@@ -5,16 +5,16 @@ There is no such memory: the handles are of nobody, and clients of 1.0 are sent 
 
 from typing import Any
 
-import pytest
 from splatbus_server.connection import Connection
 
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.surgery import wrap
 
 
 def announces_at_once(
-    patch: pytest.MonkeyPatch, *messages: Json, channel: str = "ipc", most: int | None = None
+    patch: Patch, *messages: Json, channel: str = "ipc", most: int | None = None
 ) -> None:
     """Send these messages to every client of a channel as soon as it comes; to so many at most."""
     greeted = 0

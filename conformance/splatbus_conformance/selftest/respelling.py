@@ -4,19 +4,18 @@ import json
 import re
 from typing import Any
 
-import pytest
-
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.surgery import messages, payloads
 
 DECIMAL = re.compile(rb"(?<=[:\[,])-?[0-9]+\.[0-9]+(?:e[+-]?[0-9]+)?(?=[,}\]])")
 
 
-def add_members(patch: pytest.MonkeyPatch) -> None:
+def add_members(patch: Patch) -> None:
     """Members that nobody knows, in every message."""
     messages(patch, lambda message: message | {"x-engine": {"frame": [1, None, {"deep": True}]}})
 
 
-def reverse_members(patch: pytest.MonkeyPatch) -> None:
+def reverse_members(patch: Patch) -> None:
     """The members of every object in reverse."""
 
     def reverse(value: Any) -> Any:
@@ -27,12 +26,12 @@ def reverse_members(patch: pytest.MonkeyPatch) -> None:
     messages(patch, reverse)
 
 
-def space_out(patch: pytest.MonkeyPatch) -> None:
+def space_out(patch: Patch) -> None:
     """JSON for people, with white space around it."""
     payloads(patch, lambda payload: b" \n" + json.dumps(json.loads(payload), indent="\t").encode())
 
 
-def escape_letters(patch: pytest.MonkeyPatch) -> None:
+def escape_letters(patch: Patch) -> None:
     """Every letter in names and strings as an escape."""
 
     def escape(text: re.Match[bytes]) -> bytes:
@@ -41,6 +40,6 @@ def escape_letters(patch: pytest.MonkeyPatch) -> None:
     payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
 
 
-def write_fractions(patch: pytest.MonkeyPatch, form: bytes) -> None:
+def write_fractions(patch: Patch, form: bytes) -> None:
     """Every fraction in this form, such as `%.17f`."""
     payloads(patch, lambda payload: DECIMAL.sub(lambda n: form % float(n[0]), payload))

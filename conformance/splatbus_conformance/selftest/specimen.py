@@ -5,11 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-import pytest
-
 from splatbus_conformance.plan import Side
+from splatbus_conformance.selftest.patching import Patch
 
-Alter = Callable[[pytest.MonkeyPatch], None]
+Alter = Callable[[Patch], None]
 A = TypeVar("A", bound=Alter)
 
 SIDES: tuple[Side, Side] = ("client", "server")

@@ -7,14 +7,15 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-import pytest
 from splatbus_wire import decoding, encoding
+
+from splatbus_conformance.selftest.patching import Patch
 
 Json = dict[str, Any]
 STATUS_ACCESS_VIOLATION = 0xC0000005
 
 
-def wrap(patch: pytest.MonkeyPatch, owner: object, name: str, around: Callable[..., Any]) -> None:
+def wrap(patch: Patch, owner: object, name: str, around: Callable[..., Any]) -> None:
     """Replace `owner.name` by `around`, which is given the original first, then its arguments.
 
     AttributeError if there is no such name: then the client changed, and the mutant has to.
@@ -28,7 +29,7 @@ def wrap(patch: pytest.MonkeyPatch, owner: object, name: str, around: Callable[.
     patch.setattr(owner, name, replaced)
 
 
-def messages(patch: pytest.MonkeyPatch, change: Callable[[Json], Json]) -> None:
+def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
     """Change each message that is sent, as an object."""
     wrap(
         patch,
@@ -38,17 +39,17 @@ def messages(patch: pytest.MonkeyPatch, change: Callable[[Json], Json]) -> None:
     )
 
 
-def payloads(patch: pytest.MonkeyPatch, change: Callable[[bytes], bytes]) -> None:
+def payloads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
     """Change each payload that is sent."""
     wrap(patch, encoding, "serialize", lambda original, message: change(original(message)))
 
 
-def packets(patch: pytest.MonkeyPatch, change: Callable[[bytes], bytes]) -> None:
+def packets(patch: Patch, change: Callable[[bytes], bytes]) -> None:
     """Change each packet that is sent, header included, or what follows it."""
     wrap(patch, encoding, "encode_packet", lambda original, payload: change(original(payload)))
 
 
-def init_packets(patch: pytest.MonkeyPatch, repair: Callable[[Json], object]) -> None:
+def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
     """Repair each init packet that is received in place, so that a breach in it is not seen."""
 
     def parse(original: Callable[[Json], Any], message: Json) -> Any:

@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
@@ -11,6 +12,7 @@ from splatbus_conformance.selftest import variations as allowed
 from splatbus_conformance.selftest.specimen import SIDES, Mutant, Variation
 
 S = TypeVar("S", Mutant, Variation)
+Specimens = tuple[Mutant | Variation, ...]
 
 
 def mutants() -> tuple[Mutant, ...]:
@@ -23,6 +25,20 @@ def mutants() -> tuple[Mutant, ...]:
 def variations() -> tuple[Variation, ...]:
     """Every allowed variation."""
     return tuple(each for module in _modules(allowed) for each in _declared(module, Variation))
+
+
+def specimen_named(name: str) -> Mutant | Variation | None:
+    """A mutant or variation; no module is imported but the one that declares it."""
+    declared = f"\ndef {name.replace('-', '_')}("
+    for package in (families, allowed):
+        folder = Path(package.__path__[0])
+        for path in sorted(folder.rglob("*.py")):
+            if declared in path.read_text("utf-8"):
+                inside = path.relative_to(folder).with_suffix("").parts
+                module = importlib.import_module(".".join((package.__name__, *inside)))
+                found: Specimens = (*_declared(module, Mutant), *_declared(module, Variation))
+                return next((it for it in found if it.name == name), None)
+    return None
 
 
 def _modules(package: ModuleType) -> Iterator[ModuleType]:

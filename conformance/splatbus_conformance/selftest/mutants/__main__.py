@@ -3,31 +3,25 @@
 What follows NAME is for the command of the reference client, its adapter or server that it alters.
 """
 
+import importlib
 import os
 import sys
 import threading
 
-import pytest
-from splatbus_client.adapter import main as adapter
-from splatbus_client.cli import main as client
-from splatbus_server.cli import main as server
-
-from splatbus_conformance.selftest.specimen import Mutant, Variation
-from splatbus_conformance.selftest.zoo import mutants, variations
+from splatbus_conformance.selftest.patching import Patch
+from splatbus_conformance.selftest.zoo import specimen_named
 
 MOST_SECONDS = 300.0
 """A specimen ends by itself after this time, whatever becomes of the harness."""
 
-specimens: dict[str, Mutant | Variation] = {
-    **{mutant.name: mutant for mutant in mutants()},
-    **{variation.name: variation for variation in variations()},
-}
-if len(sys.argv) < 2 or sys.argv[1] not in specimens:
-    sys.exit(f"usage: mutants NAME …, with a NAME of: {', '.join(specimens)}")
+specimen = specimen_named(sys.argv[1]) if len(sys.argv) > 1 else None
+if specimen is None:
+    sys.exit("usage: mutants NAME …, with a NAME that `splatbus-conformance selftest` prints")
 end = threading.Timer(MOST_SECONDS, os._exit, (1,))
 end.daemon = True
 end.start()
-specimen = specimens[sys.argv[1]]
-specimen.alter(pytest.MonkeyPatch())
-main = server if specimen.side == "server" else adapter if specimen.axes else client
-sys.exit(main(sys.argv[2:]))
+specimen.alter(Patch())
+# Only what runs is imported: a specimen is started some two thousand times in a selftest.
+client = "splatbus_client.adapter" if specimen.axes else "splatbus_client.cli"
+program = "splatbus_server.cli" if specimen.side == "server" else client
+sys.exit(importlib.import_module(program).main(sys.argv[2:]))

@@ -4,7 +4,6 @@ import itertools
 import os
 from typing import Any
 
-import pytest
 from splatbus_client import channel, ipc_protocol, message_protocol, reading, session
 from splatbus_client.channel import Channel
 from splatbus_client.events import Ignored, MustClose
@@ -18,6 +17,7 @@ from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0 as 
 from splatbus_conformance.selftest.mutants.client.frames import subscribes
 from splatbus_conformance.selftest.mutants.client.framing import in_two_writes
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.respelling import (
     add_members,
     escape_letters,
@@ -30,61 +30,61 @@ from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
 
 @variation()
-def members_that_nobody_knows(patch: pytest.MonkeyPatch) -> None:
+def members_that_nobody_knows(patch: Patch) -> None:
     """Adds members of its own to every message."""
     add_members(patch)
 
 
 @variation(warns=("POS-4",))
-def members_in_reverse_order(patch: pytest.MonkeyPatch) -> None:
+def members_in_reverse_order(patch: Patch) -> None:
     """Writes the members of every object in reverse."""
     reverse_members(patch)
 
 
 @variation()
-def white_space_everywhere(patch: pytest.MonkeyPatch) -> None:
+def white_space_everywhere(patch: Patch) -> None:
     """Writes JSON for people, with white space around it."""
     space_out(patch)
 
 
 @variation()
-def escapes_everywhere(patch: pytest.MonkeyPatch) -> None:
+def escapes_everywhere(patch: Patch) -> None:
     """Writes every letter in names and strings as an escape."""
     escape_letters(patch)
 
 
 @variation()
-def numbers_of_17_digits(patch: pytest.MonkeyPatch) -> None:
+def numbers_of_17_digits(patch: Patch) -> None:
     """Writes every fraction with 17 digits."""
     write_fractions(patch, b"%.17f")
 
 
 @variation()
-def numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
+def numbers_with_exponents(patch: Patch) -> None:
     """Writes every fraction with an exponent."""
     write_fractions(patch, b"%.17E")
 
 
 @variation()
-def timestamps_everywhere(patch: pytest.MonkeyPatch) -> None:
+def timestamps_everywhere(patch: Patch) -> None:
     """Stamps every message, requests too, by a clock that stands still, and began long ago."""
     messages(patch, lambda message: message | {"timestamp": 1_700_000_000.25})
 
 
 @variation()
-def no_timestamps(patch: pytest.MonkeyPatch) -> None:
+def no_timestamps(patch: Patch) -> None:
     """Stamps nothing."""
     messages(patch, without("timestamp"))
 
 
 @variation(warns=("FRM-7",))
-def header_and_payload_apart(patch: pytest.MonkeyPatch) -> None:
+def header_and_payload_apart(patch: Patch) -> None:
     """Sends the header, and a moment later the payload."""
     in_two_writes(patch)
 
 
 @variation()
-def closes_on_what_is_broken(patch: pytest.MonkeyPatch) -> None:
+def closes_on_what_is_broken(patch: Patch) -> None:
     """Closes the connection on broken text and broken init packets, instead of ignoring them."""
 
     def strict(original: Any, *arguments: Any) -> Any:
@@ -113,7 +113,7 @@ class MustCloseError(Exception):
 
 
 @variation()
-def closes_on_frames_of_unknown_memory(patch: pytest.MonkeyPatch) -> None:
+def closes_on_frames_of_unknown_memory(patch: Patch) -> None:
     """Closes the connection on a frame of memory that is not there, instead of ignoring it."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Any) -> Any:
@@ -124,31 +124,31 @@ def closes_on_frames_of_unknown_memory(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def never_subscribes(patch: pytest.MonkeyPatch) -> None:
+def never_subscribes(patch: Patch) -> None:
     """Does not declare `subscribe`."""
     patch.setattr(session, "CAPABILITIES", ("host_shm", "frames", "reinit"))
 
 
 @variation()
-def subscribes_to_depth_alone(patch: pytest.MonkeyPatch) -> None:
+def subscribes_to_depth_alone(patch: Patch) -> None:
     """Subscribes to depth as soon as it may."""
     subscribes(patch, "depth")
 
 
 @variation()
-def no_reinit(patch: pytest.MonkeyPatch) -> None:
+def no_reinit(patch: Patch) -> None:
     """Does not declare `reinit`."""
     patch.setattr(session, "CAPABILITIES", ("host_shm", "frames"))
 
 
 @variation()
-def no_frames(patch: pytest.MonkeyPatch) -> None:
+def no_frames(patch: Patch) -> None:
     """Does not declare `frames`: opens the memory, and leaves it alone."""
     patch.setattr(session, "CAPABILITIES", ("host_shm",))
 
 
 @variation()
-def cuda_memory_alone(patch: pytest.MonkeyPatch) -> None:
+def cuda_memory_alone(patch: Patch) -> None:
     """Can open CUDA memory, and none of the host."""
     patch.setattr(session, "CAPABILITIES", ("cuda_ipc", "frames", "reinit"))
 
@@ -159,7 +159,7 @@ def cuda_memory_alone(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def capabilities_of_tomorrow(patch: pytest.MonkeyPatch) -> None:
+def capabilities_of_tomorrow(patch: Patch) -> None:
     """Declares capabilities that this version does not know."""
 
     def more(hello: Json) -> Json:
@@ -169,38 +169,38 @@ def capabilities_of_tomorrow(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def versions_of_tomorrow(patch: pytest.MonkeyPatch) -> None:
+def versions_of_tomorrow(patch: Patch) -> None:
     """Lists versions that nobody knows before 1.1."""
     messages(patch, of_type("hello", lambda hello: hello | {"versions": ["7.12", "1.1"]}))
 
 
 @variation()
-def token(patch: pytest.MonkeyPatch) -> None:
+def token(patch: Patch) -> None:
     """Says a token, though nobody asks for one."""
     patch.setitem(os.environ, TOKEN_VARIABLE, "a token of the longest kind".ljust(256, "."))
 
 
 @variation()
-def comes_back_slowly(patch: pytest.MonkeyPatch) -> None:
+def comes_back_slowly(patch: Patch) -> None:
     """Connects again after a second."""
     patch.setattr(channel, "delays", lambda: itertools.repeat(1.0))
 
 
 @variation()
-def says_nothing_but_hello(patch: pytest.MonkeyPatch) -> None:
+def says_nothing_but_hello(patch: Patch) -> None:
     """Sends neither poses nor requests."""
     patch.setattr(MessageProtocol, "ask", lambda self, request: -1)
     patch.setattr(MessageProtocol, "pose", lambda self, message: None)
 
 
 @variation()
-def speaks_1_0(patch: pytest.MonkeyPatch) -> None:
+def speaks_1_0(patch: Patch) -> None:
     """Speaks 1.0 alone."""
     say_no_hello(patch)
 
 
 @variation()
-def requests_without_id(patch: pytest.MonkeyPatch) -> None:
+def requests_without_id(patch: Patch) -> None:
     """Does not number its requests."""
     messages(patch, without("id"))
     wrap(
@@ -212,24 +212,24 @@ def requests_without_id(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def last_camera(patch: pytest.MonkeyPatch) -> None:
+def last_camera(patch: Patch) -> None:
     """Asks for camera −1, which is the last."""
     messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": -1}))
 
 
 @variation()
-def images_alone(patch: pytest.MonkeyPatch) -> None:
+def images_alone(patch: Patch) -> None:
     """Has no use for the message channel."""
     _one_channel(patch, "IPC")
 
 
 @variation()
-def steers_alone(patch: pytest.MonkeyPatch) -> None:
+def steers_alone(patch: Patch) -> None:
     """Has no use for the IPC channel."""
     _one_channel(patch, "message")
 
 
-def _one_channel(patch: pytest.MonkeyPatch, name: str) -> None:
+def _one_channel(patch: Patch, name: str) -> None:
     def connect(original: Any, self: Channel, now: float) -> None:
         if self._name == name:
             original(self, now)
@@ -240,7 +240,7 @@ def _one_channel(patch: pytest.MonkeyPatch, name: str) -> None:
 
 
 @variation(warns=("CHN-20",))
-def ends_with_its_server(patch: pytest.MonkeyPatch) -> None:
+def ends_with_its_server(patch: Patch) -> None:
     """Ends in an orderly way as soon as a connection is lost."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:

@@ -3,7 +3,6 @@
 import socket
 from typing import Any
 
-import pytest
 from splatbus_server import api, cli, memory, service
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control, Poses
@@ -15,6 +14,7 @@ from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_conformance.messages import init_packet_1_0
 from splatbus_conformance.selftest.legacy import announces_at_once
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.respelling import (
     add_members,
     escape_letters,
@@ -29,37 +29,37 @@ CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range
 
 
 @variation()
-def server_members_that_nobody_knows(patch: pytest.MonkeyPatch) -> None:
+def server_members_that_nobody_knows(patch: Patch) -> None:
     """Adds members of its own to every message."""
     add_members(patch)
 
 
 @variation()
-def server_members_in_reverse_order(patch: pytest.MonkeyPatch) -> None:
+def server_members_in_reverse_order(patch: Patch) -> None:
     """Writes the members of every object in reverse."""
     reverse_members(patch)
 
 
 @variation()
-def server_white_space_everywhere(patch: pytest.MonkeyPatch) -> None:
+def server_white_space_everywhere(patch: Patch) -> None:
     """Writes JSON for people, with white space around it."""
     space_out(patch)
 
 
 @variation()
-def server_escapes_everywhere(patch: pytest.MonkeyPatch) -> None:
+def server_escapes_everywhere(patch: Patch) -> None:
     """Writes every letter in names and strings as an escape."""
     escape_letters(patch)
 
 
 @variation()
-def server_numbers_with_exponents(patch: pytest.MonkeyPatch) -> None:
+def server_numbers_with_exponents(patch: Patch) -> None:
     """Writes every fraction with 17 digits and an exponent."""
     write_fractions(patch, b"%.17E")
 
 
 @variation(warns=("FRM-7",))
-def server_sends_byte_by_byte(patch: pytest.MonkeyPatch) -> None:
+def server_sends_byte_by_byte(patch: Patch) -> None:
     """Hands TCP one byte at a time."""
 
     def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
@@ -75,7 +75,7 @@ def server_sends_byte_by_byte(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_closes_on_what_is_broken(patch: pytest.MonkeyPatch) -> None:
+def server_closes_on_what_is_broken(patch: Patch) -> None:
     """Closes a message connection of 1.0 on broken text and broken poses."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
@@ -87,7 +87,7 @@ def server_closes_on_what_is_broken(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_ignores_broken_requests(patch: pytest.MonkeyPatch) -> None:
+def server_ignores_broken_requests(patch: Patch) -> None:
     """Leaves a message connection of 1.0 open after a broken request."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
@@ -99,7 +99,7 @@ def server_ignores_broken_requests(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_takes_no_strings_for_numbers(patch: pytest.MonkeyPatch) -> None:
+def server_takes_no_strings_for_numbers(patch: Patch) -> None:
     """Refuses poses whose numbers are strings."""
     original = decoding._pose_and_timestamp
     patch.setattr(
@@ -110,7 +110,7 @@ def server_takes_no_strings_for_numbers(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_keeps_the_newest_client(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_the_newest_client(patch: Patch) -> None:
     """Serves one client on each channel, and closes it when the next comes."""
 
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
@@ -122,56 +122,56 @@ def server_keeps_the_newest_client(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_keeps_the_oldest_client(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_the_oldest_client(patch: Patch) -> None:
     """Serves one client on each channel, and closes others at once."""
     patch.setattr(service, "MOST_CONNECTIONS", 1)
 
 
 @variation()
-def server_keeps_many_clients(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_many_clients(patch: Patch) -> None:
     """Serves sixty-four clients on each channel."""
     patch.setattr(service, "MOST_CONNECTIONS", 64)
 
 
 @variation()
-def server_without_reinit(patch: pytest.MonkeyPatch) -> None:
+def server_without_reinit(patch: Patch) -> None:
     """Has neither `reinit` nor `subscribe`."""
     patch.setattr(api, "CAPABILITIES", ("host_shm", "frames"))
 
 
 @variation()
-def server_without_frames(patch: pytest.MonkeyPatch) -> None:
+def server_without_frames(patch: Patch) -> None:
     """Has no `frames`: announces memory, and lends nothing."""
     patch.setattr(api, "CAPABILITIES", ("host_shm",))
 
 
 @variation()
-def server_speaks_1_0(patch: pytest.MonkeyPatch) -> None:
+def server_speaks_1_0(patch: Patch) -> None:
     """Speaks 1.0 alone: a hello is an unknown type. Its images are in memory of the host."""
     _knows_no_hello(patch)
 
 
 @variation()
-def server_speaks_1_0_of_cuda_memory(patch: pytest.MonkeyPatch) -> None:
+def server_speaks_1_0_of_cuda_memory(patch: Patch) -> None:
     """Speaks 1.0 alone, and announces CUDA memory to everybody at once."""
     _knows_no_hello(patch)
     announces_at_once(patch, init_packet_1_0())
 
 
 @variation()
-def server_comes_with_cameras(patch: pytest.MonkeyPatch) -> None:
+def server_comes_with_cameras(patch: Patch) -> None:
     """Shows a scene with three cameras."""
     _serves(patch, cameras=CAMERAS)
 
 
 @variation()
-def server_comes_with_one_camera(patch: pytest.MonkeyPatch) -> None:
+def server_comes_with_one_camera(patch: Patch) -> None:
     """Shows a scene with one camera."""
     _serves(patch, cameras=CAMERAS[2:])
 
 
 @variation()
-def server_tells_no_size_at_first(patch: pytest.MonkeyPatch) -> None:
+def server_tells_no_size_at_first(patch: Patch) -> None:
     """Tells the size `[0,0]` until it has rendered an image."""
 
     def handle(
@@ -186,19 +186,19 @@ def server_tells_no_size_at_first(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_turns_its_scene(patch: pytest.MonkeyPatch) -> None:
+def server_turns_its_scene(patch: Patch) -> None:
     """Turns the scene by itself, so that each image differs from the one before."""
     _renders(patch, 60.0, 20.0)
 
 
 @variation()
-def server_renders_slowly(patch: pytest.MonkeyPatch) -> None:
+def server_renders_slowly(patch: Patch) -> None:
     """Renders thirty images a second at most."""
     _renders(patch, 30.0, 0.0)
 
 
 @variation()
-def server_goes_home(patch: pytest.MonkeyPatch) -> None:
+def server_goes_home(patch: Patch) -> None:
     """Puts camera and Gaussians back when the client that moved them has gone."""
 
     def leave(original: Any, self: Control, connection: Any) -> bool:
@@ -211,13 +211,13 @@ def server_goes_home(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_lends_to_one_reader(patch: pytest.MonkeyPatch) -> None:
+def server_lends_to_one_reader(patch: Patch) -> None:
     """Has slots for one client that reads images."""
     _serves(patch, readers=1)
 
 
 @variation()
-def server_spaces_its_ring(patch: pytest.MonkeyPatch) -> None:
+def server_spaces_its_ring(patch: Patch) -> None:
     """Puts depth before colour, with gaps between the slots and before them."""
 
     def spaced(original: Any, width: int, height: int, slots: int) -> Any:
@@ -233,7 +233,7 @@ def server_spaces_its_ring(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, memory, "host_ring", spaced)
 
 
-def _knows_no_hello(patch: pytest.MonkeyPatch) -> None:
+def _knows_no_hello(patch: Patch) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if b"hello" in payload and self.channel == "message":
             payload = payload.replace(b"hello", b"aloha")
@@ -244,11 +244,11 @@ def _knows_no_hello(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-def _serves(patch: pytest.MonkeyPatch, **changed: Any) -> None:
+def _serves(patch: Patch, **changed: Any) -> None:
     wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, **named | changed))
 
 
-def _renders(patch: pytest.MonkeyPatch, fps: float, degrees_per_second: float) -> None:
+def _renders(patch: Patch, fps: float, degrees_per_second: float) -> None:
     def render(original: Any, stop: Any, bus: Any, *_: float) -> None:
         original(stop, bus, fps, degrees_per_second)
 

@@ -1,11 +1,12 @@
 """Allowed variations: servers that negotiate, announce and lend in unusual ways, and conform."""
 
 import os
+import secrets
 from functools import partial
 from typing import Any
 
-import pytest
-from splatbus_server import api, memory, ring, shared_memory
+from splatbus_server import api, cli, memory, ring, shared_memory
+from splatbus_server import connection as connections
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange
 from splatbus_server.memory import Memory
@@ -16,6 +17,7 @@ from splatbus_conformance.selftest.mutants.server.negotiation import (
     announces_cuda_memory,
     at_once,
 )
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
@@ -25,31 +27,31 @@ NEEDLESS = (
 )
 
 
-def has(patch: pytest.MonkeyPatch, *capabilities: str) -> None:
+def has(patch: Patch, *capabilities: str) -> None:
     """Have these capabilities and no others."""
     patch.setattr(api, "CAPABILITIES", capabilities)
 
 
 @variation()
-def server_has_no_capability(patch: pytest.MonkeyPatch) -> None:
+def server_has_no_capability(patch: Patch) -> None:
     """Says hello back, and has no images for anybody."""
     has(patch)
 
 
 @variation()
-def server_speaks_1_1_alone(patch: pytest.MonkeyPatch) -> None:
+def server_speaks_1_1_alone(patch: Patch) -> None:
     """Refuses clients that say hello for 1.0."""
-    patch.setattr("splatbus_server.connection.VERSIONS", ("1.1",))
+    patch.setattr(connections, "VERSIONS", ("1.1",))
 
 
 @variation()
-def server_announces_cuda_memory(patch: pytest.MonkeyPatch) -> None:
+def server_announces_cuda_memory(patch: Patch) -> None:
     """Has its images in memory of a device, and says so to everybody at once."""
     at_once(patch, announces_cuda_memory(patch))
 
 
 @variation()
-def server_reports_nothing_that_it_need_not(patch: pytest.MonkeyPatch) -> None:
+def server_reports_nothing_that_it_need_not(patch: Patch) -> None:
     """Ignores what is broken without a word, but for requests."""
 
     def send_error(
@@ -62,7 +64,7 @@ def server_reports_nothing_that_it_need_not(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_reports_little(patch: pytest.MonkeyPatch) -> None:
+def server_reports_little(patch: Patch) -> None:
     """Writes errors without text, pointer or explanation."""
 
     def bare(error: Json) -> Json:
@@ -73,7 +75,7 @@ def server_reports_little(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_grants_in_another_order(patch: pytest.MonkeyPatch) -> None:
+def server_grants_in_another_order(patch: Patch) -> None:
     """Lists capabilities backwards, and says more of itself in welcome than anybody asks."""
 
     def change(welcome: Json) -> Json:
@@ -85,7 +87,7 @@ def server_grants_in_another_order(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_counts_otherwise(patch: pytest.MonkeyPatch) -> None:
+def server_counts_otherwise(patch: Patch) -> None:
     """Begins with a large generation, and leaves numbers of images out."""
     generation = 2**53 - 2
 
@@ -104,7 +106,7 @@ def server_counts_otherwise(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_alternates_colour_and_depth(patch: pytest.MonkeyPatch) -> None:
+def server_alternates_colour_and_depth(patch: Patch) -> None:
     """Puts the depth of each slot behind its colour."""
 
     def host_ring(original: Any, width: int, height: int, slots: int) -> tuple[Layout, int]:
@@ -116,11 +118,11 @@ def server_alternates_colour_and_depth(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_has_one_name_for_its_memory(patch: pytest.MonkeyPatch) -> None:
+def server_has_one_name_for_its_memory(patch: Patch) -> None:
     """Removes what has the name of its memory, then makes it; others do the same on their ports."""
 
     def create(original: Any, size: int) -> Any:
-        patch.setattr("splatbus_server.shared_memory.secrets.token_hex", lambda count: name)
+        patch.setattr(secrets, "token_hex", lambda count: name)
         (shared_memory.DIRECTORY / f"splatbus-own-{name}").unlink(missing_ok=True)
         return original(size, "splatbus-own-")
 
@@ -129,13 +131,13 @@ def server_has_one_name_for_its_memory(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_lends_to_many_readers(patch: pytest.MonkeyPatch) -> None:
+def server_lends_to_many_readers(patch: Patch) -> None:
     """Has slots for more readers than it takes connections."""
-    patch.setattr("splatbus_server.cli.serve", partial(api.serve, readers=20))
+    patch.setattr(cli, "serve", partial(api.serve, readers=20))
 
 
 @variation()
-def server_republishes_for_each_reader(patch: pytest.MonkeyPatch) -> None:
+def server_republishes_for_each_reader(patch: Patch) -> None:
     """Renders anew whenever somebody opens the ring or subscribes."""
 
     def again(original: Any, self: Session, *arguments: Any) -> Any:
@@ -147,6 +149,6 @@ def server_republishes_for_each_reader(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation(warns=("IMG-21",))
-def server_writes_colour_and_depth_always(patch: pytest.MonkeyPatch) -> None:
+def server_writes_colour_and_depth_always(patch: Patch) -> None:
     """Writes both, whatever readers want."""
     wrap(patch, Exchange, "want", lambda original, self, c, m: original(self, c and BOTH, m))

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 from splatbus_server import cli, demo
 from splatbus_server.publish import Publisher
 from splatbus_server.raycast import Raycaster
@@ -14,13 +13,14 @@ from splatbus_server.view import Intrinsics
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.poses import Pose
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import wrap
 
 ELSEWHERE = Pose((-0.8, -0.6, -1.2), (-0.1, 0.12, 0.03, 0.987319604))
 
 
-def serving(patch: pytest.MonkeyPatch, **changes: Any) -> None:
+def serving(patch: Patch, **changes: Any) -> None:
     """Serve with other arguments."""
     wrap(
         patch,
@@ -30,7 +30,7 @@ def serving(patch: pytest.MonkeyPatch, **changes: Any) -> None:
     )
 
 
-def stored(patch: pytest.MonkeyPatch, channel: str, change: Any) -> None:
+def stored(patch: Patch, channel: str, change: Any) -> None:
     """Change what lies in a slot after it was written."""
 
     def written(original: Any, self: Publisher, source: Any, slot: Any, *more: Any) -> None:
@@ -41,7 +41,7 @@ def stored(patch: pytest.MonkeyPatch, channel: str, change: Any) -> None:
 
 
 @variation()
-def server_of_another_scene(patch: pytest.MonkeyPatch) -> None:
+def server_of_another_scene(patch: Patch) -> None:
     """Shows three spheres in a room of fog, which nobody knows."""
     spheres = (
         Sphere((0.5, 0.2, 5.0), 1.5, (0.4, 0.5, 0.6)),
@@ -54,19 +54,19 @@ def server_of_another_scene(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_with_an_odd_lens(patch: pytest.MonkeyPatch) -> None:
+def server_with_an_odd_lens(patch: Patch) -> None:
     """Has a long focal length, pixels that are not square, and looks past the middle."""
     serving(patch, intrinsics=Intrinsics(55.0, 70.0, 20.25, 30.5, 0.1, 50.0))
 
 
 @variation()
-def server_that_begins_elsewhere(patch: pytest.MonkeyPatch) -> None:
+def server_that_begins_elsewhere(patch: Patch) -> None:
     """Comes with two cameras, and begins with the first."""
     serving(patch, cameras=[ELSEWHERE, Pose((0.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0))])
 
 
 @variation()
-def server_of_distances(patch: pytest.MonkeyPatch) -> None:
+def server_of_distances(patch: Patch) -> None:
     """Stores the distance along the ray, and announces it."""
     serving(patch, semantics=Semantics(depth_kind="ray_distance"))
 
@@ -83,7 +83,7 @@ def server_of_distances(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_that_is_empty_at_100(patch: pytest.MonkeyPatch) -> None:
+def server_that_is_empty_at_100(patch: Patch) -> None:
     """Stores the depth 100 where nothing is seen, as the deployed server does, and says so."""
     serving(patch, semantics=Semantics(depth_empty=100.0))
 
@@ -94,7 +94,7 @@ def server_that_is_empty_at_100(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_without_alpha(patch: pytest.MonkeyPatch) -> None:
+def server_without_alpha(patch: Patch) -> None:
     """Paints a sky where nothing is seen, with alpha 1 everywhere."""
 
     def fill(slot: Any) -> None:
@@ -104,7 +104,7 @@ def server_without_alpha(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_in_single_precision(patch: pytest.MonkeyPatch) -> None:
+def server_in_single_precision(patch: Patch) -> None:
     """Rounds its view matrix to single precision, once, as renderers want it."""
 
     def camera(original: Any, view: Any) -> Any:
@@ -122,7 +122,7 @@ def server_in_single_precision(patch: pytest.MonkeyPatch) -> None:
 
 
 @variation()
-def server_that_renders_slowly(patch: pytest.MonkeyPatch) -> None:
+def server_that_renders_slowly(patch: Patch) -> None:
     """Takes 50 ms for an image."""
     nothing = threading.Event()
 

@@ -5,7 +5,6 @@ import time
 from typing import Any
 
 import numpy as np
-import pytest
 from splatbus_client import adapter, display, mirror
 from splatbus_client.host_memory import HostImages
 from splatbus_client.lease import FrameLease
@@ -25,6 +24,7 @@ from splatbus_wire.conventions import (
 )
 from splatbus_wire.poses import Pose, view_matrix
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
@@ -37,7 +37,7 @@ SEMANTICS = "check_shows_images_by_their_semantics"
 
 
 @mutant("CNV-1", check=CAMERAS, reason="it is world-to-camera", axes="opencv")
-def sends_world_to_camera(patch: pytest.MonkeyPatch) -> None:
+def sends_world_to_camera(patch: Patch) -> None:
     """Sends the view matrix's translation and the inverse rotation."""
 
     def send(original: Any, self: Session, pose: Pose) -> None:
@@ -48,7 +48,7 @@ def sends_world_to_camera(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CNV-1", check="check_understands_cameras", reason="was taken for", axes="unity")
-def takes_replies_as_they_are(patch: pytest.MonkeyPatch) -> None:
+def takes_replies_as_they_are(patch: Patch) -> None:
     """Puts the engine's camera where the reply says, without a change of axes."""
     patch.setattr(Engine, "from_wire", lambda self, pose: pose)
 
@@ -59,7 +59,7 @@ def takes_replies_as_they_are(patch: pytest.MonkeyPatch) -> None:
     reason="by the row blender_camera",
     axes="blender",
 )
-def takes_objects_for_cameras(patch: pytest.MonkeyPatch) -> None:
+def takes_objects_for_cameras(patch: Patch) -> None:
     """Converts the pose of the splats as if they looked along −z."""
     patch.setitem(ENGINES, "blender_object", BLENDER_CAMERA)
 
@@ -70,7 +70,7 @@ def takes_objects_for_cameras(patch: pytest.MonkeyPatch) -> None:
     reason="members are in another order",
     axes="opencv",
 )
-def sends_w_under_the_name_of_x(patch: pytest.MonkeyPatch) -> None:
+def sends_w_under_the_name_of_x(patch: Patch) -> None:
     """Takes an engine's quaternion w, x, y, z for x, y, z, w."""
 
     def send(original: Any, self: Session, pose: Pose) -> None:
@@ -81,19 +81,19 @@ def sends_w_under_the_name_of_x(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CNV-4", check="check_unity_s_row", reason="by the row opengl", axes="unity")
-def takes_unity_for_right_handed(patch: pytest.MonkeyPatch) -> None:
+def takes_unity_for_right_handed(patch: Patch) -> None:
     """Converts Unity's poses by the row of OpenGL."""
     patch.setitem(ENGINES, "unity", OPENGL)
 
 
 @mutant("CNV-5", check="check_unreal_s_row", reason="in the engine's units", axes="unreal")
-def sends_centimetres(patch: pytest.MonkeyPatch) -> None:
+def sends_centimetres(patch: Patch) -> None:
     """Does not divide Unreal's positions by 100."""
     patch.setitem(ENGINES, "unreal", dataclasses.replace(UNREAL, scale=1.0))
 
 
 @mutant("CNV-6", check="check_blender_s_rows", reason="by the row blender_object", axes="blender")
-def takes_cameras_for_objects(patch: pytest.MonkeyPatch) -> None:
+def takes_cameras_for_objects(patch: Patch) -> None:
     """Converts Blender's cameras, which look along −z, by the row of objects."""
     patch.setitem(ENGINES, "blender_camera", BLENDER_OBJECT)
 
@@ -104,13 +104,13 @@ def takes_cameras_for_objects(patch: pytest.MonkeyPatch) -> None:
     reason="only its position was converted",
     axes="opengl",
 )
-def flips_only_positions(patch: pytest.MonkeyPatch) -> None:
+def flips_only_positions(patch: Patch) -> None:
     """Flips y and z of positions, and sends rotations as they are."""
     only = dataclasses.replace(OPENGL, rotation_to_wire=lambda q: q)
     patch.setitem(ENGINES, "opengl", only)
 
 
-def _spelled(patch: pytest.MonkeyPatch, spell: Any, *parts: str) -> None:
+def _spelled(patch: Patch, spell: Any, *parts: str) -> None:
     def change(pose: Json) -> Json:
         return pose | {
             part: {name: spell(number) for name, number in pose[part].items()} for part in parts
@@ -120,25 +120,25 @@ def _spelled(patch: pytest.MonkeyPatch, spell: Any, *parts: str) -> None:
 
 
 @mutant("ACC-1", check=DIGITS, reason="position: worst", axes="opencv")
-def sends_six_digits(patch: pytest.MonkeyPatch) -> None:
+def sends_six_digits(patch: Patch) -> None:
     """Prints numbers with six significant digits, as printf's %g does."""
     _spelled(patch, lambda number: float(f"{number:.6g}"), "position", "rotation")
 
 
 @mutant("ACC-1", check=DIGITS, reason="position: worst", axes="opencv")
-def sends_sixteen_digits_of_positions(patch: pytest.MonkeyPatch) -> None:
+def sends_sixteen_digits_of_positions(patch: Patch) -> None:
     """Prints positions with sixteen significant digits, one short of enough."""
     _spelled(patch, lambda number: float(f"{number:.16g}"), "position")
 
 
 @mutant("ACC-1", check=DIGITS, reason="quaternion: worst", axes="unity")
-def sends_single_precision(patch: pytest.MonkeyPatch) -> None:
+def sends_single_precision(patch: Patch) -> None:
     """Has rotations in double precision, and prints them in single."""
     _spelled(patch, lambda number: float(np.float32(number)), "rotation")
 
 
 @mutant("ACC-7", check=OUT, reason="of 0.5 in", axes="unreal")
-def multiplies_by_a_hundredth(patch: pytest.MonkeyPatch) -> None:
+def multiplies_by_a_hundredth(patch: Patch) -> None:
     """Multiplies by 0.01, which no double is, instead of dividing by 100."""
 
     def to_wire(original: Any, self: Engine, position: Any) -> Any:
@@ -149,13 +149,13 @@ def multiplies_by_a_hundredth(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("ACC-7", check=OUT, reason="quaternion: worst", axes="blender")
-def types_the_root_of_one_half(patch: pytest.MonkeyPatch) -> None:
+def types_the_root_of_one_half(patch: Patch) -> None:
     """Types √½ with seven digits."""
     patch.setattr(conventions, "_HALF_SQRT", 0.7071068)
 
 
 @mutant("ACC-7", check=IN, reason="quaternion: worst", axes="unity")
-def understands_in_single_precision(patch: pytest.MonkeyPatch) -> None:
+def understands_in_single_precision(patch: Patch) -> None:
     """Says that it holds double precision, and rounds replies to single."""
 
     def from_wire(original: Any, self: Engine, pose: Pose) -> Pose:
@@ -171,7 +171,7 @@ def understands_in_single_precision(patch: pytest.MonkeyPatch) -> None:
     reason="the reply to another",
     axes="opencv",
 )
-def gives_replies_to_the_last_who_asked(patch: pytest.MonkeyPatch) -> None:
+def gives_replies_to_the_last_who_asked(patch: Patch) -> None:
     """Takes a reply for that to the last of all open questions of its kind."""
 
     def answered(original: Any, self: Steering, ticket: int) -> Any:
@@ -187,7 +187,7 @@ def gives_replies_to_the_last_who_asked(patch: pytest.MonkeyPatch) -> None:
 # Images
 
 
-def _whatever_happened(patch: pytest.MonkeyPatch) -> None:
+def _whatever_happened(patch: Patch) -> None:
     patch.setattr(FrameLease, "intact", property(lambda self: True))
 
 
@@ -197,7 +197,7 @@ def _whatever_happened(patch: pytest.MonkeyPatch) -> None:
     reason="was released before it was read",
     axes="opencv",
 )
-def releases_before_it_reads(patch: pytest.MonkeyPatch) -> None:
+def releases_before_it_reads(patch: Patch) -> None:
     """Gives an image back as soon as it has it, and copies it a moment later."""
 
     def copied(original: Any, lease: FrameLease) -> Copied:
@@ -216,7 +216,7 @@ def releases_before_it_reads(patch: pytest.MonkeyPatch) -> None:
     reason="was shown after the client had given",
     axes="opencv",
 )
-def keeps_no_copy(patch: pytest.MonkeyPatch) -> None:
+def keeps_no_copy(patch: Patch) -> None:
     """Shows what lies in the slot now, whether or not it is lent."""
 
     def copied(original: Any, lease: FrameLease) -> Copied:
@@ -231,7 +231,7 @@ def keeps_no_copy(patch: pytest.MonkeyPatch) -> None:
     reason="of the next image",
     axes="opencv",
 )
-def reads_both_channels_always(patch: pytest.MonkeyPatch) -> None:
+def reads_both_channels_always(patch: Patch) -> None:
     """Subscribes to one channel, and reads both."""
 
     def lend(original: Any, self: Reading, frame: Any, channels: Any) -> None:
@@ -246,7 +246,7 @@ def reads_both_channels_always(patch: pytest.MonkeyPatch) -> None:
     reason="is not what the client read while it was connected",
     axes="opencv",
 )
-def reads_on_without_a_connection(patch: pytest.MonkeyPatch) -> None:
+def reads_on_without_a_connection(patch: Patch) -> None:
     """Shows the memory of the slot that it read last while it is not connected."""
     views: list[Any] = []
 
@@ -263,7 +263,7 @@ def reads_on_without_a_connection(patch: pytest.MonkeyPatch) -> None:
         self._kept = image  # type: ignore[attr-defined]
 
     wrap(patch, mirror, "_copied", copied)
-    patch.setattr(Mirror, "newest", property(newest, keep), raising=False)
+    Mirror.newest = property(newest, keep)  # type: ignore[assignment]
 
 
 # What is shown
@@ -275,19 +275,19 @@ def reads_on_without_a_connection(patch: pytest.MonkeyPatch) -> None:
     reason="rows top-down",
     axes="opencv",
 )
-def forgets_that_rows_are_bottom_up(patch: pytest.MonkeyPatch) -> None:
+def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
     """Shows the first row of the memory at the top."""
     for name in ("color", "depth"):
         wrap(patch, HostImages, name, lambda original, self, slot: original(self, slot)[::-1])
 
 
 @mutant("MEM-13", check=SEMANTICS, reason="'alpha': 'premultiplied'", axes="opencv")
-def blends_premultiplied_as_straight(patch: pytest.MonkeyPatch) -> None:
+def blends_premultiplied_as_straight(patch: Patch) -> None:
     """Multiplies colour by alpha once more."""
     patch.setattr(display, "over_premultiplied", over_straight)
 
 
-def _meant(patch: pytest.MonkeyPatch, **otherwise: Any) -> None:
+def _meant(patch: Patch, **otherwise: Any) -> None:
     def planar(original: Any, color: Any, depth: Any, camera: Any, semantics: Any) -> Any:
         return original(color, depth, camera, semantics._replace(**otherwise))
 
@@ -295,13 +295,13 @@ def _meant(patch: pytest.MonkeyPatch, **otherwise: Any) -> None:
 
 
 @mutant("MEM-13", check=SEMANTICS, reason="'kind': 'ray_distance'", axes="opencv")
-def takes_distances_for_depths(patch: pytest.MonkeyPatch) -> None:
+def takes_distances_for_depths(patch: Patch) -> None:
     """Compares the distance along the ray with the depth of its own geometry."""
     _meant(patch, depth_kind="planar_z")
 
 
 @mutant("MEM-13", check=SEMANTICS, reason="'empty': 100.0", axes="opencv")
-def knows_one_empty_depth(patch: pytest.MonkeyPatch) -> None:
+def knows_one_empty_depth(patch: Patch) -> None:
     """Takes only infinity for empty."""
     _meant(patch, depth_empty=float("inf"))
 
@@ -312,7 +312,7 @@ def knows_one_empty_depth(patch: pytest.MonkeyPatch) -> None:
     reason="an empty pixel",
     axes="opencv",
 )
-def draws_empty_pixels_in_front(patch: pytest.MonkeyPatch) -> None:
+def draws_empty_pixels_in_front(patch: Patch) -> None:
     """Takes an infinite depth for none at all, and draws the pixel before everything."""
 
     def planar(original: Any, color: Any, depth: Any, *rest: Any) -> Any:
@@ -327,7 +327,7 @@ def draws_empty_pixels_in_front(patch: pytest.MonkeyPatch) -> None:
     reason="an opaque pixel",
     axes="opencv",
 )
-def takes_negative_depths(patch: pytest.MonkeyPatch) -> None:
+def takes_negative_depths(patch: Patch) -> None:
     """Takes every depth that is less than that of its own geometry for a surface."""
 
     def planar(original: Any, color: Any, depth: Any, *rest: Any) -> Any:
@@ -337,7 +337,7 @@ def takes_negative_depths(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("ACC-10", check="check_composes_within_two_ulp", reason="colour: worst", axes="opencv")
-def composes_in_eight_bits(patch: pytest.MonkeyPatch) -> None:
+def composes_in_eight_bits(patch: Patch) -> None:
     """Truncates the image to eight bits a channel before it blends it."""
 
     def composed(original: Any, color: Any, *rest: Any) -> Any:

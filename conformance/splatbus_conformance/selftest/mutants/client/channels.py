@@ -4,7 +4,6 @@ import itertools
 import time
 from typing import Any
 
-import pytest
 from splatbus_client import channel, ipc_protocol, message_protocol, reading, settings
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
@@ -12,11 +11,12 @@ from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire.messages import GetViewportSize, Hello, encode
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
 
 
-def _all_channels(patch: pytest.MonkeyPatch) -> list[Channel]:
+def _all_channels(patch: Patch) -> list[Channel]:
     """The channels of the client, once it has made them."""
     made: list[Channel] = []
 
@@ -29,7 +29,7 @@ def _all_channels(patch: pytest.MonkeyPatch) -> list[Channel]:
 
 
 @mutant("CHN-2", check="check_host_and_ports_can_be_set", reason="on port 6001")
-def ipc_port_that_cannot_be_set(patch: pytest.MonkeyPatch) -> None:
+def ipc_port_that_cannot_be_set(patch: Patch) -> None:
     """Connects to the IPC channel on port 6001, whatever it is told."""
     wrap(
         patch,
@@ -40,7 +40,7 @@ def ipc_port_that_cannot_be_set(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-3", check="check_either_channel_first", reason="ipc refused its connection")
-def message_channel_only_after_ipc(patch: pytest.MonkeyPatch) -> None:
+def message_channel_only_after_ipc(patch: Patch) -> None:
     """Does not try the message channel before the IPC channel is connected."""
     made = _all_channels(patch)
 
@@ -54,18 +54,18 @@ def message_channel_only_after_ipc(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-9", check="check_waits_for_the_init_packet", reason="closed the connection")
-def impatient_for_the_init_packet(patch: pytest.MonkeyPatch) -> None:
+def impatient_for_the_init_packet(patch: Patch) -> None:
     """Closes the IPC connection if no init packet has come within a second."""
     _limit(patch, lambda machine: not machine._slots, 1.0)
 
 
 @mutant("CHN-10", check="check_keeps_the_ipc_connection", reason="while it used the buffers")
-def ipc_connection_closed_once_opened(patch: pytest.MonkeyPatch) -> None:
+def ipc_connection_closed_once_opened(patch: Patch) -> None:
     """Closes the IPC connection when it has what it wants, and goes on reading."""
     _limit(patch, lambda machine: bool(machine._slots), 0.2)
 
 
-def _limit(patch: pytest.MonkeyPatch, applies: Any, seconds: float) -> None:
+def _limit(patch: Patch, applies: Any, seconds: float) -> None:
     """Close an IPC connection when something has applied for so long."""
     since: dict[IpcProtocol, float] = {}
 
@@ -85,13 +85,13 @@ def _limit(patch: pytest.MonkeyPatch, applies: Any, seconds: float) -> None:
 
 
 @mutant("CHN-15", check="check_gives_up_a_reply", reason="no reply within")
-def waits_for_a_reply_for_ever(patch: pytest.MonkeyPatch) -> None:
+def waits_for_a_reply_for_ever(patch: Patch) -> None:
     """Never gives up waiting for a reply."""
     patch.setattr(message_protocol, "REPLY_SECONDS", 600.0)
 
 
 @mutant("CHN-17", check="check_closes_after_end_of_stream", reason="ended the stream")
-def deaf_to_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
+def deaf_to_the_end_of_the_stream(patch: Patch) -> None:
     """Keeps its side open when the server has ended the stream."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
@@ -104,7 +104,7 @@ def deaf_to_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-17", check="check_closes_after_end_of_stream", reason="died")
-def crashes_at_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
+def crashes_at_the_end_of_the_stream(patch: Patch) -> None:
     """Crashes when the server ends the stream."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
@@ -116,7 +116,7 @@ def crashes_at_the_end_of_the_stream(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-19", check="check_survives_losing_its_server", reason="died")
-def crashes_when_reset(patch: pytest.MonkeyPatch) -> None:
+def crashes_when_reset(patch: Patch) -> None:
     """Crashes when a connection is reset."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
@@ -128,7 +128,7 @@ def crashes_when_reset(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-19", check="check_survives_losing_its_server", reason="neither reacted nor went on")
-def hangs_when_reset(patch: pytest.MonkeyPatch) -> None:
+def hangs_when_reset(patch: Patch) -> None:
     """Hangs when a connection is reset."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
@@ -140,7 +140,7 @@ def hangs_when_reset(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-20", check="check_connects_again", reason="a ipc connection that was")
-def never_connects_to_ipc_again(patch: pytest.MonkeyPatch) -> None:
+def never_connects_to_ipc_again(patch: Patch) -> None:
     """Does not connect to the IPC channel again."""
     made = _all_channels(patch)
 
@@ -153,19 +153,19 @@ def never_connects_to_ipc_again(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-21", check="check_paces_its_attempts", reason="ms apart")
-def connects_again_at_once(patch: pytest.MonkeyPatch) -> None:
+def connects_again_at_once(patch: Patch) -> None:
     """Connects again without a pause."""
     patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
 
 
 @mutant("CHN-22", check="check_comes_back_soon", reason="within 5")
-def backs_off_too_far(patch: pytest.MonkeyPatch) -> None:
+def backs_off_too_far(patch: Patch) -> None:
     """Waits 0.125 seconds after the first failure, and 8 after the second."""
     patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))
 
 
 @mutant("CHN-23", check="check_keeps_the_other_channel", reason="channel when")
-def drops_both_channels(patch: pytest.MonkeyPatch) -> None:
+def drops_both_channels(patch: Patch) -> None:
     """Closes both connections when one is lost."""
     made = _all_channels(patch)
 
@@ -179,7 +179,7 @@ def drops_both_channels(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reconnect was not opened")
-def insists_on_the_first_size(patch: pytest.MonkeyPatch) -> None:
+def insists_on_the_first_size(patch: Patch) -> None:
     """Opens no memory of another size than the first that it saw."""
     seen: list[tuple[int, int]] = []
 
@@ -193,7 +193,7 @@ def insists_on_the_first_size(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-6", reason="on the IPC channel, without hello", through="CHN-9")
-def asks_on_the_ipc_channel_in_1_0(patch: pytest.MonkeyPatch) -> None:
+def asks_on_the_ipc_channel_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and asks for the size on the IPC channel."""
     speaks_1_0(patch)
 
@@ -204,7 +204,7 @@ def asks_on_the_ipc_channel_in_1_0(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, IpcProtocol, "__init__", init)
 
 
-def speaks_1_0(patch: pytest.MonkeyPatch) -> None:
+def speaks_1_0(patch: Patch) -> None:
     """Say no hello on either channel."""
     for module in (ipc_protocol, message_protocol):
         wrap(

@@ -2,16 +2,16 @@
 
 from typing import Any
 
-import pytest
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire.messages import Frame, Release, Subscribe, encode
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, messages, of_type, wrap
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", reason="was released more than once")
-def releases_twice(patch: pytest.MonkeyPatch) -> None:
+def releases_twice(patch: Patch) -> None:
     """Releases each frame twice."""
 
     def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
@@ -22,7 +22,7 @@ def releases_twice(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
-def loses_every_tenth_release(patch: pytest.MonkeyPatch) -> None:
+def loses_every_tenth_release(patch: Patch) -> None:
     """Does not release every tenth frame."""
 
     def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
@@ -33,13 +33,13 @@ def loses_every_tenth_release(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-12", reason="no frame had generation 7", through="IMG-12")
-def releases_with_another_generation(patch: pytest.MonkeyPatch) -> None:
+def releases_with_another_generation(patch: Patch) -> None:
     """Names another generation in `release` than the `frame` did."""
     messages(patch, of_type("release", lambda release: release | {"generation": 7}))
 
 
 @mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 77")
-def releases_frames_of_any_generation(patch: pytest.MonkeyPatch) -> None:
+def releases_frames_of_any_generation(patch: Patch) -> None:
     """Takes every frame for one of the memory that it has open."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
@@ -52,7 +52,7 @@ def releases_frames_of_any_generation(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'slot': ")
-def reads_slots_that_do_not_exist(patch: pytest.MonkeyPatch) -> None:
+def reads_slots_that_do_not_exist(patch: Patch) -> None:
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
@@ -64,19 +64,19 @@ def reads_slots_that_do_not_exist(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-19", reason='channels is "color"')
-def subscribes_to_one_channel_as_a_string(patch: pytest.MonkeyPatch) -> None:
+def subscribes_to_one_channel_as_a_string(patch: Patch) -> None:
     """Names one channel instead of an array of them."""
     subscribes(patch, "color", "depth")
     messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": "color"}))
 
 
 @mutant("IMG-19", reason="channels is []")
-def subscribes_to_nothing(patch: pytest.MonkeyPatch) -> None:
+def subscribes_to_nothing(patch: Patch) -> None:
     """Subscribes to no channel at all."""
     subscribes(patch)
 
 
-def subscribes(patch: pytest.MonkeyPatch, *channels: str) -> None:
+def subscribes(patch: Patch, *channels: str) -> None:
     """Subscribe to these channels as soon as that is agreed."""
 
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:

@@ -4,13 +4,13 @@ import contextlib
 import time
 from typing import Any
 
-import pytest
 from splatbus_client import channel, incoming, ipc_protocol, message_protocol
 from splatbus_client.events import MustClose
 from splatbus_wire import encoding, framing
 from splatbus_wire.errors import FramingError
 from splatbus_wire.framing import PacketDecoder
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import packets, wrap
 
@@ -18,31 +18,31 @@ NEVER = 600.0
 
 
 @mutant("FRM-1", reason="bytes into a packet", through="NEG-16")
-def line_break_after_each_packet(patch: pytest.MonkeyPatch) -> None:
+def line_break_after_each_packet(patch: Patch) -> None:
     """Ends each packet with a line break that its length does not count."""
     packets(patch, lambda packet: packet + b"\n")
 
 
 @mutant("FRM-1", reason="bytes into a packet", through="FRM-5")
-def length_that_counts_its_header(patch: pytest.MonkeyPatch) -> None:
+def length_that_counts_its_header(patch: Patch) -> None:
     """Counts the four bytes of the header in the length."""
     packets(patch, lambda packet: len(packet).to_bytes(4, "little") + packet[4:])
 
 
 @mutant("FRM-2", reason="announces 0 bytes")
-def empty_packets(patch: pytest.MonkeyPatch) -> None:
+def empty_packets(patch: Patch) -> None:
     """Sends an empty packet after each message, to keep the connection alive."""
     packets(patch, lambda packet: packet + bytes(4))
 
 
 @mutant("FRM-2", reason="announces 2,", through="CHN-17")
-def big_endian_lengths(patch: pytest.MonkeyPatch) -> None:
+def big_endian_lengths(patch: Patch) -> None:
     """Writes lengths in network byte order."""
     packets(patch, lambda packet: packet[3::-1] + packet[4:])
 
 
 @mutant("FRM-2", reason="announces 1,048,", through="CHN-17")
-def payload_beyond_the_limit(patch: pytest.MonkeyPatch) -> None:
+def payload_beyond_the_limit(patch: Patch) -> None:
     """Sends a `hello` of more than 1 MiB."""
 
     def encode(original: Any, payload: bytes) -> bytes:
@@ -55,7 +55,7 @@ def payload_beyond_the_limit(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("FRM-3", check="check_bad_length_closes_ipc", reason="neither reacted nor went on")
-def deaf_after_a_bad_length(patch: pytest.MonkeyPatch) -> None:
+def deaf_after_a_bad_length(patch: Patch) -> None:
     """Keeps the connection after a bad length, and hears nothing more on it."""
 
     def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
@@ -69,13 +69,13 @@ def deaf_after_a_bad_length(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("FRM-3", check="check_bad_length_closes_ipc", reason="0 bytes: the testee ignored it")
-def empty_packets_are_skipped(patch: pytest.MonkeyPatch) -> None:
+def empty_packets_are_skipped(patch: Patch) -> None:
     """Takes a length of 0 for a packet that says nothing."""
     patch.setattr(framing, "_MIN_PAYLOAD_BYTES", 0)
 
 
 @mutant("FRM-3", check="check_bad_length_closes_ipc", reason="1,048,577 bytes: the testee neither")
-def any_length_is_waited_for(patch: pytest.MonkeyPatch) -> None:
+def any_length_is_waited_for(patch: Patch) -> None:
     """Waits for as many bytes as any header announces."""
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
 
@@ -85,7 +85,7 @@ def any_length_is_waited_for(patch: pytest.MonkeyPatch) -> None:
     check="check_bad_length_closes_message_channel",
     reason="in place of a reply: the testee ignored it",
 )
-def bad_length_is_skipped_on_the_message_channel(patch: pytest.MonkeyPatch) -> None:
+def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     """Drops what has arrived with a bad length on the message channel, and reads on."""
 
     def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
@@ -100,7 +100,7 @@ def bad_length_is_skipped_on_the_message_channel(patch: pytest.MonkeyPatch) -> N
 
 
 @mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
-def one_packet_per_read(patch: pytest.MonkeyPatch) -> None:
+def one_packet_per_read(patch: Patch) -> None:
     """Takes what one `recv` returned for one packet."""
 
     def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
@@ -112,7 +112,7 @@ def one_packet_per_read(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
-def drops_what_follows_a_packet(patch: pytest.MonkeyPatch) -> None:
+def drops_what_follows_a_packet(patch: Patch) -> None:
     """Handles the first packet that a read completes, and drops what came with it."""
 
     def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
@@ -126,25 +126,25 @@ def drops_what_follows_a_packet(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="stays incomplete")
-def waits_for_the_rest_of_a_packet(patch: pytest.MonkeyPatch) -> None:
+def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
     """Waits for ever for the rest of a packet."""
     patch.setattr(incoming, "COMPLETION_SECONDS", NEVER)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
-def half_a_packet_continues(patch: pytest.MonkeyPatch) -> None:
+def half_a_packet_continues(patch: Patch) -> None:
     """Keeps half a packet when the connection ends, and goes on with it on the next one."""
     kept = incoming.Incoming()
     patch.setattr(ipc_protocol, "Incoming", lambda: kept)
 
 
 @mutant("FRM-7", reason="the header arrived alone")
-def two_writes(patch: pytest.MonkeyPatch) -> None:
+def two_writes(patch: Patch) -> None:
     """Sends the header, and a moment later the payload."""
     in_two_writes(patch)
 
 
-def in_two_writes(patch: pytest.MonkeyPatch) -> None:
+def in_two_writes(patch: Patch) -> None:
     """Give header and payload to TCP one after the other."""
 
     def flush(original: Any, self: channel.Channel, now: float) -> None:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from splatbus_client import host_memory, ipc_protocol, reading
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
@@ -10,6 +9,7 @@ from splatbus_wire import init_packet
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import InitPacket
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, init_packets, wrap
 
@@ -17,7 +17,7 @@ ACCEPTS = "check_accepts_good_init_packets"
 REFUSES = "check_refuses_broken_init_packets"
 
 
-def _declines(patch: pytest.MonkeyPatch, unwanted: Any) -> None:
+def _declines(patch: Patch, unwanted: Any) -> None:
     """Decline init packets that something does not suit."""
 
     def images(original: Any, packet: InitPacket) -> Any:
@@ -29,7 +29,7 @@ def _declines(patch: pytest.MonkeyPatch, unwanted: Any) -> None:
 
 
 @mutant("INI-8", check=ACCEPTS, reason="was not opened")
-def insists_on_a_tight_ring(patch: pytest.MonkeyPatch) -> None:
+def insists_on_a_tight_ring(patch: Patch) -> None:
     """Declines a ring whose slots do not follow one another without a gap."""
     _declines(
         patch, lambda it: it.ring != init_packet.host_ring(it.width, it.height, it.ring.slots)[0]
@@ -37,31 +37,31 @@ def insists_on_a_tight_ring(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-8", check=ACCEPTS, reason="the most slots was not opened")
-def has_room_for_sixteen_slots(patch: pytest.MonkeyPatch) -> None:
+def has_room_for_sixteen_slots(patch: Patch) -> None:
     """Declines a ring of more than 16 slots."""
     _declines(patch, lambda it: it.ring.slots > 16)
 
 
 @mutant("INI-8", check=ACCEPTS, reason="the widest image was not opened")
-def limits_the_size_to_16384(patch: pytest.MonkeyPatch) -> None:
+def limits_the_size_to_16384(patch: Patch) -> None:
     """Takes images of more than 16,384 pixels a side for nonsense."""
     _declines(patch, lambda it: max(it.width, it.height) > 16384)
 
 
 @mutant("INI-8", check=ACCEPTS, reason="9007199254740991 was not opened")
-def generations_of_32_bits(patch: pytest.MonkeyPatch) -> None:
+def generations_of_32_bits(patch: Patch) -> None:
     """Has 32 bits for the generation."""
     _declines(patch, lambda it: it.generation >= 1 << 32)
 
 
 @mutant("INI-9", check=REFUSES, reason="meta/fmtColor")
-def takes_any_format(patch: pytest.MonkeyPatch) -> None:
+def takes_any_format(patch: Patch) -> None:
     """Reads every image as RGBA32F, whatever the packet says."""
     init_packets(patch, lambda it: it["meta"].update(fmtColor="RGBA32F"))
 
 
 @mutant("INI-9", check=REFUSES, reason="meta/pitchColor")
-def ignores_the_pitches(patch: pytest.MonkeyPatch) -> None:
+def ignores_the_pitches(patch: Patch) -> None:
     """Reads rows of 16·w and 4·w bytes, whatever the packet says."""
     init_packets(
         patch,
@@ -72,19 +72,19 @@ def ignores_the_pitches(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-9", check=REFUSES, reason="meta/w '64'")
-def reads_sizes_from_strings(patch: pytest.MonkeyPatch) -> None:
+def reads_sizes_from_strings(patch: Patch) -> None:
     """Takes a size that is written as a string."""
     init_packets(patch, lambda it: it["meta"].update(w=int(it["meta"]["w"])))
 
 
 @mutant("INI-9", check=REFUSES, reason="meta/w 32769")
-def has_no_limit_on_the_size(patch: pytest.MonkeyPatch) -> None:
+def has_no_limit_on_the_size(patch: Patch) -> None:
     """Takes images of any size."""
     patch.setattr(init_packet, "_MAX_IMAGE_SIZE", 1 << 40)
 
 
 @mutant("INI-9", check=REFUSES, reason="meta/offset")
-def takes_any_offset(patch: pytest.MonkeyPatch) -> None:
+def takes_any_offset(patch: Patch) -> None:
     """Does not look at the offsets of 1.0 where it does not need them."""
 
     def forget(packet: Json) -> None:
@@ -95,7 +95,7 @@ def takes_any_offset(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-9", check=REFUSES, reason="the testee died")
-def crashes_without_a_format(patch: pytest.MonkeyPatch) -> None:
+def crashes_without_a_format(patch: Patch) -> None:
     """Crashes on an init packet that lacks a member."""
 
     def parse(original: Any, message: Json) -> Any:
@@ -110,7 +110,7 @@ def crashes_without_a_format(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-10", check="check_computes_in_64_bits", reason="4294967296")
-def computes_in_32_bits(patch: pytest.MonkeyPatch) -> None:
+def computes_in_32_bits(patch: Patch) -> None:
     """Keeps offsets, strides and sizes in 32 bits."""
 
     def wrap_around(packet: Json) -> None:
@@ -123,7 +123,7 @@ def computes_in_32_bits(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="the testee died")
-def crashes_on_other_objects(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_other_objects(patch: Patch) -> None:
     """Takes each object without a type for an init packet, and crashes for want of `meta`."""
 
     def decode(original: Any, payload: bytes) -> Any:
@@ -138,7 +138,7 @@ def crashes_on_other_objects(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="closed the connection")
-def closes_on_other_objects(patch: pytest.MonkeyPatch) -> None:
+def closes_on_other_objects(patch: Patch) -> None:
     """Closes the connection on an object that is no init packet."""
 
     def on_payload(original: Any, self: Any, payload: bytes) -> Any:
@@ -150,7 +150,7 @@ def closes_on_other_objects(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("INI-13", check="check_goes_on_without_images", reason="memory that does not exist")
-def exits_without_images(patch: pytest.MonkeyPatch) -> None:
+def exits_without_images(patch: Patch) -> None:
     """Does not handle that shared memory is missing, and exits."""
     wrap(patch, host_memory, "_map", _without_handler)
 
@@ -163,6 +163,6 @@ def _without_handler(original: Any, *arguments: Any) -> Any:
 
 
 @mutant("INI-13", check="check_goes_on_without_a_device", reason="no device knows: the testee died")
-def crashes_on_cuda_memory(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_cuda_memory(patch: Patch) -> None:
     """Crashes on an init packet with CUDA handles."""
     _declines(patch, lambda it: crash() if it.legacy is not None else False)

@@ -3,13 +3,13 @@
 import re
 from typing import Any
 
-import pytest
 from splatbus_client import reading
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import init_packet
 from splatbus_wire.init_packet import InitPacket, Ring
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, init_packets, wrap
 
@@ -20,19 +20,19 @@ MEMBERS = "check_refuses_broken_members"
 
 
 @mutant("MEM-6", check=MEASURES, reason="one byte shorter than announced")
-def does_not_measure_the_memory(patch: pytest.MonkeyPatch) -> None:
+def does_not_measure_the_memory(patch: Patch) -> None:
     """Answers `opened` without a look at how long the memory is."""
     says_opened(patch, "bytes long")
 
 
 @mutant("MEM-6", check=MEASURES, reason="missing: the testee took it as valid")
-def answers_opened_without_memory(patch: pytest.MonkeyPatch) -> None:
+def answers_opened_without_memory(patch: Patch) -> None:
     """Answers `opened` although there is no such memory."""
     says_opened(patch, "no shared memory")
 
 
 @mutant("MEM-6", check=MEASURES, reason="the testee died")
-def reads_past_the_end_of_the_memory(patch: pytest.MonkeyPatch) -> None:
+def reads_past_the_end_of_the_memory(patch: Patch) -> None:
     """Maps memory that is too short, reads past its end, and is killed."""
 
     def images(original: Any, packet: InitPacket) -> Any:
@@ -46,7 +46,7 @@ def reads_past_the_end_of_the_memory(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, reading, "HostImages", images)
 
 
-def says_opened(patch: pytest.MonkeyPatch, where: str) -> None:
+def says_opened(patch: Patch, where: str) -> None:
     """Answer `opened` where the memory cannot be opened for a reason that has these words."""
 
     def open_failed(original: Any, self: IpcProtocol, packet: InitPacket, reason: str) -> None:
@@ -59,44 +59,44 @@ def says_opened(patch: pytest.MonkeyPatch, where: str) -> None:
 
 
 @mutant("MEM-7", check=NAMES, reason="(a path)")
-def opens_any_name(patch: pytest.MonkeyPatch) -> None:
+def opens_any_name(patch: Patch) -> None:
     """Opens whatever file the name leads to."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(".*", re.DOTALL))
 
 
 @mutant("MEM-7", check=NAMES, reason="31 characters")
-def takes_longer_names(patch: pytest.MonkeyPatch) -> None:
+def takes_longer_names(patch: Patch) -> None:
     """Takes names of up to 255 characters."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[A-Za-z0-9._-]{1,255}"))
 
 
 @mutant("MEM-7", check=NAMES, reason="a dot before it")
-def takes_hidden_names(patch: pytest.MonkeyPatch) -> None:
+def takes_hidden_names(patch: Patch) -> None:
     """Takes names that begin with a dot."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(r"[A-Za-z0-9._-]{1,30}"))
 
 
 @mutant("MEM-7", check=NAMES, reason="a line break behind it")
-def takes_a_line_break_after_the_name(patch: pytest.MonkeyPatch) -> None:
+def takes_a_line_break_after_the_name(patch: Patch) -> None:
     """Tests names by a pattern that ends in `$`, which a line break may follow."""
     pattern = re.compile(r"(?!\.)[A-Za-z0-9._-]{1,30}\n?")
     patch.setattr(init_packet, "_SHM_NAME", pattern)
 
 
 @mutant("MEM-7", check=NAMES, reason="beyond ASCII")
-def takes_letters_beyond_ascii(patch: pytest.MonkeyPatch) -> None:
+def takes_letters_beyond_ascii(patch: Patch) -> None:
     r"""Tests names by `\\w`, which is more than ASCII."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[\w.-]{1,30}"))
 
 
 @mutant("MEM-10", check=RING, reason="with memory/bytes")
-def does_not_compare_the_ring_with_the_memory(patch: pytest.MonkeyPatch) -> None:
+def does_not_compare_the_ring_with_the_memory(patch: Patch) -> None:
     """Does not compare the ring with the size of the memory."""
     patch.setattr(init_packet, "_check_slots", lambda *_: None)
 
 
 @mutant("MEM-10", check=RING, reason="18446744073709551616")
-def computes_in_64_bits_that_overflow(patch: pytest.MonkeyPatch) -> None:
+def computes_in_64_bits_that_overflow(patch: Patch) -> None:
     """Takes integers of 64 bits modulo 2⁶⁴."""
 
     def wrap_around(packet: Json) -> None:
@@ -107,7 +107,7 @@ def computes_in_64_bits_that_overflow(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("MEM-10", check=RING, reason="4611686018427387904, ring/slots 5")
-def multiplies_in_64_bits_that_overflow(patch: pytest.MonkeyPatch) -> None:
+def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
     """Computes the end of the ring in 64 bits without a look at overflow."""
     patch.setattr(init_packet, "MAX_SAFE_INTEGER", 1 << 63)
 
@@ -123,7 +123,7 @@ def multiplies_in_64_bits_that_overflow(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("MEM-11", check=MEMBERS, reason="with version '1.2'")
-def takes_any_version_that_begins_with_1(patch: pytest.MonkeyPatch) -> None:
+def takes_any_version_that_begins_with_1(patch: Patch) -> None:
     """Takes an init packet of a version that it does not know."""
 
     def later(packet: Json) -> None:
@@ -134,31 +134,31 @@ def takes_any_version_that_begins_with_1(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("MEM-11", check=MEMBERS, reason="memory/kind 'posix_shm'")
-def takes_any_kind_of_memory(patch: pytest.MonkeyPatch) -> None:
+def takes_any_kind_of_memory(patch: Patch) -> None:
     """Takes every kind of memory for memory of the host."""
     init_packets(patch, lambda it: it["memory"].update(kind="host_shm"))
 
 
 @mutant("MEM-11", check=MEMBERS, reason="ring/")
-def takes_slots_that_overlap(patch: pytest.MonkeyPatch) -> None:
+def takes_slots_that_overlap(patch: Patch) -> None:
     """Does not see that slots overlap."""
     patch.setattr(init_packet, "pairwise", lambda _: ())
 
 
 @mutant("MEM-11", check=MEMBERS, reason="ring/colorOffset")
-def takes_slots_that_are_not_aligned(patch: pytest.MonkeyPatch) -> None:
+def takes_slots_that_are_not_aligned(patch: Patch) -> None:
     """Takes offsets that are no multiples of 16."""
     patch.setattr(init_packet, "_ALIGNMENT", 1)
 
 
 @mutant("MEM-11", check=MEMBERS, reason="semantics/alpha")
-def guesses_an_unknown_alpha(patch: pytest.MonkeyPatch) -> None:
+def guesses_an_unknown_alpha(patch: Patch) -> None:
     """Takes an alpha that it does not know for straight."""
     init_packets(patch, lambda it: it["semantics"].update(alpha="straight"))
 
 
 @mutant("MEM-11", check=MEMBERS, reason="no semantics")
-def does_without_semantics(patch: pytest.MonkeyPatch) -> None:
+def does_without_semantics(patch: Patch) -> None:
     """Takes what it likes for granted where the packet does not say what pixels mean."""
     good = {
         "rows": "bottom_up",
@@ -172,7 +172,7 @@ def does_without_semantics(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("MEM-11", check="check_refuses_generations_that_do_not_grow", reason="after generation")
-def takes_old_generations(patch: pytest.MonkeyPatch) -> None:
+def takes_old_generations(patch: Patch) -> None:
     """Takes an init packet whose generation it has seen before."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from splatbus_client import ipc_protocol, message_protocol, reading, session
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -17,6 +16,7 @@ from splatbus_wire.messages import (
     encode,
 )
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, messages, of_type, wrap
 
@@ -27,7 +27,7 @@ def without(name: str) -> Any:
 
 
 @mutant("NEG-1", reason="this came before hello", through="CHN-17")
-def request_before_hello(patch: pytest.MonkeyPatch) -> None:
+def request_before_hello(patch: Patch) -> None:
     """Asks for the size before it says hello."""
 
     def init(original: Any, self: MessageProtocol, hello: Any) -> None:
@@ -38,19 +38,19 @@ def request_before_hello(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-2", reason="client is missing", through="CHN-17")
-def hello_without_client(patch: pytest.MonkeyPatch) -> None:
+def hello_without_client(patch: Patch) -> None:
     """Says hello without saying who it is."""
     messages(patch, of_type("hello", without("client")))
 
 
 @mutant("NEG-2", reason="is no version", through="CHN-17")
-def version_as_a_number(patch: pytest.MonkeyPatch) -> None:
+def version_as_a_number(patch: Patch) -> None:
     """Lists its versions as numbers."""
     messages(patch, of_type("hello", lambda hello: hello | {"versions": [1.1, 1.0]}))
 
 
 @mutant("NEG-2", reason="listed twice", through="CHN-17")
-def capability_twice(patch: pytest.MonkeyPatch) -> None:
+def capability_twice(patch: Patch) -> None:
     """Declares a capability twice."""
 
     def twice(hello: Json) -> Json:
@@ -60,7 +60,7 @@ def capability_twice(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-3", reason="a further hello")
-def hello_twice(patch: pytest.MonkeyPatch) -> None:
+def hello_twice(patch: Patch) -> None:
     """Says hello again after the first welcome."""
 
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
@@ -72,13 +72,13 @@ def hello_twice(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-4", check="check_can_do_what_it_declares", reason="frames: no frame was released")
-def frames_declared_and_not_released(patch: pytest.MonkeyPatch) -> None:
+def frames_declared_and_not_released(patch: Patch) -> None:
     """Declares `frames`, and never releases one."""
     patch.setattr(IpcProtocol, "release", lambda self, frame: None)
 
 
 @mutant("NEG-4", check="check_can_do_what_it_declares", reason="reinit: the first generation")
-def reinit_declared_and_not_done(patch: pytest.MonkeyPatch) -> None:
+def reinit_declared_and_not_done(patch: Patch) -> None:
     """Declares `reinit`, and ignores every further init packet."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
@@ -88,7 +88,7 @@ def reinit_declared_and_not_done(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-5", check="check_sends_only_what_was_granted", reason="subscribe before welcome")
-def subscribes_before_welcome(patch: pytest.MonkeyPatch) -> None:
+def subscribes_before_welcome(patch: Patch) -> None:
     """Subscribes right after hello."""
 
     def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
@@ -99,7 +99,7 @@ def subscribes_before_welcome(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-5", check="check_sends_only_what_was_granted", reason="which welcome did not grant")
-def subscribes_without_the_capability(patch: pytest.MonkeyPatch) -> None:
+def subscribes_without_the_capability(patch: Patch) -> None:
     """Subscribes whether `welcome` lists `subscribe` or not."""
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
@@ -110,7 +110,7 @@ def subscribes_without_the_capability(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="the memory was not opened")
-def refuses_unknown_capabilities(patch: pytest.MonkeyPatch) -> None:
+def refuses_unknown_capabilities(patch: Patch) -> None:
     """Takes a `welcome` that lists a capability which it does not know for broken."""
 
     def decode(original: Any, payload: bytes) -> Any:
@@ -126,7 +126,7 @@ def refuses_unknown_capabilities(patch: pytest.MonkeyPatch) -> None:
 @mutant(
     "NEG-9", check="check_ignores_unknown_types", reason="on the IPC channel: the testee closed"
 )
-def closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
+def closes_on_unknown_types(patch: Patch) -> None:
     """Closes the IPC connection on a message of a type that it does not know."""
 
     def on_payload(original: Any, self: IpcProtocol, payload: bytes) -> Any:
@@ -138,7 +138,7 @@ def closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", reason="message channel: the testee closed")
-def closes_on_unknown_types_of_the_message_channel(patch: pytest.MonkeyPatch) -> None:
+def closes_on_unknown_types_of_the_message_channel(patch: Patch) -> None:
     """Closes the message connection on a message of a type that it does not know."""
 
     def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
@@ -150,7 +150,7 @@ def closes_on_unknown_types_of_the_message_channel(patch: pytest.MonkeyPatch) ->
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="to a 1.0 server")
-def subscribes_on_the_message_channel_of_1_0(patch: pytest.MonkeyPatch) -> None:
+def subscribes_on_the_message_channel_of_1_0(patch: Patch) -> None:
     """Subscribes on the message channel, after the reply of a 1.0 server."""
 
     def on_reply(original: Any, self: MessageProtocol, reply: Any, now: float) -> Any:
@@ -161,7 +161,7 @@ def subscribes_on_the_message_channel_of_1_0(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="closed the connection")
-def closes_when_no_welcome_comes(patch: pytest.MonkeyPatch) -> None:
+def closes_when_no_welcome_comes(patch: Patch) -> None:
     """Closes the message connection when a reply comes instead of `welcome`."""
 
     def on_reply(original: Any, self: MessageProtocol, reply: Any, now: float) -> Any:
@@ -173,7 +173,7 @@ def closes_when_no_welcome_comes(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", reason="to a 1.0 server")
-def declines_to_a_1_0_server(patch: pytest.MonkeyPatch) -> None:
+def declines_to_a_1_0_server(patch: Patch) -> None:
     """Answers `open_failed` to an init packet of a 1.0 server."""
 
     def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
@@ -185,18 +185,18 @@ def declines_to_a_1_0_server(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", reason="on the ipc channel")
-def takes_any_version_on_ipc(patch: pytest.MonkeyPatch) -> None:
+def takes_any_version_on_ipc(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the IPC channel."""
     _takes_any_version(patch, IpcProtocol)
 
 
 @mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", reason="on the msg channel")
-def takes_any_version_on_the_message_channel(patch: pytest.MonkeyPatch) -> None:
+def takes_any_version_on_the_message_channel(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the message channel."""
     _takes_any_version(patch, MessageProtocol)
 
 
-def _takes_any_version(patch: pytest.MonkeyPatch, machine: type) -> None:
+def _takes_any_version(patch: Patch, machine: type) -> None:
     wrap(
         patch,
         machine,
@@ -206,7 +206,7 @@ def _takes_any_version(patch: pytest.MonkeyPatch, machine: type) -> None:
 
 
 @mutant("NEG-24", check="check_survives_errors", reason="on the IPC channel: the testee died")
-def crashes_on_an_error(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_an_error(patch: Patch) -> None:
     """Crashes on an `error` on the IPC channel."""
 
     def decode(original: Any, payload: bytes) -> Any:
@@ -217,7 +217,7 @@ def crashes_on_an_error(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-24", check="check_survives_errors", reason="in place of a reply: the testee")
-def crashes_on_an_error_in_place_of_a_reply(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_an_error_in_place_of_a_reply(patch: Patch) -> None:
     """Crashes on an `error` on the message channel."""
 
     def decode(original: Any, payload: bytes, request: Any) -> Any:
@@ -228,13 +228,13 @@ def crashes_on_an_error_in_place_of_a_reply(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-13", reason="get_camera_pose", through="NEG-13")
-def ids_to_a_1_0_server(patch: pytest.MonkeyPatch) -> None:
+def ids_to_a_1_0_server(patch: Patch) -> None:
     """Numbers the requests to a 1.0 server, which knows no `id`."""
     messages(patch, of_type("get_camera_pose", lambda request: {"id": 7} | request))
 
 
 @mutant("NEG-14", reason="to a server that speaks 1.0", through="NEG-14")
-def subscribes_on_the_ipc_channel_of_1_0(patch: pytest.MonkeyPatch) -> None:
+def subscribes_on_the_ipc_channel_of_1_0(patch: Patch) -> None:
     """Subscribes after the init packet of a 1.0 server."""
 
     def of_1_0(original: Any, self: IpcProtocol, packet: Any) -> Any:
@@ -245,13 +245,13 @@ def subscribes_on_the_ipc_channel_of_1_0(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-27", reason="no integer from 0")
-def ids_as_strings(patch: pytest.MonkeyPatch) -> None:
+def ids_as_strings(patch: Patch) -> None:
     """Writes the `id` of a request as a string."""
     messages(patch, lambda message: message | {"id": "a"} if "id" in message else message)
 
 
 @mutant("NEG-5", reason="frames, which welcome does not list", through="CHN-10")
-def releases_without_the_capability(patch: pytest.MonkeyPatch) -> None:
+def releases_without_the_capability(patch: Patch) -> None:
     """Declares no `frames`, and releases a frame each time it has opened memory."""
     patch.setattr(session, "CAPABILITIES", ("host_shm", "reinit"))
 

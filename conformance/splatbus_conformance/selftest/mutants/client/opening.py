@@ -4,7 +4,6 @@ from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import Any
 
-import pytest
 from splatbus_client.events import Announced, MustClose
 from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -14,6 +13,7 @@ from splatbus_wire.messages import Closed, Opened, OpenFailed, encode
 
 from splatbus_conformance.selftest.mutants.client.memory import says_opened
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
@@ -26,7 +26,7 @@ KEPT: list[Any] = []
 
 
 @mutant("OPN-1", reason="is answered a second time")
-def answers_twice(patch: pytest.MonkeyPatch) -> None:
+def answers_twice(patch: Patch) -> None:
     """Answers `opened` twice."""
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
@@ -37,31 +37,31 @@ def answers_twice(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-13", reason="generation is missing")
-def answers_without_a_generation(patch: pytest.MonkeyPatch) -> None:
+def answers_without_a_generation(patch: Patch) -> None:
     """Answers `opened` without saying what."""
     messages(patch, of_type("opened", without("generation")))
 
 
 @mutant("OPN-13", reason="reason is missing", through="MEM-6")
-def declines_without_a_reason(patch: pytest.MonkeyPatch) -> None:
+def declines_without_a_reason(patch: Patch) -> None:
     """Answers `open_failed` without a reason."""
     messages(patch, of_type("open_failed", without("reason")))
 
 
 @mutant("OPN-3", reason='reason is "", no string of 1', through="MEM-6")
-def declines_with_an_empty_reason(patch: pytest.MonkeyPatch) -> None:
+def declines_with_an_empty_reason(patch: Patch) -> None:
     """Answers `open_failed` with an empty reason."""
     messages(patch, of_type("open_failed", lambda failed: failed | {"reason": ""}))
 
 
 @mutant("OPN-3", reason="no string of 1 to 1,024", through="MEM-6")
-def declines_at_length(patch: pytest.MonkeyPatch) -> None:
+def declines_at_length(patch: Patch) -> None:
     """Answers `open_failed` with a reason of 2,000 characters."""
     messages(patch, of_type("open_failed", lambda failed: failed | {"reason": "no " * 667}))
 
 
 @mutant("OPN-5", reason="is closed before a later one is answered", through="NEG-4")
-def closes_before_it_opens(patch: pytest.MonkeyPatch) -> None:
+def closes_before_it_opens(patch: Patch) -> None:
     """Says that the old memory is closed before it answers for the new."""
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
@@ -73,29 +73,29 @@ def closes_before_it_opens(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-13", reason="generation is 0, no integer from 1")
-def counts_generations_from_zero(patch: pytest.MonkeyPatch) -> None:
+def counts_generations_from_zero(patch: Patch) -> None:
     """Answers with a generation that is one too small."""
     _answers_for(patch, -1)
 
 
 @mutant("OPN-11", reason="had generation 2")
-def answers_for_the_next_generation(patch: pytest.MonkeyPatch) -> None:
+def answers_for_the_next_generation(patch: Patch) -> None:
     """Answers with a generation that is one too large."""
     _answers_for(patch, 1)
 
 
-def _answers_for(patch: pytest.MonkeyPatch, away: int) -> None:
+def _answers_for(patch: Patch, away: int) -> None:
     messages(patch, of_type("opened", lambda it: it | {"generation": it["generation"] + away}))
 
 
 @mutant("OPN-1", check=ONCE, reason="no answer to")
-def answers_success_alone(patch: pytest.MonkeyPatch) -> None:
+def answers_success_alone(patch: Patch) -> None:
     """Says nothing when memory cannot be opened."""
     patch.setattr(IpcProtocol, "open_failed", lambda *_: None)
 
 
 @mutant("OPN-1", check=ONCE, reason="no answer to")
-def answers_the_last_of_several(patch: pytest.MonkeyPatch) -> None:
+def answers_the_last_of_several(patch: Patch) -> None:
     """Of several init packets that come at once, opens and answers the last alone."""
 
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
@@ -107,7 +107,7 @@ def answers_the_last_of_several(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-1", check=ONCE, reason="answers more than one")
-def says_opened_after_open_failed(patch: pytest.MonkeyPatch) -> None:
+def says_opened_after_open_failed(patch: Patch) -> None:
     """Answers `opened` after `open_failed`, for the same generation."""
 
     def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
@@ -118,13 +118,13 @@ def says_opened_after_open_failed(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-2", check="check_maps_before_it_says_so", reason="does not exist")
-def says_opened_of_what_is_not_there(patch: pytest.MonkeyPatch) -> None:
+def says_opened_of_what_is_not_there(patch: Patch) -> None:
     """Answers `opened` although there is no such memory."""
     says_opened(patch, "no shared memory")
 
 
 @mutant("OPN-2", check="check_maps_before_it_says_so", reason="had not mapped the memory")
-def maps_when_the_first_frame_comes(patch: pytest.MonkeyPatch) -> None:
+def maps_when_the_first_frame_comes(patch: Patch) -> None:
     """Answers `opened` at once, and maps the memory when it is needed."""
 
     def opens(original: Any, self: Reading, packet: Any) -> None:
@@ -135,7 +135,7 @@ def maps_when_the_first_frame_comes(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-3", check="check_says_why_it_failed", reason="1 to 1024 are asked for")
-def quotes_what_it_was_sent(patch: pytest.MonkeyPatch) -> None:
+def quotes_what_it_was_sent(patch: Patch) -> None:
     """Quotes the whole init packet in the reason."""
 
     def longer(failed: Json) -> Json:
@@ -145,7 +145,7 @@ def quotes_what_it_was_sent(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-4", check="check_keeps_the_connection_after_failing", reason="after open_failed")
-def closes_after_failing(patch: pytest.MonkeyPatch) -> None:
+def closes_after_failing(patch: Patch) -> None:
     """Closes the connection after `open_failed`."""
     failed: set[IpcProtocol] = set()
 
@@ -164,13 +164,13 @@ def closes_after_failing(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-5", check=FORMER, reason="was not closed after")
-def never_says_closed(patch: pytest.MonkeyPatch) -> None:
+def never_says_closed(patch: Patch) -> None:
     """Unmaps the former memory, and does not say so."""
     patch.setattr(IpcProtocol, "closed", lambda *_: None)
 
 
 @mutant("OPN-5", check=FORMER, reason="still has its memory")
-def says_closed_and_keeps_the_memory(patch: pytest.MonkeyPatch) -> None:
+def says_closed_and_keeps_the_memory(patch: Patch) -> None:
     """Says that the former memory is closed, and keeps it mapped."""
 
     def close(self: HostImages) -> bool:
@@ -181,7 +181,7 @@ def says_closed_and_keeps_the_memory(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-5", check=FORMER, reason="closed was sent")
-def says_closed_twice(patch: pytest.MonkeyPatch) -> None:
+def says_closed_twice(patch: Patch) -> None:
     """Says twice that memory is closed."""
 
     def closed(original: Any, self: IpcProtocol, generation: int) -> None:
@@ -193,7 +193,7 @@ def says_closed_twice(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-6", check="check_ignores_what_it_was_not_granted", reason="took it as valid")
-def takes_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
+def takes_what_was_not_agreed(patch: Patch) -> None:
     """Opens further init packets whether `welcome` lists `reinit` or not."""
 
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
@@ -204,7 +204,7 @@ def takes_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-6", reason="although welcome does not list reinit", through="OPN-6")
-def declines_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
+def declines_what_was_not_agreed(patch: Patch) -> None:
     """Answers `open_failed` to a further init packet, where `welcome` does not list `reinit`."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
@@ -216,7 +216,7 @@ def declines_what_was_not_agreed(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-10", check=ALONE, reason="it wrote to the memory while")
-def writes_to_the_memory(patch: pytest.MonkeyPatch) -> None:
+def writes_to_the_memory(patch: Patch) -> None:
     """Marks in the memory that it was here."""
 
     def images(original: Any, self: HostImages, packet: InitPacket) -> None:
@@ -229,7 +229,7 @@ def writes_to_the_memory(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-10", check=ALONE, reason="it removed the memory")
-def removes_the_memory(patch: pytest.MonkeyPatch) -> None:
+def removes_the_memory(patch: Patch) -> None:
     """Removes the memory when the connection ends."""
     names: list[str] = []
 
@@ -248,7 +248,7 @@ def removes_the_memory(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-10", check=ALONE, reason="the memory was removed when the testee ended")
-def tracks_the_memory_as_its_own(patch: pytest.MonkeyPatch) -> None:
+def tracks_the_memory_as_its_own(patch: Patch) -> None:
     """Opens the memory with a library that removes it when the process ends."""
 
     def images(original: Any, self: HostImages, packet: InitPacket) -> None:

@@ -4,7 +4,6 @@ import contextlib
 import json
 from typing import Any
 
-import pytest
 from splatbus_client import ipc_protocol, message_protocol
 from splatbus_client.events import Ignored
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -14,6 +13,7 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import Field
 
 from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, wrap
 
@@ -22,7 +22,7 @@ MEMBERS = "check_ignores_unknown_members_on_ipc"
 BROKEN = "check_does_not_act_on_broken_text"
 
 
-def _refuses(patch: pytest.MonkeyPatch, unwanted: Any) -> None:
+def _refuses(patch: Patch, unwanted: Any) -> None:
     """Take payloads that something does not suit for broken."""
 
     def parse(original: Any, payload: bytes) -> Json:
@@ -34,7 +34,7 @@ def _refuses(patch: pytest.MonkeyPatch, unwanted: Any) -> None:
     wrap(patch, decoding, "parse_object", parse)
 
 
-def _reads(patch: pytest.MonkeyPatch, read: Any) -> None:
+def _reads(patch: Patch, read: Any) -> None:
     """Read payloads by a parser of its own; what it cannot read is broken."""
 
     def parse(original: Any, payload: bytes) -> Json:
@@ -50,13 +50,13 @@ def _reads(patch: pytest.MonkeyPatch, read: Any) -> None:
 
 
 @mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
-def knows_no_white_space(patch: pytest.MonkeyPatch) -> None:
+def knows_no_white_space(patch: Patch) -> None:
     """Does not expect white space before the first brace."""
     _refuses(patch, lambda payload: payload[:1] != b"{")
 
 
 @mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
-def knows_no_exponents(patch: pytest.MonkeyPatch) -> None:
+def knows_no_exponents(patch: Patch) -> None:
     """Does not read numbers with exponents."""
 
     def refuse(spelling: str) -> float:
@@ -68,13 +68,13 @@ def knows_no_exponents(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
-def knows_no_escapes(patch: pytest.MonkeyPatch) -> None:
+def knows_no_escapes(patch: Patch) -> None:
     """Does not read escapes in names and strings."""
     _refuses(patch, lambda payload: b"\\u" in payload)
 
 
 @mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
-def takes_integers_without_a_fraction_only(patch: pytest.MonkeyPatch) -> None:
+def takes_integers_without_a_fraction_only(patch: Patch) -> None:
     """Takes 64.0 for no integer."""
 
     def integer(original: Any, self: Any, least: int, most: int) -> int:
@@ -90,7 +90,7 @@ def takes_integers_without_a_fraction_only(patch: pytest.MonkeyPatch) -> None:
     check="check_takes_any_spelling_on_the_message_channel",
     reason="messages on the message channel",
 )
-def crashes_on_white_space_in_a_reply(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_white_space_in_a_reply(patch: Patch) -> None:
     """Crashes on a reply with white space before the first brace."""
 
     def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
@@ -102,7 +102,7 @@ def crashes_on_white_space_in_a_reply(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
-def refuses_unknown_members(patch: pytest.MonkeyPatch) -> None:
+def refuses_unknown_members(patch: Patch) -> None:
     """Takes a frame with a member that it does not know for broken."""
     known = set("type generation seq slot camera time renderedAt".split())
 
@@ -115,7 +115,7 @@ def refuses_unknown_members(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
-def finds_members_at_any_level(patch: pytest.MonkeyPatch) -> None:
+def finds_members_at_any_level(patch: Patch) -> None:
     """Finds the slots of a ring by a search for the name in the text."""
 
     def parse(original: Any, message: Json) -> Any:
@@ -131,7 +131,7 @@ def finds_members_at_any_level(patch: pytest.MonkeyPatch) -> None:
     check="check_ignores_unknown_members_on_the_message_channel",
     reason="messages on the message channel",
 )
-def crashes_on_unknown_members_of_a_reply(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_unknown_members_of_a_reply(patch: Patch) -> None:
     """Crashes on a reply with a member that it does not know."""
     known = set("type id viewport_size position rotation version server capabilities".split())
 
@@ -144,27 +144,27 @@ def crashes_on_unknown_members_of_a_reply(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-8", check=BROKEN, reason="NaN for null")
-def reads_nan(patch: pytest.MonkeyPatch) -> None:
+def reads_nan(patch: Patch) -> None:
     """Reads NaN and infinities, as the parser of its language does by default."""
     patch.setattr(json_text, "_constant", float)
     patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
 
 
 @mutant("JSN-8", check=BROKEN, reason="twice")
-def reads_the_last_of_two(patch: pytest.MonkeyPatch) -> None:
+def reads_the_last_of_two(patch: Patch) -> None:
     """Takes the last of two members of the same name."""
     patch.setattr(json_text, "_members", dict)
     patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
 
 
 @mutant("JSN-8", check=BROKEN, reason="a byte-order mark")
-def skips_a_byte_order_mark(patch: pytest.MonkeyPatch) -> None:
+def skips_a_byte_order_mark(patch: Patch) -> None:
     """Skips a byte-order mark."""
     _reads(patch, lambda payload: json_text.parse_object(payload.removeprefix(b"\xef\xbb\xbf")))
 
 
 @mutant("JSN-8", check=BROKEN, reason="in a string (JSN-1)")
-def reads_broken_utf_8(patch: pytest.MonkeyPatch) -> None:
+def reads_broken_utf_8(patch: Patch) -> None:
     """Replaces bytes that are not UTF-8."""
     _reads(
         patch, lambda payload: json_text.parse_object(payload.decode("utf-8", "replace").encode())
@@ -172,7 +172,7 @@ def reads_broken_utf_8(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-8", check=BROKEN, reason="the message in UTF-16")
-def guesses_the_encoding(patch: pytest.MonkeyPatch) -> None:
+def guesses_the_encoding(patch: Patch) -> None:
     """Guesses the encoding of the text, as the parser of its language does by default."""
     _reads(
         patch,
@@ -183,7 +183,7 @@ def guesses_the_encoding(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-8", check=BROKEN, reason="two objects (JSN-1)")
-def reads_the_first_object_of_a_payload(patch: pytest.MonkeyPatch) -> None:
+def reads_the_first_object_of_a_payload(patch: Patch) -> None:
     """Does not look at what follows the first object of a payload."""
 
     def first(payload: bytes) -> Any:
@@ -195,7 +195,7 @@ def reads_the_first_object_of_a_payload(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-8", check=BROKEN, reason="levels")
-def does_not_count_levels(patch: pytest.MonkeyPatch) -> None:
+def does_not_count_levels(patch: Patch) -> None:
     """Reads arrays and objects as deep as its parser goes."""
     patch.setattr(json_text, "_check_depth", lambda payload: None)
 
@@ -211,14 +211,14 @@ def does_not_count_levels(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-8", check=BROKEN, reason="1e400")
-def reads_infinity_from_digits(patch: pytest.MonkeyPatch) -> None:
+def reads_infinity_from_digits(patch: Patch) -> None:
     """Reads numbers beyond double precision as infinity."""
     patch.setattr(json_text, "_float", float)
     patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", reason="JSN-1")
-def deaf_after_broken_text(patch: pytest.MonkeyPatch) -> None:
+def deaf_after_broken_text(patch: Patch) -> None:
     """Keeps the connection after a text that is no JSON, and handles nothing more on it."""
     deaf: set[IpcProtocol] = set()
 
@@ -236,7 +236,7 @@ def deaf_after_broken_text(patch: pytest.MonkeyPatch) -> None:
     check="check_handles_the_next_packet_on_the_message_channel",
     reason="the packet after",
 )
-def deaf_after_broken_text_on_the_message_channel(patch: pytest.MonkeyPatch) -> None:
+def deaf_after_broken_text_on_the_message_channel(patch: Patch) -> None:
     """Keeps the message connection after a text that is no JSON, and handles nothing more."""
     deaf: set[MessageProtocol] = set()
 
@@ -250,19 +250,19 @@ def deaf_after_broken_text_on_the_message_channel(patch: pytest.MonkeyPatch) -> 
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="the testee died")
-def crashes_on_broken_text(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_broken_text(patch: Patch) -> None:
     """Crashes on text that is no JSON, as a deployed plug-in does."""
     _crashes(patch, lambda problem: problem.code == "malformed_json")
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="the testee died")
-def crashes_on_a_missing_member(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_a_missing_member(patch: Patch) -> None:
     """Crashes on a message that lacks a member."""
     _crashes(patch, lambda problem: "is missing" in str(problem))
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="the testee exited")
-def exits_on_text_that_is_no_object(patch: pytest.MonkeyPatch) -> None:
+def exits_on_text_that_is_no_object(patch: Patch) -> None:
     """Does not handle that a payload may be no object, and exits."""
 
     def parse(original: Any, payload: bytes) -> Any:
@@ -277,7 +277,7 @@ def exits_on_text_that_is_no_object(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="levels")
-def recurses_without_limit(patch: pytest.MonkeyPatch) -> None:
+def recurses_without_limit(patch: Patch) -> None:
     """Recurses into arrays until its stack is full."""
 
     def decode(original: Any, payload: bytes) -> Any:
@@ -293,7 +293,7 @@ def recurses_without_limit(patch: pytest.MonkeyPatch) -> None:
     check="check_survives_broken_payloads_on_the_message_channel",
     reason="on the msg channel: the testee died",
 )
-def crashes_on_broken_text_of_the_message_channel(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_broken_text_of_the_message_channel(patch: Patch) -> None:
     """Crashes on a reply that is no JSON."""
 
     def decode(original: Any, payload: bytes, request: Any) -> Any:
@@ -307,7 +307,7 @@ def crashes_on_broken_text_of_the_message_channel(patch: pytest.MonkeyPatch) -> 
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-def _crashes(patch: pytest.MonkeyPatch, at: Any) -> None:
+def _crashes(patch: Patch, at: Any) -> None:
     def decode(original: Any, payload: bytes) -> Any:
         try:
             return original(payload)
@@ -324,7 +324,7 @@ def _crashes(patch: pytest.MonkeyPatch, at: Any) -> None:
     check="check_survives_broken_payloads_unheard",
     reason="(JSN-1) on the ipc channel: the testee died",
 )
-def crashes_on_broken_text_in_1_0(patch: pytest.MonkeyPatch) -> None:
+def crashes_on_broken_text_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and crashes on an init packet that is no JSON."""
     speaks_1_0(patch)
     _crashes(patch, lambda problem: problem.code == "malformed_json")

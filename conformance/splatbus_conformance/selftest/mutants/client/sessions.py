@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from splatbus_client import reading
 from splatbus_client.channel import Channel
 from splatbus_client.host_memory import CannotOpenError
@@ -11,12 +10,13 @@ from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.messages import Closed, Frame, Opened, encode
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
 
 
 @mutant("CHN-19", check="check_survives_any_session", reason="the testee died; the session: ")
-def crashes_when_lost_without_images(patch: pytest.MonkeyPatch) -> None:
+def crashes_when_lost_without_images(patch: Patch) -> None:
     """Crashes when the message connection is lost while the memory could not be opened."""
     failed: list[bool] = [False]
 
@@ -39,7 +39,7 @@ def crashes_when_lost_without_images(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-20", check="check_returns_in_any_session", reason="to the ipc channel again; the")
-def stays_away_after_a_second_memory(patch: pytest.MonkeyPatch) -> None:
+def stays_away_after_a_second_memory(patch: Patch) -> None:
     """Does not connect to the IPC channel again once memory was announced there twice."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
@@ -56,7 +56,7 @@ def stays_away_after_a_second_memory(patch: pytest.MonkeyPatch) -> None:
     check="check_uses_the_new_memory_in_any_session",
     reason="good memory, generation 1, was answered with open_failed",
 )
-def keeps_the_last_size_over_a_loss(patch: pytest.MonkeyPatch) -> None:
+def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
     """Opens only memory of the size before, on the connection after one on which it changed."""
     changed: set[tuple[int, int]] = set()
 
@@ -73,7 +73,7 @@ def keeps_the_last_size_over_a_loss(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-1", check="check_answers_in_any_session", reason="generation 1 got 2 answers")
-def answers_twice_after_a_failure(patch: pytest.MonkeyPatch) -> None:
+def answers_twice_after_a_failure(patch: Patch) -> None:
     """Answers `opened` twice on the connection after one on which memory could not be opened."""
     failed: list[IpcProtocol] = []
 
@@ -96,7 +96,7 @@ def answers_twice_after_a_failure(patch: pytest.MonkeyPatch) -> None:
     check="check_closes_former_memory_in_any_session",
     reason="generation 1 was not closed after",
 )
-def closes_each_generation_once_in_its_life(patch: pytest.MonkeyPatch) -> None:
+def closes_each_generation_once_in_its_life(patch: Patch) -> None:
     """Says `closed` of each generation once, over all connections."""
     said: set[int] = set()
 
@@ -116,7 +116,7 @@ def closes_each_generation_once_in_its_life(patch: pytest.MonkeyPatch) -> None:
     check="check_releases_in_any_session",
     reason="frame 1 of generation 2 was not released",
 )
-def remembers_releases_over_a_loss(patch: pytest.MonkeyPatch) -> None:
+def remembers_releases_over_a_loss(patch: Patch) -> None:
     """Does not release a frame of further memory if it released its like on a connection before."""
     released: set[tuple[int, int]] = set()
 

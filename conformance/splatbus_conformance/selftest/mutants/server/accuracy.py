@@ -4,16 +4,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 from splatbus_server import demo
 
 from splatbus_conformance.selftest.mutants.server.views import cameras
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
 
 @mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
-def server_takes_quaternions_for_unit_ones(patch: pytest.MonkeyPatch) -> None:
+def server_takes_quaternions_for_unit_ones(patch: Patch) -> None:
     """Turns a quaternion into a matrix as if its norm were 1."""
 
     def matrix(original: Any, q: Any) -> Any:
@@ -28,13 +28,13 @@ def server_takes_quaternions_for_unit_ones(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
-def server_rounds_quaternions_to_four_digits(patch: pytest.MonkeyPatch) -> None:
+def server_rounds_quaternions_to_four_digits(patch: Patch) -> None:
     """Keeps four digits of each number of a rotation."""
     wrap(patch, demo, "_matrix", lambda original, q: original(tuple(round(part, 4) for part in q)))
 
 
 @mutant("ACC-3", check="check_rotations_do_not_shear", reason="RᵀR")
-def server_shears_its_views(patch: pytest.MonkeyPatch) -> None:
+def server_shears_its_views(patch: Patch) -> None:
     """Stores the rotation of a camera in half precision."""
 
     def half(camera: Any) -> Any:
@@ -45,7 +45,7 @@ def server_shears_its_views(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("ACC-4", check="check_translations_are_exact", reason="translation")
-def server_counts_in_centimetres(patch: pytest.MonkeyPatch) -> None:
+def server_counts_in_centimetres(patch: Patch) -> None:
     """Keeps where the camera is as whole hundredths of a unit."""
     cameras(
         patch,
@@ -56,7 +56,7 @@ def server_counts_in_centimetres(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("ACC-5", check="check_the_camera_is_where_it_was_put", reason="camera centre")
-def server_recovers_the_centre_by_another_rotation(patch: pytest.MonkeyPatch) -> None:
+def server_recovers_the_centre_by_another_rotation(patch: Patch) -> None:
     """Finds the camera's centre from the view's translation by a rotation of five digits."""
 
     def recovered(camera: Any) -> Any:
@@ -68,7 +68,7 @@ def server_recovers_the_centre_by_another_rotation(patch: pytest.MonkeyPatch) ->
 
 
 @mutant("ACC-6", check="check_single_precision_is_rounded_once", reason="the camera")
-def server_multiplies_in_tf32(patch: pytest.MonkeyPatch) -> None:
+def server_multiplies_in_tf32(patch: Patch) -> None:
     """Multiplies matrices with 11 bits of each number, as tensor cores do unless told otherwise."""
 
     def tf32(values: Any) -> Any:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
-import pytest
 from splatbus_server import api
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.service import Peer, Service
@@ -15,6 +14,7 @@ from splatbus_server.session import Session
 
 from splatbus_conformance.messages import init_packet_1_0, init_packet_1_1
 from splatbus_conformance.selftest.legacy import announces_at_once
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
 
@@ -22,7 +22,7 @@ NEWS = {"type": "news", "of": "today"}
 
 
 @mutant("CHN-1", check="check_offers_both_channels", reason="nothing listens on port")
-def server_offers_no_ipc_channel(patch: pytest.MonkeyPatch) -> None:
+def server_offers_no_ipc_channel(patch: Patch) -> None:
     """Listens for IPC connections where nobody is told to come."""
     calls = iter((True, False))
 
@@ -33,25 +33,25 @@ def server_offers_no_ipc_channel(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-4", reason="no init packet came first", through="CHN-4")
-def server_says_other_things_first(patch: pytest.MonkeyPatch) -> None:
+def server_says_other_things_first(patch: Patch) -> None:
     """Announces CUDA memory after something else."""
     announces_at_once(patch, NEWS, init_packet_1_0())
 
 
 @mutant("CHN-4", check="check_everyone_is_sent_an_init_packet", reason="got no init packet")
-def server_announces_its_memory_to_few(patch: pytest.MonkeyPatch) -> None:
+def server_announces_its_memory_to_few(patch: Patch) -> None:
     """Announces CUDA memory to the first five clients only."""
     announces_at_once(patch, init_packet_1_0(), most=5)
 
 
 @mutant("CHN-5", reason="on a connection that speaks 1.0", through="CHN-7")
-def server_announces_host_memory_to_all(patch: pytest.MonkeyPatch) -> None:
+def server_announces_host_memory_to_all(patch: Patch) -> None:
     """Announces memory of the host to clients that say nothing."""
     announces_at_once(patch, init_packet_1_1("splatbus-none", 1))
 
 
 @mutant("CHN-7", check="check_bytes_do_not_end_an_ipc_connection", reason="on the IPC channel")
-def server_wants_silence_on_ipc(patch: pytest.MonkeyPatch) -> None:
+def server_wants_silence_on_ipc(patch: Patch) -> None:
     """Closes IPC connections on which anything but a hello comes."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
@@ -64,13 +64,13 @@ def server_wants_silence_on_ipc(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-8", reason="a second packet", through="CHN-4")
-def server_announces_its_memory_twice(patch: pytest.MonkeyPatch) -> None:
+def server_announces_its_memory_twice(patch: Patch) -> None:
     """Announces CUDA memory twice."""
     announces_at_once(patch, init_packet_1_0(), init_packet_1_0())
 
 
 @mutant("CHN-11", reason="a packet unasked")
-def server_speaks_unasked(patch: pytest.MonkeyPatch) -> None:
+def server_speaks_unasked(patch: Patch) -> None:
     """Tells every message client the news."""
     announces_at_once(patch, NEWS, channel="message")
 
@@ -80,7 +80,7 @@ def server_speaks_unasked(patch: pytest.MonkeyPatch) -> None:
     check="check_serves_both_channels_at_a_time",
     reason="no welcome on the IPC channel beside",
 )
-def server_serves_one_channel_at_a_time(patch: pytest.MonkeyPatch) -> None:
+def server_serves_one_channel_at_a_time(patch: Patch) -> None:
     """Ends IPC connections when a message client comes."""
 
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
@@ -97,7 +97,7 @@ def server_serves_one_channel_at_a_time(patch: pytest.MonkeyPatch) -> None:
     check="check_further_connections_are_not_left_waiting",
     reason="client number 4 on the message channel",
 )
-def server_lets_the_fourth_wait(patch: pytest.MonkeyPatch) -> None:
+def server_lets_the_fourth_wait(patch: Patch) -> None:
     """Leaves message connections beyond three in the backlog."""
     _leaves_waiting(patch, "message", 3)
 
@@ -107,7 +107,7 @@ def server_lets_the_fourth_wait(patch: pytest.MonkeyPatch) -> None:
     check="check_further_ipc_connections_are_not_left_waiting",
     reason="on the IPC channel",
 )
-def server_lets_the_fourth_wait_on_ipc(patch: pytest.MonkeyPatch) -> None:
+def server_lets_the_fourth_wait_on_ipc(patch: Patch) -> None:
     """The same on the IPC channel."""
     _leaves_waiting(patch, "ipc", 3)
 
@@ -117,7 +117,7 @@ def server_lets_the_fourth_wait_on_ipc(patch: pytest.MonkeyPatch) -> None:
     check="check_others_are_served_whatever_one_does_on_ipc",
     reason=" beside a client that sends one byte",
 )
-def server_reads_packets_to_their_end(patch: pytest.MonkeyPatch) -> None:
+def server_reads_packets_to_their_end(patch: Patch) -> None:
     """Waits, with all that it does, until a packet that began is complete."""
 
     def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
@@ -138,7 +138,7 @@ def server_reads_packets_to_their_end(patch: pytest.MonkeyPatch) -> None:
     check="check_others_are_served_whatever_one_does_on_ipc",
     reason="no new image beside a client that never gives a frame back",
 )
-def server_waits_for_its_readers(patch: pytest.MonkeyPatch) -> None:
+def server_waits_for_its_readers(patch: Patch) -> None:
     """Lends no further image before every reader has given back the last."""
 
     def lend(original: Any, self: Session, connection: Connection, *rest: Any) -> None:
@@ -149,7 +149,7 @@ def server_waits_for_its_readers(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-14", check="check_a_crowd_does_no_harm", reason="no reply after 8 idle clients")
-def server_never_forgets_a_client(patch: pytest.MonkeyPatch) -> None:
+def server_never_forgets_a_client(patch: Patch) -> None:
     """Counts clients that have gone, and refuses the thirty-first of a channel."""
     came: dict[str, int] = {}
 
@@ -165,7 +165,7 @@ def server_never_forgets_a_client(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-14", check="check_others_are_served_whatever_one_does", reason="SIGABRT")
-def server_dies_of_a_reset(patch: pytest.MonkeyPatch) -> None:
+def server_dies_of_a_reset(patch: Patch) -> None:
     """Does not expect that a client resets its connection."""
 
     def drop(original: Any, self: Service, peer: Peer) -> None:
@@ -177,7 +177,7 @@ def server_dies_of_a_reset(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("CHN-16", check="check_answers_before_the_end", reason="replies to")
-def server_leaves_with_its_client(patch: pytest.MonkeyPatch) -> None:
+def server_leaves_with_its_client(patch: Patch) -> None:
     """Answers nothing any more once the client has ended its stream."""
 
     def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
@@ -190,7 +190,7 @@ def server_leaves_with_its_client(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Service, "_take", take)
 
 
-def _leaves_waiting(patch: pytest.MonkeyPatch, channel: str, most: int) -> None:
+def _leaves_waiting(patch: Patch, channel: str, most: int) -> None:
     """Accept no connection on a channel while so many are there."""
 
     def accept(original: Any, self: Service, on: str, listener: socket.socket) -> None:

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
@@ -10,11 +9,12 @@ from splatbus_wire.messages import ErrorMessage
 
 from splatbus_conformance.kinds import CLOSING_ERRORS
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import messages, of_type, wrap
 
 
-def reports_to_all(patch: pytest.MonkeyPatch) -> None:
+def reports_to_all(patch: Patch) -> None:
     """Send each error, whether or not there was a hello."""
 
     def send_error(
@@ -26,37 +26,37 @@ def reports_to_all(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
-def server_reports_to_clients_of_1_0(patch: pytest.MonkeyPatch) -> None:
+def server_reports_to_clients_of_1_0(patch: Patch) -> None:
     """Tells everybody what was wrong, on both channels."""
     reports_to_all(patch)
 
 
 @mutant("NEG-22", reason="has not said hello", through="NEG-22")
-def server_reports_before_hello(patch: pytest.MonkeyPatch) -> None:
+def server_reports_before_hello(patch: Patch) -> None:
     """Tells everybody what was wrong."""
     reports_to_all(patch)
 
 
 @mutant("NEG-23", reason="is not in the table", through="NEG-26")
-def server_has_codes_of_its_own(patch: pytest.MonkeyPatch) -> None:
+def server_has_codes_of_its_own(patch: Patch) -> None:
     """Makes up a code."""
     messages(patch, of_type("error", lambda error: error | {"code": "bad_" + error["code"]}))
 
 
 @mutant("NEG-23", reason="no JSON Pointer", through="NEG-26")
-def server_points_without_a_slash(patch: pytest.MonkeyPatch) -> None:
+def server_points_without_a_slash(patch: Patch) -> None:
     """Writes pointers without the slash before them."""
     messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))
 
 
 @mutant("NEG-23", reason="no string of up to", through="NEG-26")
-def server_reports_at_length(patch: pytest.MonkeyPatch) -> None:
+def server_reports_at_length(patch: Patch) -> None:
     """Says more than 1,024 characters."""
     messages(patch, of_type("error", lambda error: error | {"message": "wrong! " * 200}))
 
 
 @mutant("NEG-25", check="check_closes_after_an_error_that_ends", reason="the testee waited")
-def server_reads_on_after_a_bad_header(patch: pytest.MonkeyPatch) -> None:
+def server_reads_on_after_a_bad_header(patch: Patch) -> None:
     """Reports a bad header, drops it and what was read with it, and goes on."""
 
     def end(original: Any, self: Connection, reason: str, now: float) -> None:
@@ -69,7 +69,7 @@ def server_reads_on_after_a_bad_header(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-25", reason="sent after", through="NEG-25")
-def server_repeats_its_last_error(patch: pytest.MonkeyPatch) -> None:
+def server_repeats_its_last_error(patch: Patch) -> None:
     """Says twice why it closes."""
 
     def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
@@ -80,7 +80,7 @@ def server_repeats_its_last_error(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-26", check="check_goes_on_after_an_error", reason="the connection did not go on")
-def server_closes_after_every_error(patch: pytest.MonkeyPatch) -> None:
+def server_closes_after_every_error(patch: Patch) -> None:
     """Ends a connection after whatever it reports on it."""
 
     def refuse(
@@ -94,19 +94,19 @@ def server_closes_after_every_error(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-28", reason="type is missing", through="NEG-29")
-def server_replies_as_in_1_0(patch: pytest.MonkeyPatch) -> None:
+def server_replies_as_in_1_0(patch: Patch) -> None:
     """Leaves the type out of its replies after welcome too."""
     messages(patch, of_type("viewport_size", without("type")))
 
 
 @mutant("NEG-28", reason="id is missing", through="NEG-29")
-def server_forgets_ids(patch: pytest.MonkeyPatch) -> None:
+def server_forgets_ids(patch: Patch) -> None:
     """Does not say which request a camera answers."""
     messages(patch, of_type("camera", without("id")))
 
 
 @mutant("NEG-29", check="check_answers_each_request_in_order", reason="was not answered")
-def server_leaves_bad_requests_unanswered(patch: pytest.MonkeyPatch) -> None:
+def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
     """Says nothing to a request that breaks REQ-2."""
 
     def refuse(
@@ -119,7 +119,7 @@ def server_leaves_bad_requests_unanswered(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_refuse_packet", refuse)
 
 
-def last_comes_first(patch: pytest.MonkeyPatch) -> None:
+def last_comes_first(patch: Patch) -> None:
     """Send what is said before what has been said, and not been sent yet."""
 
     def send(original: Any, self: Connection, message: Any) -> None:
@@ -132,12 +132,12 @@ def last_comes_first(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by")
-def server_answers_the_last_first(patch: pytest.MonkeyPatch) -> None:
+def server_answers_the_last_first(patch: Patch) -> None:
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)
 
 
 @mutant("NEG-29", reason="answers a request after", through="NEG-29")
-def server_answers_backwards(patch: pytest.MonkeyPatch) -> None:
+def server_answers_backwards(patch: Patch) -> None:
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)

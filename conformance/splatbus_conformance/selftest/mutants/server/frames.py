@@ -3,13 +3,13 @@
 from dataclasses import replace
 from typing import Any
 
-import pytest
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange, Image
 from splatbus_server.memory import Memory
 from splatbus_server.session import Reader, Session
 from splatbus_wire.messages import Release
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
@@ -18,7 +18,7 @@ RESTS = "check_publishes_what_changed_only"
 
 
 @mutant("IMG-1", reason="fx is")
-def server_tells_no_focal_length(patch: pytest.MonkeyPatch) -> None:
+def server_tells_no_focal_length(patch: Patch) -> None:
     """Leaves an intrinsic out of the camera of a frame."""
 
     def change(frame: Json) -> Json:
@@ -28,7 +28,7 @@ def server_tells_no_focal_length(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-1", reason="comes after", through="IMG-2")
-def server_counts_images_down(patch: pytest.MonkeyPatch) -> None:
+def server_counts_images_down(patch: Patch) -> None:
     """Gives each image a number less than the last."""
     messages(patch, of_type("frame", lambda frame: frame | {"seq": FURTHEST - frame["seq"]}))
 
@@ -38,7 +38,7 @@ def server_counts_images_down(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Session, "_release", release)
 
 
-def lends_unopened(patch: pytest.MonkeyPatch) -> None:
+def lends_unopened(patch: Patch) -> None:
     """Take whoever was sent an init packet for one who has opened the memory."""
 
     def announce(
@@ -51,19 +51,19 @@ def lends_unopened(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-2", check="check_lends_one_at_a_time", reason="a frame came before opened")
-def server_lends_at_once(patch: pytest.MonkeyPatch) -> None:
+def server_lends_at_once(patch: Patch) -> None:
     """Sends a frame behind the init packet."""
     lends_unopened(patch)
 
 
 @mutant("IMG-2", reason="has not been opened", through="IMG-2")
-def server_does_not_wait_for_opened(patch: pytest.MonkeyPatch) -> None:
+def server_does_not_wait_for_opened(patch: Patch) -> None:
     """Sends a frame behind the init packet."""
     lends_unopened(patch)
 
 
 @mutant("IMG-2", check="check_lends_one_at_a_time", reason="came while one was held")
-def server_takes_images_back(patch: pytest.MonkeyPatch) -> None:
+def server_takes_images_back(patch: Patch) -> None:
     """Ends each lease as soon as the frame is sent, and sends the next image when there is one."""
 
     def lend(original: Any, self: Session, to: Connection, reader: Reader, memory: Memory) -> None:
@@ -75,7 +75,7 @@ def server_takes_images_back(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Session, "_lend", lend)
 
 
-def grants_frames(patch: pytest.MonkeyPatch) -> None:
+def grants_frames(patch: Patch) -> None:
     """Take every reader for one that declared frames."""
 
     def has(original: Any, self: Connection, capability: str) -> bool:
@@ -89,19 +89,19 @@ def grants_frames(patch: pytest.MonkeyPatch) -> None:
     check="check_sends_no_frames_that_were_not_agreed",
     reason="although welcome lists no frames",
 )
-def server_sends_frames_to_all(patch: pytest.MonkeyPatch) -> None:
+def server_sends_frames_to_all(patch: Patch) -> None:
     """Sends frames to whoever has opened the memory."""
     grants_frames(patch)
 
 
 @mutant("IMG-23", reason="although no welcome lists frames", through="IMG-23")
-def server_forgets_who_takes_frames(patch: pytest.MonkeyPatch) -> None:
+def server_forgets_who_takes_frames(patch: Patch) -> None:
     """Sends frames to whoever has opened the memory."""
     grants_frames(patch)
 
 
 @mutant("IMG-3", check="check_announces_the_newest", reason="although that of")
-def server_lends_the_image_before(patch: pytest.MonkeyPatch) -> None:
+def server_lends_the_image_before(patch: Patch) -> None:
     """Lends one who has missed images the last but one."""
     shown: dict[int, Image] = {}
     had: dict[Any, int] = {}
@@ -119,7 +119,7 @@ def server_lends_the_image_before(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-10", check=RESTS, reason="images were published that show the same")
-def server_never_rests(patch: pytest.MonkeyPatch) -> None:
+def server_never_rests(patch: Patch) -> None:
     """Renders as often as it can, whether or not anything moves."""
 
     def next_view(original: Any, self: Exchange, timeout: Any, changed: bool) -> Any:
@@ -129,7 +129,7 @@ def server_never_rests(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-10", check=RESTS, reason="after a pose that changed nothing")
-def server_renders_each_pose(patch: pytest.MonkeyPatch) -> None:
+def server_renders_each_pose(patch: Patch) -> None:
     """Renders whenever a pose comes, even if it is the same."""
 
     def move(original: Any, self: Exchange, *arguments: Any) -> None:
@@ -140,7 +140,7 @@ def server_renders_each_pose(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-11", check="check_sends_what_is_new", reason="no frame came when the camera had moved")
-def server_forgets_who_was_reading(patch: pytest.MonkeyPatch) -> None:
+def server_forgets_who_was_reading(patch: Patch) -> None:
     """Sends each image when it is made, and to nobody who was still reading another then."""
 
     def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
@@ -153,7 +153,7 @@ def server_forgets_who_was_reading(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-21", check="check_writes_only_what_is_wanted", reason="which no open connection wants")
-def server_writes_both_always(patch: pytest.MonkeyPatch) -> None:
+def server_writes_both_always(patch: Patch) -> None:
     """Writes colour and depth, whatever its readers subscribe to."""
 
     def next_view(original: Any, *arguments: Any) -> Any:

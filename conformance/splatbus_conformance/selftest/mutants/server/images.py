@@ -5,18 +5,18 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 from splatbus_server.exchange import Exchange
 from splatbus_server.publish import Publisher
 from splatbus_server.ring import Ring
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
 LATE_SECONDS = 0.03
 
 
-def stored(patch: pytest.MonkeyPatch, channel: str, change: Callable[[Any], None]) -> None:
+def stored(patch: Patch, channel: str, change: Callable[[Any], None]) -> None:
     """Change what lies in a slot after it was written."""
 
     def written(original: Any, self: Publisher, source: Any, slot: Any, *more: Any) -> None:
@@ -27,7 +27,7 @@ def stored(patch: pytest.MonkeyPatch, channel: str, change: Callable[[Any], None
 
 
 @mutant("BUF-2", check="check_numbers_are_little_endian", reason="big-endian")
-def server_stores_big_endian_numbers(patch: pytest.MonkeyPatch) -> None:
+def server_stores_big_endian_numbers(patch: Patch) -> None:
     """Stores colours with their bytes in network order."""
 
     def swap(slot: Any) -> None:
@@ -37,7 +37,7 @@ def server_stores_big_endian_numbers(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("BUF-2", check="check_colour_is_red_green_blue_alpha", reason="blue, green, red, alpha")
-def server_stores_blue_first(patch: pytest.MonkeyPatch) -> None:
+def server_stores_blue_first(patch: Patch) -> None:
     """Stores blue, green, red, alpha, as OpenCV's images are."""
 
     def swap(slot: Any) -> None:
@@ -47,7 +47,7 @@ def server_stores_blue_first(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("BUF-3", check="check_colours_are_from_0_to_1", reason="are not from 0 to 1")
-def server_does_not_clamp_colours(patch: pytest.MonkeyPatch) -> None:
+def server_does_not_clamp_colours(patch: Patch) -> None:
     """Stores what spherical harmonics gave, which may be more than 1."""
 
     def brighten(slot: Any) -> None:
@@ -57,7 +57,7 @@ def server_does_not_clamp_colours(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("BUF-3", check="check_colours_are_from_0_to_1", reason="is nan")
-def server_stores_nan(patch: pytest.MonkeyPatch) -> None:
+def server_stores_nan(patch: Patch) -> None:
     """Divides colour by alpha, and so 0 by 0 where nothing is."""
 
     def divide(slot: Any) -> None:
@@ -68,7 +68,7 @@ def server_stores_nan(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("BUF-5", check="check_alpha_is_1_where_there_is_none", reason="alpha is 0.0 in every")
-def server_stores_no_alpha(patch: pytest.MonkeyPatch) -> None:
+def server_stores_no_alpha(patch: Patch) -> None:
     """Gives red, green and blue, and leaves alpha 0."""
 
     def clear(slot: Any) -> None:
@@ -87,26 +87,26 @@ def where_empty(change: Callable[[Any], Any]) -> Callable[[Any], None]:
 
 
 @mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", reason="neither positive nor +∞")
-def server_stores_depth_0_where_nothing_is(patch: pytest.MonkeyPatch) -> None:
+def server_stores_depth_0_where_nothing_is(patch: Patch) -> None:
     """Clears its depth to 0."""
     stored(patch, "depth", where_empty(lambda slot: 0.0))
 
 
 @mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", reason="stores 1000.0 where")
-def server_stores_its_far_plane(patch: pytest.MonkeyPatch) -> None:
+def server_stores_its_far_plane(patch: Patch) -> None:
     """Clears its depth to a far plane of 1000, and announces +∞."""
     stored(patch, "depth", where_empty(lambda slot: 1000.0))
 
 
 @mutant("ACC-9", check="check_transparent_pixels_are_empty", reason="and yet a depth")
-def server_keeps_depth_where_nothing_is(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_depth_where_nothing_is(patch: Patch) -> None:
     """Divides depth by an alpha of nearly 0, and stores whatever that gives."""
     noise = np.random.default_rng(0)
     stored(patch, "depth", where_empty(lambda slot: noise.uniform(1.0, 9.0, slot.shape)))
 
 
 @mutant("IMG-4", check="check_what_is_lent_is_not_written", reason="was lent, and")
-def server_writes_to_slots_that_are_lent(patch: pytest.MonkeyPatch) -> None:
+def server_writes_to_slots_that_are_lent(patch: Patch) -> None:
     """Writes to the slots in turn, whoever holds one."""
 
     def begin_write(original: Any, self: Ring) -> int:
@@ -118,7 +118,7 @@ def server_writes_to_slots_that_are_lent(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-6", check="check_images_are_whole_when_they_are_lent", reason="after the frame of")
-def server_lends_before_it_has_written(patch: pytest.MonkeyPatch) -> None:
+def server_lends_before_it_has_written(patch: Patch) -> None:
     """Lets a thread of its own write, and sends the frame meanwhile."""
 
     def publish(original: Any, self: Exchange, view: Any, moment: float, write: Any) -> Any:
@@ -129,7 +129,7 @@ def server_lends_before_it_has_written(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-20", check="check_what_is_subscribed_to_is_written", reason="after a subscription to")
-def server_lends_what_it_has(patch: pytest.MonkeyPatch) -> None:
+def server_lends_what_it_has(patch: Patch) -> None:
     """Lends images in which only what was wanted before is written."""
     wrap(
         patch,

@@ -3,13 +3,13 @@
 import time
 from typing import Any
 
-import pytest
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import Exchange
 from splatbus_server.ring import Ring
 from splatbus_server.session import Session
 from splatbus_wire.messages import Release
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
@@ -17,7 +17,7 @@ REFUSES = "check_refuses_readers_that_it_has_no_slot_for"
 
 
 @mutant("IMG-9", check="check_waits_for_no_reader", reason="was not seen while")
-def server_publishes_when_nobody_reads(patch: pytest.MonkeyPatch) -> None:
+def server_publishes_when_nobody_reads(patch: Patch) -> None:
     """Publishes when nobody holds an image."""
 
     def publish(original: Any, self: Exchange, *arguments: Any) -> Any:
@@ -32,7 +32,7 @@ IGNORES = "check_ignores_release_of_what_is_not_held"
 
 
 @mutant("IMG-16", check=IGNORES, reason="another frame came")
-def server_takes_any_release(patch: pytest.MonkeyPatch) -> None:
+def server_takes_any_release(patch: Patch) -> None:
     """Ends the lease at any release, whatever it names."""
 
     def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
@@ -44,7 +44,7 @@ def server_takes_any_release(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-16", check=IGNORES, reason="closed the connection")
-def server_closes_at_a_wrong_release(patch: pytest.MonkeyPatch) -> None:
+def server_closes_at_a_wrong_release(patch: Patch) -> None:
     """Ends a connection that releases what it does not hold."""
 
     def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
@@ -57,7 +57,7 @@ def server_closes_at_a_wrong_release(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-17", check="check_ends_leases_with_the_connection", reason="readers left with a lease")
-def server_keeps_the_leases_of_the_dead(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_the_leases_of_the_dead(patch: Patch) -> None:
     """Waits for the release of an image although the connection that holds it has ended."""
     wrap(patch, Exchange, "forget", lambda original, *arguments: None)
     wrap(patch, Ring, "lease", _of_any_number)
@@ -69,7 +69,7 @@ def _of_any_number(original: Any, self: Ring, client: Any) -> Any:
 
 
 @mutant("IMG-18", check=REFUSES, reason="was told nothing")
-def server_does_not_say_that_it_is_full(patch: pytest.MonkeyPatch) -> None:
+def server_does_not_say_that_it_is_full(patch: Patch) -> None:
     """Closes the connection of a reader that is too many without a word."""
 
     def complain(original: Any, self: Connection, refusal: Any) -> Any:
@@ -79,7 +79,7 @@ def server_does_not_say_that_it_is_full(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-18", check=REFUSES, reason="the testee waited")
-def server_lets_readers_queue(patch: pytest.MonkeyPatch) -> None:
+def server_lets_readers_queue(patch: Patch) -> None:
     """Says that it is full, and keeps the connection until somebody leaves."""
 
     def end(original: Any, self: Connection, reason: str, now: float) -> None:
@@ -90,7 +90,7 @@ def server_lets_readers_queue(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-18", check=REFUSES, reason="was lent none of its own")
-def server_takes_more_readers_than_slots(patch: pytest.MonkeyPatch) -> None:
+def server_takes_more_readers_than_slots(patch: Patch) -> None:
     """Makes a ring for four readers, and takes whoever comes."""
 
     def init(original: Any, self: Session, exchange: Any, cameras: Any, *more: Any) -> None:

@@ -2,22 +2,22 @@
 
 from typing import Any
 
-import pytest
 from splatbus_server import api, service
 from splatbus_server.connection import Connection
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
 
 @mutant("LIM-1", check="check_connections_are_limited", reason="are all kept open")
-def server_keeps_every_connection(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_every_connection(patch: Patch) -> None:
     """Has no limit of connections."""
     patch.setattr(service, "MOST_CONNECTIONS", 100_000)
 
 
 @mutant("LIM-2", check="check_who_never_reads_is_closed", reason="a client that reads no replies")
-def server_keeps_every_reply(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_every_reply(patch: Patch) -> None:
     """Keeps replies for a client that does not read, however many and however long."""
 
     def sent(original: Any, self: Connection, count: int, now: float) -> None:
@@ -27,6 +27,6 @@ def server_keeps_every_reply(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("SEC-1", check="check_listens_on_loopback_alone", reason="can be reached at")
-def server_listens_everywhere(patch: pytest.MonkeyPatch) -> None:
+def server_listens_everywhere(patch: Patch) -> None:
     """Listens on every address, whatever it is told."""
     wrap(patch, api, "listen", lambda original, host, port: original("0.0.0.0", port))

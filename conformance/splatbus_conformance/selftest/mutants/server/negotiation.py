@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-import pytest
+from splatbus_server import api
 from splatbus_server import connection as connections
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
@@ -14,6 +14,7 @@ from splatbus_wire.messages import ErrorMessage, Hello, Welcome
 
 from splatbus_conformance.kinds import CAPABILITIES
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import messages, of_type, wrap
 
@@ -21,7 +22,7 @@ Answer = Welcome | ErrorMessage
 HANDLE = b"a handle that nobody can open".ljust(64, b".")
 
 
-def greets(patch: pytest.MonkeyPatch, around: Callable[..., Answer]) -> None:
+def greets(patch: Patch, around: Callable[..., Answer]) -> None:
     """Answer each hello by a function of the usual answer, the hello and the server's terms."""
 
     def answer_hello(original: Any, hello: Hello, **terms: Any) -> Answer:
@@ -30,7 +31,7 @@ def greets(patch: pytest.MonkeyPatch, around: Callable[..., Answer]) -> None:
     wrap(patch, connections, "answer_hello", answer_hello)
 
 
-def stays(patch: pytest.MonkeyPatch, reason: str) -> None:
+def stays(patch: Patch, reason: str) -> None:
     """Go on where a connection should end for this reason."""
 
     def end(original: Any, self: Connection, why: str, now: float) -> None:
@@ -41,7 +42,7 @@ def stays(patch: pytest.MonkeyPatch, reason: str) -> None:
 
 
 @mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="welcome names 1.1")
-def server_prefers_its_newest_version(patch: pytest.MonkeyPatch) -> None:
+def server_prefers_its_newest_version(patch: Patch) -> None:
     """Speaks 1.1 wherever hello lists it, whatever stands before it."""
 
     def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
@@ -53,13 +54,13 @@ def server_prefers_its_newest_version(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-6", reason="hello lists", through="NEG-10")
-def server_welcomes_who_speaks_another_version(patch: pytest.MonkeyPatch) -> None:
+def server_welcomes_who_speaks_another_version(patch: Patch) -> None:
     """Names its own version in welcome, whether or not hello lists it."""
     greets(patch, lambda usual, hello, terms: usual(hello._replace(versions=("1.1",))))
 
 
 @mutant("NEG-7", check="check_grants_what_both_have", reason="and granted")
-def server_grants_frames_with_reinit_only(patch: pytest.MonkeyPatch) -> None:
+def server_grants_frames_with_reinit_only(patch: Patch) -> None:
     """Forgets that it has frames where hello does not list reinit."""
 
     def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
@@ -71,7 +72,7 @@ def server_grants_frames_with_reinit_only(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-7", reason="hello does not list", through="NEG-7")
-def server_lists_all_that_it_can(patch: pytest.MonkeyPatch) -> None:
+def server_lists_all_that_it_can(patch: Patch) -> None:
     """Lists in welcome what it has, whatever hello lists."""
 
     def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
@@ -84,7 +85,7 @@ def server_lists_all_that_it_can(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given no welcome")
-def server_refuses_unknown_capabilities(patch: pytest.MonkeyPatch) -> None:
+def server_refuses_unknown_capabilities(patch: Patch) -> None:
     """Takes a hello with a capability that it does not know for an invalid message."""
 
     def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
@@ -97,7 +98,7 @@ def server_refuses_unknown_capabilities(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given nothing")
-def server_reads_four_capabilities(patch: pytest.MonkeyPatch) -> None:
+def server_reads_four_capabilities(patch: Patch) -> None:
     """Has room for four capabilities, and reads none of a longer list."""
 
     def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
@@ -109,7 +110,7 @@ def server_reads_four_capabilities(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", reason="closed the connection")
-def server_closes_at_unknown_types(patch: pytest.MonkeyPatch) -> None:
+def server_closes_at_unknown_types(patch: Patch) -> None:
     """Ends a connection on which it does not know the type of a message."""
 
     def refuse(
@@ -123,19 +124,19 @@ def server_closes_at_unknown_types(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-10", check="check_refuses_unknown_versions", reason="not told what is supported")
-def server_keeps_its_versions_to_itself(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_its_versions_to_itself(patch: Patch) -> None:
     """Refuses versions without saying which it speaks."""
     messages(patch, of_type("error", without("supported")))
 
 
 @mutant("NEG-10", check="check_refuses_unknown_versions", reason="was refused, and not closed")
-def server_keeps_whom_it_does_not_understand(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_whom_it_does_not_understand(patch: Patch) -> None:
     """Refuses versions, and waits for another hello."""
     stays(patch, "unsupported_version")
 
 
 @mutant("NEG-10", reason="is no version", through="NEG-10")
-def server_supports_what_is_no_version(patch: pytest.MonkeyPatch) -> None:
+def server_supports_what_is_no_version(patch: Patch) -> None:
     """Names its versions with a letter before them."""
 
     def named(message: Any) -> Any:
@@ -150,7 +151,7 @@ def server_supports_what_is_no_version(patch: pytest.MonkeyPatch) -> None:
     check="check_waits_for_who_can_open_its_memory",
     reason="an init packet after a hello that lists nothing",
 )
-def server_announces_host_memory_after_each_hello(patch: pytest.MonkeyPatch) -> None:
+def server_announces_host_memory_after_each_hello(patch: Patch) -> None:
     """Sends the init packet after each hello."""
 
     def greet(original: Any, self: Session, connection: Connection, now: float) -> Any:
@@ -163,13 +164,13 @@ def server_announces_host_memory_after_each_hello(patch: pytest.MonkeyPatch) -> 
 
 
 @mutant("NEG-30", reason="server is")
-def server_welcomes_without_a_name(patch: pytest.MonkeyPatch) -> None:
+def server_welcomes_without_a_name(patch: Patch) -> None:
     """Does not say in welcome who it is."""
     messages(patch, of_type("welcome", without("server")))
 
 
 @mutant("NEG-31", reason="a second welcome", through="NEG-26")
-def server_welcomes_twice(patch: pytest.MonkeyPatch) -> None:
+def server_welcomes_twice(patch: Patch) -> None:
     """Answers a second hello like the first."""
 
     def greet(original: Any, self: Connection, hello: Hello, now: float) -> Any:
@@ -181,7 +182,7 @@ def server_welcomes_twice(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_greet", greet)
 
 
-def announces_cuda_memory(patch: pytest.MonkeyPatch, **changes: Any) -> list[Memory]:
+def announces_cuda_memory(patch: Patch, **changes: Any) -> list[Memory]:
     """Announce memory on a device that nobody has, and no other; every memory that is made."""
     made: list[Memory] = []
 
@@ -198,11 +199,11 @@ def announces_cuda_memory(patch: pytest.MonkeyPatch, **changes: Any) -> list[Mem
         made.append(self)
 
     wrap(patch, Memory, "__init__", init)
-    patch.setattr("splatbus_server.api.CAPABILITIES", ("cuda_ipc",))
+    patch.setattr(api, "CAPABILITIES", ("cuda_ipc",))
     return made
 
 
-def at_once(patch: pytest.MonkeyPatch, made: list[Memory], *, version: bool = True) -> None:
+def at_once(patch: Patch, made: list[Memory], *, version: bool = True) -> None:
     """Send the init packet as soon as there is a connection, and nothing about it later; nothing at
     all where a token is required (NEG-18).
     """
@@ -221,13 +222,13 @@ def at_once(patch: pytest.MonkeyPatch, made: list[Memory], *, version: bool = Tr
 
 
 @mutant("NEG-15", check="check_sends_cuda_memory_at_once", reason="the version of its init packet")
-def server_announces_cuda_memory_as_in_1_0(patch: pytest.MonkeyPatch) -> None:
+def server_announces_cuda_memory_as_in_1_0(patch: Patch) -> None:
     """Sends each connection at once what 1.0 has, although it speaks 1.1."""
     at_once(patch, announces_cuda_memory(patch), version=False)
 
 
 @mutant("NEG-15", check="check_sends_cuda_memory_at_once", reason="no init packet came before")
-def server_announces_cuda_memory_after_hello(patch: pytest.MonkeyPatch) -> None:
+def server_announces_cuda_memory_after_hello(patch: Patch) -> None:
     """Waits for hello before it says where in CUDA memory its images are."""
     made = announces_cuda_memory(patch)
 

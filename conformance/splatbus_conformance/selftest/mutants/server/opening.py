@@ -2,18 +2,18 @@
 
 from typing import Any
 
-import pytest
 from splatbus_server import api, memory, shared_memory
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.session import Session
 from splatbus_wire.messages import Closed, Opened
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
 
 
 @mutant("OPN-7", reason="a further init packet", through="IMG-23")
-def server_announces_again(patch: pytest.MonkeyPatch) -> None:
+def server_announces_again(patch: Patch) -> None:
     """Sends another init packet to who has opened the first, and declared no reinit."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
@@ -30,7 +30,7 @@ def server_announces_again(patch: pytest.MonkeyPatch) -> None:
     check="check_keeps_memory_while_somebody_has_it",
     reason="the image that the first holds is another",
 )
-def server_reuses_memory_that_one_reader_closed(patch: pytest.MonkeyPatch) -> None:
+def server_reuses_memory_that_one_reader_closed(patch: Patch) -> None:
     """Takes one reader's `closed` for everybody's, and clears the memory for something else."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
@@ -42,20 +42,20 @@ def server_reuses_memory_that_one_reader_closed(patch: pytest.MonkeyPatch) -> No
     wrap(patch, Session, "_answered", answered)
 
 
-def calls_its_memory_otherwise(patch: pytest.MonkeyPatch) -> None:
+def calls_its_memory_otherwise(patch: Patch) -> None:
     """Give memory a name that the reference server does not remove when it starts beside."""
     wrap(patch, shared_memory, "create", lambda create, size: create(size, "splatbus-mutant-"))
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", reason="after another start")
-def server_leaves_what_a_killed_one_left(patch: pytest.MonkeyPatch) -> None:
+def server_leaves_what_a_killed_one_left(patch: Patch) -> None:
     """Does not look for what an earlier run has left."""
     calls_its_memory_otherwise(patch)
     patch.setattr(api, "sweep_stale", list)
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", reason="is left although the server")
-def server_leaves_memory_to_the_next(patch: pytest.MonkeyPatch) -> None:
+def server_leaves_memory_to_the_next(patch: Patch) -> None:
     """Does not remove its memory when it ends: the next one will."""
     calls_its_memory_otherwise(patch)
     patch.setattr(memory, "_remove_if_owner", lambda segment, owner: None)
@@ -65,7 +65,7 @@ IGNORES = "check_ignores_generations_that_it_did_not_announce"
 
 
 @mutant("OPN-12", check=IGNORES, reason="closed the connection")
-def server_closes_at_unknown_generations(patch: pytest.MonkeyPatch) -> None:
+def server_closes_at_unknown_generations(patch: Patch) -> None:
     """Ends a connection that names a generation which was not announced."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
@@ -78,7 +78,7 @@ def server_closes_at_unknown_generations(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("OPN-12", check=IGNORES, reason="died")
-def server_dies_of_unknown_generations(patch: pytest.MonkeyPatch) -> None:
+def server_dies_of_unknown_generations(patch: Patch) -> None:
     """Takes a generation for an index."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:

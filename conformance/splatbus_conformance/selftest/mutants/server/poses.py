@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-import pytest
 from splatbus_server.connection import Connection
 from splatbus_server.control import Control
 from splatbus_server.session import Session
@@ -11,12 +10,13 @@ from splatbus_wire import decoding
 from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
 from splatbus_wire.poses import IDENTITY
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, wrap
 
 
 @mutant("POS-5", check="check_takes_members_by_name", reason="rotation w, z, y, x")
-def server_takes_members_as_they_come(patch: pytest.MonkeyPatch) -> None:
+def server_takes_members_as_they_come(patch: Patch) -> None:
     """Takes the numbers of a rotation in the order in which they stand."""
 
     def parse(original: Any, payload: bytes) -> Json:
@@ -31,13 +31,13 @@ def server_takes_members_as_they_come(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose", reason="a pose with no position")
-def server_fills_in_what_a_pose_lacks(patch: pytest.MonkeyPatch) -> None:
+def server_fills_in_what_a_pose_lacks(patch: Patch) -> None:
     """Takes the origin for a position that is missing."""
     _repairs(patch, lambda message: {"position": dict.fromkeys("xyz", 0.0)} | message)
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm")
-def server_scales_every_rotation(patch: pytest.MonkeyPatch) -> None:
+def server_scales_every_rotation(patch: Patch) -> None:
     """Makes a unit quaternion of every rotation."""
 
     def scaled(message: Json) -> Json:
@@ -51,7 +51,7 @@ def server_scales_every_rotation(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("POS-10", reason="after a message of type", through="POS-5")
-def server_acknowledges_poses(patch: pytest.MonkeyPatch) -> None:
+def server_acknowledges_poses(patch: Patch) -> None:
     """Replies to each pose with the size of the image."""
 
     def move(
@@ -64,7 +64,7 @@ def server_acknowledges_poses(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("POS-11", check="check_one_connection_has_control", reason="that has no control")
-def server_obeys_everyone(patch: pytest.MonkeyPatch) -> None:
+def server_obeys_everyone(patch: Patch) -> None:
     """Applies the newest pose, whoever sent it."""
 
     def move(original: Any, self: Control, connection: Any, message: Any) -> bool:
@@ -75,13 +75,13 @@ def server_obeys_everyone(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("POS-11", check="check_one_connection_has_control", reason="no frame shows the pose of the")
-def server_obeys_the_first_forever(patch: pytest.MonkeyPatch) -> None:
+def server_obeys_the_first_forever(patch: Patch) -> None:
     """Does not pass control on when the connection that has it closes."""
     wrap(patch, Control, "leave", lambda original, self, connection: False)
 
 
 @mutant("POS-11", check="check_one_connection_has_control", reason="first to send a valid one")
-def server_gives_control_for_a_broken_pose(patch: pytest.MonkeyPatch) -> None:
+def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
     """Gives control to who sends a broken pose first."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
@@ -92,7 +92,7 @@ def server_gives_control_for_a_broken_pose(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-def _repairs(patch: pytest.MonkeyPatch, repair: Any) -> None:
+def _repairs(patch: Patch, repair: Any) -> None:
     """Repair camera poses before they are judged."""
 
     def parse(original: Any, payload: bytes) -> Json:

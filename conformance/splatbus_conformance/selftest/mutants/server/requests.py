@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from splatbus_server import cli
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import Exchange
@@ -10,6 +9,7 @@ from splatbus_server.session import Session
 from splatbus_wire.messages import GetCameraPose, GetViewportSize, ViewportSize
 from splatbus_wire.poses import Pose
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, wrap
 
@@ -17,19 +17,19 @@ CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range
 
 
 @mutant("REQ-3", reason="64.0 is no plain integer")
-def server_tells_a_size_with_fractions(patch: pytest.MonkeyPatch) -> None:
+def server_tells_a_size_with_fractions(patch: Patch) -> None:
     """Writes the size as fractions."""
     _size(patch, lambda size: [float(part) for part in size])
 
 
 @mutant("REQ-4", reason="the init packet said [64, 48]", through="CHN-12")
-def server_tells_another_size(patch: pytest.MonkeyPatch) -> None:
+def server_tells_another_size(patch: Patch) -> None:
     """Tells twice the size of its images."""
     _size(patch, lambda size: [2 * part for part in size])
 
 
 @mutant("REQ-5", reason="rotation is missing", through="REQ-7")
-def server_tells_no_rotation(patch: pytest.MonkeyPatch) -> None:
+def server_tells_no_rotation(patch: Patch) -> None:
     """Leaves the rotation out of its replies."""
     messages(patch, lambda it: {k: v for k, v in it.items() if k != "rotation"})
 
@@ -37,31 +37,31 @@ def server_tells_no_rotation(patch: pytest.MonkeyPatch) -> None:
 @mutant(
     "REQ-6", check="check_camera_index_is_taken_modulo", reason="every camera from index 2 to 1023"
 )
-def server_stops_at_its_last_camera(patch: pytest.MonkeyPatch) -> None:
+def server_stops_at_its_last_camera(patch: Patch) -> None:
     """Tells the last camera for every index beyond."""
     _cameras(patch, lambda index: min(max(index, 0), 2))
 
 
 @mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera -1 is")
-def server_counts_from_the_wrong_end(patch: pytest.MonkeyPatch) -> None:
+def server_counts_from_the_wrong_end(patch: Patch) -> None:
     """Takes the magnitude of negative indices."""
     _cameras(patch, lambda index: abs(index) % 3)
 
 
 @mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera 2147483648 is")
-def server_reads_indices_as_32_bits(patch: pytest.MonkeyPatch) -> None:
+def server_reads_indices_as_32_bits(patch: Patch) -> None:
     """Keeps the lowest 32 bits of an index."""
     _cameras(patch, lambda index: ((index + 2**31) % 2**32 - 2**31) % 3)
 
 
 @mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
-def server_answers_in_its_own_order(patch: pytest.MonkeyPatch) -> None:
+def server_answers_in_its_own_order(patch: Patch) -> None:
     """Answers what arrives together with the sizes first."""
     _reorders(patch)
 
 
 @mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
-def server_answers_a_hundred_at_most(patch: pytest.MonkeyPatch) -> None:
+def server_answers_a_hundred_at_most(patch: Patch) -> None:
     """Drops requests beyond a hundred that wait for an answer."""
 
     def handle(
@@ -75,7 +75,7 @@ def server_answers_a_hundred_at_most(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="closed the connection")
-def server_closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
+def server_closes_on_unknown_types(patch: Patch) -> None:
     """Closes the message connection on a type that it does not know."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
@@ -88,7 +88,7 @@ def server_closes_on_unknown_types(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="the testee replied to it")
-def server_answers_unknown_types(patch: pytest.MonkeyPatch) -> None:
+def server_answers_unknown_types(patch: Patch) -> None:
     """Answers what it does not know with the size of the image."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
@@ -100,7 +100,7 @@ def server_answers_unknown_types(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
-def server_answers_broken_requests(patch: pytest.MonkeyPatch) -> None:
+def server_answers_broken_requests(patch: Patch) -> None:
     """Takes camera 0 for an index that it cannot read."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
@@ -115,7 +115,7 @@ def server_answers_broken_requests(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="without an image")
-def server_answers_between_images(patch: pytest.MonkeyPatch) -> None:
+def server_answers_between_images(patch: Patch) -> None:
     """Answers when it has rendered the next image."""
     waiting: list[tuple[Any, ...]] = []
 
@@ -138,7 +138,7 @@ def server_answers_between_images(patch: pytest.MonkeyPatch) -> None:
     wrap(patch, Exchange, "publish", publish)
 
 
-def _size(patch: pytest.MonkeyPatch, change: Any) -> None:
+def _size(patch: Patch, change: Any) -> None:
     def changed(message: Json) -> Json:
         if "viewport_size" not in message:
             return message
@@ -147,7 +147,7 @@ def _size(patch: pytest.MonkeyPatch, change: Any) -> None:
     messages(patch, changed)
 
 
-def _cameras(patch: pytest.MonkeyPatch, index: Any) -> None:
+def _cameras(patch: Patch, index: Any) -> None:
     """Come with three cameras, and answer for the one that `index` chooses."""
 
     def handle(
@@ -161,7 +161,7 @@ def _cameras(patch: pytest.MonkeyPatch, index: Any) -> None:
     wrap(patch, Session, "handle", handle)
 
 
-def _reorders(patch: pytest.MonkeyPatch) -> None:
+def _reorders(patch: Patch) -> None:
     """Put the sizes before the cameras in what is about to be sent."""
 
     def send(original: Any, self: Connection, message: Any) -> None:

@@ -2,13 +2,13 @@
 
 from typing import Any
 
-import pytest
 from splatbus_server.connection import Connection
 from splatbus_server.control import Control
 from splatbus_server.ring import Ring
 from splatbus_server.session import Session
 from splatbus_wire.messages import GetCameraPose, GetViewportSize
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.surgery import wrap
 @mutant(
     "CHN-14", check="check_serves_all_in_any_session", reason="message client 0 was not answered"
 )
-def server_turns_from_the_first_as_others_leave(patch: pytest.MonkeyPatch) -> None:
+def server_turns_from_the_first_as_others_leave(patch: Patch) -> None:
     """Answers whoever moves the camera no more once two have left that would have moved it."""
     left: list[Any] = []
 
@@ -43,7 +43,7 @@ def server_turns_from_the_first_as_others_leave(patch: pytest.MonkeyPatch) -> No
     check="check_answers_in_order_in_any_session",
     reason="message client 2 was sent",
 )
-def server_mixes_up_replies_after_a_loss(patch: pytest.MonkeyPatch) -> None:
+def server_mixes_up_replies_after_a_loss(patch: Patch) -> None:
     """Sends replies to the connection whose place is one further, once an earlier one has gone."""
     seats: list[Connection] = []
     gone: list[Connection] = []
@@ -70,7 +70,7 @@ def server_mixes_up_replies_after_a_loss(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("POS-11", check="check_obeys_the_first_in_any_session", reason="no image shows the pose of")
-def server_leaves_control_with_the_dead(patch: pytest.MonkeyPatch) -> None:
+def server_leaves_control_with_the_dead(patch: Patch) -> None:
     """Passes control on when the first closes, but not when the next one does."""
     passed: list[bool] = []
 
@@ -93,7 +93,7 @@ def server_leaves_control_with_the_dead(patch: pytest.MonkeyPatch) -> None:
     check="check_lends_one_at_a_time_in_any_session",
     reason="was sent a frame while it held another",
 )
-def server_forgets_the_lease_when_subscribed(patch: pytest.MonkeyPatch) -> None:
+def server_forgets_the_lease_when_subscribed(patch: Patch) -> None:
     """Takes `subscribe` for a `release`, from a client that held an image as it moved on."""
 
     def subscribe(original: Any, self: Session, connection: Connection, channels: Any) -> Any:
@@ -110,7 +110,7 @@ def server_forgets_the_lease_when_subscribed(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("IMG-17", check="check_takes_leases_back_in_any_session", reason="were lent frames")
-def server_leaks_leases_of_old_images(patch: pytest.MonkeyPatch) -> None:
+def server_leaks_leases_of_old_images(patch: Patch) -> None:
     """Keeps the lease of a client that leaves with an image that is the newest no more."""
 
     def drop(original: Any, self: Ring, client: Any) -> None:

@@ -4,12 +4,12 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-import pytest
 from splatbus_server import connection
 from splatbus_server.connection import Connection, Refusal
 from splatbus_wire import decoding
 from splatbus_wire.errors import ProtocolError
 
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, payloads, wrap
 
@@ -22,113 +22,111 @@ KNOWN = {
 
 
 @mutant("JSN-1", reason="no JSON")
-def server_writes_a_trailing_comma(patch: pytest.MonkeyPatch) -> None:
+def server_writes_a_trailing_comma(patch: Patch) -> None:
     """Writes a comma after the last member."""
     payloads(patch, lambda payload: payload[:-1] + b",}")
 
 
 @mutant("JSN-2", reason="byte-order mark")
-def server_writes_a_byte_order_mark(patch: pytest.MonkeyPatch) -> None:
+def server_writes_a_byte_order_mark(patch: Patch) -> None:
     """Begins each payload with a byte-order mark."""
     payloads(patch, lambda payload: MARK + payload)
 
 
 @mutant("JSN-3", reason="'viewport_size' stands 2 times")
-def server_writes_the_size_twice(patch: pytest.MonkeyPatch) -> None:
+def server_writes_the_size_twice(patch: Patch) -> None:
     """Writes a member twice."""
     size = b'"viewport_size":[64,48]'
     payloads(patch, lambda payload: payload.replace(size, size + b"," + size))
 
 
 @mutant("JSN-4", reason="string", through="REQ-7")
-def server_writes_numbers_as_strings(patch: pytest.MonkeyPatch) -> None:
+def server_writes_numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of positions as strings."""
     zeros = b'"position":[0.0,0.0,0.0]'
     payloads(patch, lambda payload: payload.replace(zeros, zeros.replace(b"0.0", b'"0.0"')))
 
 
 @mutant("JSN-5", reason="nested 65 deep")
-def server_nests_too_deep(patch: pytest.MonkeyPatch) -> None:
+def server_nests_too_deep(patch: Patch) -> None:
     """Adds a member to each message that is nested one level too deep."""
     deep = b',"x":' + b"[" * 64 + b"]" * 64 + b"}"
     payloads(patch, lambda payload: payload[:-1] + deep)
 
 
 @mutant("JSN-6", check="check_takes_any_spelling_of_requests", reason="the request '")
-def server_wants_no_space_before_a_request(patch: pytest.MonkeyPatch) -> None:
+def server_wants_no_space_before_a_request(patch: Patch) -> None:
     """Refuses requests that do not begin with a brace."""
     _refuses(patch, "message", lambda text: text[:1] != b"{", "get_")
 
 
 @mutant("JSN-6", check="check_takes_any_spelling_of_poses", reason="the pose '")
-def server_wants_no_space_before_a_pose(patch: pytest.MonkeyPatch) -> None:
+def server_wants_no_space_before_a_pose(patch: Patch) -> None:
     """Refuses poses that do not begin with a brace."""
     _refuses(patch, "message", lambda text: text[:1] != b"{", "camera_pose")
 
 
 @mutant("JSN-6", check="check_takes_any_spelling_on_ipc", reason="on the IPC channel")
-def server_wants_no_escapes_on_ipc(patch: pytest.MonkeyPatch) -> None:
+def server_wants_no_escapes_on_ipc(patch: Patch) -> None:
     """Refuses escapes on the IPC channel."""
     _refuses(patch, "ipc", lambda text: b"\\u" in text)
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_of_requests", reason="the request '")
-def server_knows_all_members_of_requests(patch: pytest.MonkeyPatch) -> None:
+def server_knows_all_members_of_requests(patch: Patch) -> None:
     """Refuses requests with members that it does not know."""
     _refuses(patch, "message", _has_unknown_members, "get_")
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_of_poses", reason="the pose '")
-def server_knows_all_members_of_poses(patch: pytest.MonkeyPatch) -> None:
+def server_knows_all_members_of_poses(patch: Patch) -> None:
     """Refuses poses with members that it does not know."""
     _refuses(patch, "message", _has_unknown_members, "camera_pose")
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_on_ipc", reason="on the IPC channel")
-def server_knows_all_members_on_ipc(patch: pytest.MonkeyPatch) -> None:
+def server_knows_all_members_on_ipc(patch: Patch) -> None:
     """Refuses messages with members that it does not know on the IPC channel."""
     _refuses(patch, "ipc", _has_unknown_members)
 
 
 @mutant("JSN-8", check="check_does_not_answer_broken_text", reason="a byte-order mark")
-def server_skips_the_byte_order_mark(patch: pytest.MonkeyPatch) -> None:
+def server_skips_the_byte_order_mark(patch: Patch) -> None:
     """Answers requests that begin with a byte-order mark."""
     _reads(patch, b"get_", lambda payload: payload.removeprefix(MARK))
 
 
 @mutant("JSN-8", check="check_does_not_move_by_broken_text", reason="a pose with")
-def server_takes_poses_in_an_array(patch: pytest.MonkeyPatch) -> None:
+def server_takes_poses_in_an_array(patch: Patch) -> None:
     """Applies poses that stand in an array."""
     _reads(patch, b"camera_pose", lambda payload: payload.strip(b"[]"))
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet", reason="the request after")
-def server_skips_the_packet_after_a_broken_one(patch: pytest.MonkeyPatch) -> None:
+def server_skips_the_packet_after_a_broken_one(patch: Patch) -> None:
     """Ignores the next packet too."""
     _skips_the_next_packet(patch, "message")
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", reason="the hello after")
-def server_skips_the_packet_after_a_broken_one_on_ipc(patch: pytest.MonkeyPatch) -> None:
+def server_skips_the_packet_after_a_broken_one_on_ipc(patch: Patch) -> None:
     """The same on the IPC channel."""
     _skips_the_next_packet(patch, "ipc")
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads", reason="SIGABRT")
-def server_dies_of_deep_text(patch: pytest.MonkeyPatch) -> None:
+def server_dies_of_deep_text(patch: Patch) -> None:
     """Overflows its stack on deep text."""
     _dies(patch, "message", lambda payload: payload.count(b"[") > 50_000)
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="SIGABRT")
-def server_dies_of_what_is_no_object(patch: pytest.MonkeyPatch) -> None:
+def server_dies_of_what_is_no_object(patch: Patch) -> None:
     """Takes the members of an array on the IPC channel."""
     _dies(patch, "ipc", lambda payload: payload.startswith(b"["))
 
 
-def _refuses(
-    patch: pytest.MonkeyPatch, channel: str, wrong: Callable[[bytes], bool], kind: str = ""
-) -> None:
+def _refuses(patch: Patch, channel: str, wrong: Callable[[bytes], bool], kind: str = "") -> None:
     """Refuse payloads of a channel, and of types that begin so, that are `wrong`."""
 
     def decode(original: Any, payload: bytes, on: str, said_hello: bool) -> Any:
@@ -140,7 +138,7 @@ def _refuses(
     wrap(patch, connection, "_decode_short", decode)
 
 
-def _reads(patch: pytest.MonkeyPatch, holding: bytes, change: Callable[[bytes], bytes]) -> None:
+def _reads(patch: Patch, holding: bytes, change: Callable[[bytes], bytes]) -> None:
     """Read payloads that hold some text as if they were others."""
 
     def parse(original: Any, payload: bytes) -> Any:
@@ -149,7 +147,7 @@ def _reads(patch: pytest.MonkeyPatch, holding: bytes, change: Callable[[bytes], 
     wrap(patch, decoding, "parse_object", parse)
 
 
-def _skips_the_next_packet(patch: pytest.MonkeyPatch, channel: str) -> None:
+def _skips_the_next_packet(patch: Patch, channel: str) -> None:
     skipping: set[Connection] = set()
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
@@ -165,7 +163,7 @@ def _skips_the_next_packet(patch: pytest.MonkeyPatch, channel: str) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-def _dies(patch: pytest.MonkeyPatch, channel: str, when: Callable[[bytes], bool]) -> None:
+def _dies(patch: Patch, channel: str, when: Callable[[bytes], bool]) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if self.channel == channel and when(payload):
             crash()

@@ -3,13 +3,13 @@
 import math
 from typing import Any
 
-import pytest
 from splatbus_server import settings
 from splatbus_server.connection import Connection
 from splatbus_wire import negotiation
 from splatbus_wire.messages import ErrorMessage, Welcome
 
 from splatbus_conformance.selftest.mutants.server.negotiation import stays
+from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
@@ -17,7 +17,7 @@ REFUSES = "check_refuses_other_tokens"
 
 
 @mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
-def server_waits_for_hello_for_ever(patch: pytest.MonkeyPatch) -> None:
+def server_waits_for_hello_for_ever(patch: Patch) -> None:
     """Has no deadline for hello."""
 
     def connect(original: Any, self: Connection, *arguments: Any) -> None:
@@ -32,13 +32,13 @@ def server_waits_for_hello_for_ever(patch: pytest.MonkeyPatch) -> None:
     check="check_listens_on_loopback_without_a_token",
     reason="and requires no token",
 )
-def server_listens_to_everybody(patch: pytest.MonkeyPatch) -> None:
+def server_listens_to_everybody(patch: Patch) -> None:
     """Listens where it is told to, with and without a token."""
     wrap(patch, settings, "is_loopback", lambda original, host: True)
 
 
 @mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
-def server_compares_as_far_as_the_token_goes(patch: pytest.MonkeyPatch) -> None:
+def server_compares_as_far_as_the_token_goes(patch: Patch) -> None:
     """Takes the beginning of the token for the token."""
 
     def same(original: Any, given: str, wanted: str) -> bool:
@@ -48,7 +48,7 @@ def server_compares_as_far_as_the_token_goes(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
-def server_ignores_the_case_of_the_token(patch: pytest.MonkeyPatch) -> None:
+def server_ignores_the_case_of_the_token(patch: Patch) -> None:
     """Takes capital letters for small ones."""
 
     def same(original: Any, given: str, wanted: str) -> bool:
@@ -58,13 +58,13 @@ def server_ignores_the_case_of_the_token(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-18", check=REFUSES, reason="was refused, and not closed")
-def server_keeps_whom_it_refuses(patch: pytest.MonkeyPatch) -> None:
+def server_keeps_whom_it_refuses(patch: Patch) -> None:
     """Lets a client that does not know the token try again."""
     stays(patch, "unauthorized")
 
 
 @mutant("NEG-18", reason="sent beside unauthorized", through="NEG-18")
-def server_explains_its_refusal(patch: pytest.MonkeyPatch) -> None:
+def server_explains_its_refusal(patch: Patch) -> None:
     """Says more than `unauthorized` to who does not know the token."""
 
     def send(original: Any, self: Connection, message: Any) -> None:
@@ -76,13 +76,13 @@ def server_explains_its_refusal(patch: pytest.MonkeyPatch) -> None:
 
 
 @mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="without hello got a reply")
-def server_serves_1_0_without_a_token(patch: pytest.MonkeyPatch) -> None:
+def server_serves_1_0_without_a_token(patch: Patch) -> None:
     """Asks those who say hello for the token, and no others."""
     patch.setattr(Connection, "_is_heard", property(lambda self: True))
 
 
 @mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="with the token failed")
-def server_is_steered_without_a_token(patch: pytest.MonkeyPatch) -> None:
+def server_is_steered_without_a_token(patch: Patch) -> None:
     """Takes poses from those who have said no hello, though it replies to no request of theirs."""
     patch.setattr(Connection, "_is_heard", property(lambda self: True))
 
