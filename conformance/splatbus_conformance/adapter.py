@@ -12,9 +12,7 @@ import threading
 import time
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, NamedTuple
-
-from jsonschema import Draft202012Validator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from splatbus_conformance.data import read_json
 from splatbus_conformance.lenient_json import shorten
@@ -22,6 +20,9 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Command, Ended
+
+if TYPE_CHECKING:  # slow to import, and used where there is an adapter
+    from jsonschema import Draft202012Validator
 
 ANSWER_SECONDS = 10.0
 GLANCE_SECONDS = 0.002
@@ -251,7 +252,9 @@ def _complaint(said: Json, name: str) -> str | None:
 
 
 @cache
-def _validator(name: str) -> Draft202012Validator:
+def _validator(name: str) -> "Draft202012Validator":
+    from jsonschema import Draft202012Validator
+
     return Draft202012Validator({**_schema(), "$ref": f"#/$defs/{name}"})
 
 
