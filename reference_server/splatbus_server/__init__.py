@@ -15,12 +15,13 @@ from splatbus_wire.poses import Pose
 
 from splatbus_server.api import Address, Bus, serve
 from splatbus_server.statistics import Statistics
-from splatbus_server.view import Intrinsics, View, field_of_view
+from splatbus_server.view import Intrinsics, PixelErrors, View, field_of_view
 
 __all__ = [
     "Address",
     "Bus",
     "Intrinsics",
+    "PixelErrors",
     "Pose",
     "Semantics",
     "Statistics",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Program
-from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.poses import IDENTITY, Pose, Vector
 
 from splatbus_server.connection import Terms
 from splatbus_server.control import Poses
@@ -64,7 +64,9 @@ def serve(
         height: of the images, pixels.
         intrinsics: in pixels; a vertical field of view of 60 degrees if not given.
         cameras: that the scene comes with, camera-to-world; the first is where a view begins.
-        semantics: what the numbers in the images mean.
+        semantics: what the numbers in the images mean, and the scene's `origin`, which lets a scene
+            far from its own zero have small numbers on the wire: its own position is that on the
+            wire plus `origin`, for `cameras` as well.
         readers: how many clients may read images at a time. There are two more slots than that,
             and each takes 20 bytes a pixel.
         host: to listen on; SPLATBUS_HOST or 127.0.0.1 if not given.
@@ -92,7 +94,7 @@ def serve(
         session = Session(exchange, cameras, readers, statistics)
         service = Service({"ipc": ipc, "message": message}, session, terms, statistics)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
-        bus = Bus(address, exchange, service, statistics)
+        bus = Bus(address, exchange, service, statistics, semantics.origin)
         undo.pop_all()
         return bus
 
@@ -107,9 +109,15 @@ class Bus:
     """
 
     def __init__(
-        self, address: Address, exchange: Exchange, service: Service, statistics: Statistics
+        self,
+        address: Address,
+        exchange: Exchange,
+        service: Service,
+        statistics: Statistics,
+        origin: Vector,
     ) -> None:
         self.address = address
+        self._origin = origin
         self._exchange = exchange
         self._service = service
         self._statistics = statistics
@@ -145,7 +153,8 @@ class Bus:
         Raises:
             RuntimeError: the thread that serves the clients has died of a defect.
         """
-        return self._exchange.next_view(timeout, contents_changed)
+        view = self._exchange.next_view(timeout, contents_changed)
+        return view and replace(view, origin=self._origin)
 
     def publish(
         self,

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from splatbus_wire.poses import as_array, view_matrix, world_matrix
+from numpy.typing import ArrayLike, NDArray
+from splatbus_wire import relative
+from splatbus_wire.intrinsics import Pinhole
+from splatbus_wire.poses import Vector, as_array, view_matrix, world_matrix
+from splatbus_wire.relative import RelativeView
 
 from splatbus_server.control import Poses
 
 Matrix = NDArray[np.float64]
+Points = NDArray[np.float64]
 
 
 class Intrinsics(NamedTuple):
@@ -28,6 +32,20 @@ class Intrinsics(NamedTuple):
     cy: float
     near: float = 0.01
     far: float = 100.0
+
+
+class PixelErrors(NamedTuple):
+    """How far the worst of the points that are seen is from its place in the image, in pixels.
+
+    Attributes:
+        plain: `object_to_camera` and the points, both rounded to float32, multiplied in float32.
+        camera_relative: the same with what `camera_relative` gives.
+        points_seen: the points in front of the camera and inside the image.
+    """
+
+    plain: float
+    camera_relative: float
+    points_seen: int
 
 
 def field_of_view(width: int, height: int, vertical_degrees: float = 60.0) -> Intrinsics:
@@ -49,6 +67,8 @@ class View:
         height: pixels.
         wants: which of `color` and `depth` clients read; the others need not be rendered [IMG-21].
         generation: of the memory that the image is for.
+        origin: of the scene, float64, as announced in `semantics`: a position in the scene's own
+            coordinates is one on the wire plus this.
     """
 
     poses: Poses
@@ -57,6 +77,7 @@ class View:
     height: int
     wants: frozenset[str]
     generation: int
+    origin: Vector = relative.NO_ORIGIN
 
     @property
     def wants_depth(self) -> bool:
@@ -78,10 +99,93 @@ class View:
         """The view matrix for Gaussians in their own axes: one matrix moves them all.
 
         The camera's centre is subtracted before it is rotated, so that two large numbers that
-        nearly cancel do so exactly.
+        nearly cancel do so exactly. Round it once: `view.object_to_camera.astype(np.float32)`.
         """
-        moved = self.object_to_world.copy()
-        moved[:3, 3] -= self.poses.camera.position
-        turned = self.world_to_camera.copy()
-        turned[:3, 3] = 0.0
-        return turned @ moved
+        return self.tile_to_camera(self.origin)
+
+    def tile_to_camera(self, origin: Vector) -> Matrix:
+        """The view matrix for Gaussians that are counted from `origin`, as a tile's are.
+
+        Args:
+            origin: float64, in the scene's own coordinates.
+        """
+        return relative.object_to_camera(*self.poses, self._counted_from(origin))
+
+    def eye(self, origin: Vector | None = None) -> Points:
+        """The camera's centre in the axes of the Gaussians, (3,) float64.
+
+        For doing what `camera_relative` does where the Gaussians are, such as on a GPU: the
+        difference in float64, cast once, or by `splatbus_wire.relative.two_floats` in float32.
+
+        Args:
+            origin: what the Gaussians are counted from, float64, in the scene's own coordinates;
+                the scene's `origin` if not given.
+        """
+        return relative.camera_in_object(*self.poses, self._counted_from(origin))
+
+    def camera_relative(
+        self,
+        points: ArrayLike,
+        origin: Vector | None = None,
+        *,
+        out: NDArray[np.float32] | None = None,
+    ) -> RelativeView:
+        """The Gaussians counted from the camera's centre, and the matrix for them, in float32.
+
+        As accurate at 10⁶ units from the origin as at 1: the centre is subtracted in float64, and
+        the difference rounded once. The camera's centre is (0, 0, 0) to the renderer.
+
+        Args:
+            points: (N, 3), positions in their own axes, counted from `origin`, float32 or float64.
+            origin: float64, in the scene's own coordinates; the scene's `origin` if not given.
+                (0, 0, 0) for positions in those coordinates, which should then be float64.
+            out: (N, 3) float32 to write the points to.
+
+        Raises:
+            ValueError: the points, or `out`, have another shape.
+        """
+        return relative.relative_view(points, *self.poses, self._counted_from(origin), out=out)
+
+    def pixel_errors(self, points: ArrayLike, origin: Vector | None = None) -> PixelErrors:
+        """What single precision costs these points in this view, plainly and camera-relative.
+
+        For a look now and then: it takes some 200 bytes a point. A sample of the points will do.
+
+        Args:
+            points: as in `camera_relative`.
+            origin: as in `camera_relative`.
+        """
+        given: NDArray[Any] = np.asarray(points)
+        counted_from = self._counted_from(origin)
+        matrix = relative.object_to_camera(*self.poses, counted_from)
+        eye = relative.camera_in_object(*self.poses, counted_from)
+        in_camera = np.subtract(given, eye, dtype=np.float64) @ matrix[:3, :3].T
+        right, seen = self._pixels(in_camera), self._sees(in_camera)
+        with np.errstate(over="ignore", invalid="ignore"):
+            single = given.astype(np.float32), matrix.astype(np.float32)
+            moved = relative.relative_view(given, *self.poses, counted_from)
+            plain, camera_relative = (
+                np.hypot(*(self._pixels(points @ view[:3, :3].T + view[:3, 3]) - right)[seen].T)
+                for points, view in (single, moved)
+            )
+        return PixelErrors(_worst(plain), _worst(camera_relative), int(seen.sum()))
+
+    def _counted_from(self, origin: Vector | None) -> Vector:
+        """What points are counted from, on the wire, whose axes are the points' own."""
+        if origin is None:
+            return relative.NO_ORIGIN
+        x, y, z = (a - b for a, b in zip(origin, self.origin, strict=True))
+        return x, y, z
+
+    def _pixels(self, in_camera: NDArray[np.floating[Any]]) -> Points:
+        return Pinhole(*self.intrinsics[:4], self.width, self.height).project(in_camera)
+
+    def _sees(self, in_camera: Points) -> NDArray[np.bool_]:
+        z, (u, v) = in_camera[:, 2], self._pixels(in_camera).T
+        seen = (z >= self.intrinsics.near) & (z <= self.intrinsics.far)
+        return np.asarray(seen & (u >= 0) & (u <= self.width) & (v >= 0) & (v <= self.height))
+
+
+def _worst(errors: Points) -> float:
+    """The largest; infinity where one is not even a number."""
+    return float(np.nan_to_num(errors, nan=math.inf, posinf=math.inf).max(initial=0.0))

@@ -1,0 +1,166 @@
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, target
+from hypothesis import strategies as st
+from splatbus_conformance import oracle
+from splatbus_wire.poses import IDENTITY, Pose, as_array, view_matrix
+from splatbus_wire.relative import (
+    camera_in_object,
+    object_to_camera,
+    relative_view,
+    two_floats,
+)
+
+from tests.wire.stress import positions, quaternions
+
+stress = settings(deadline=None, max_examples=100)
+poses = st.builds(Pose, positions, quaternions())
+U32 = 2.0**-24
+TURNED = Pose((3.0, -1.0, 2.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
+
+
+def exact_eye(camera, points, origin):
+    offset = [a - b for a, b in zip(map(Fraction, camera.position), points.position, strict=True)]
+    there = (-a for a in oracle.view_translation(offset, points.rotation))
+    return [a - Fraction(b) for a, b in zip(there, origin, strict=True)], offset
+
+
+def budget(offset, origin):
+    """What the docstring grants the camera's centre, in units of the scene."""
+    lengths = oracle.norm(offset) + oracle.norm(oracle.exact(origin))
+    return oracle.to_double(16 * oracle.U * lengths)
+
+
+@stress
+@given(poses, poses, positions)
+def test_the_camera_in_the_object_is_within_16u(camera, points, origin):
+    expected, offset = exact_eye(camera, points, origin)
+    got = camera_in_object(camera, points, origin)
+    off = oracle.norm([Fraction(a) - b for a, b in zip(got.tolist(), expected, strict=True)])
+    allowed = budget(offset, origin)
+    target(float(off) / allowed if allowed else 0.0)
+    assert float(off) <= allowed
+
+
+@stress
+@given(poses, poses, positions, positions, st.sampled_from([np.float32, np.float64]))
+def test_a_relative_point_is_rounded_once(camera, points, origin, point, dtype):
+    """[ACC-6]: half an ULP of single precision, and what the camera's centre is off by."""
+    given_points = np.array([point], dtype)
+    expected, offset = exact_eye(camera, points, origin)
+    moved, _ = relative_view(given_points, camera, points, origin)
+    allowed = budget(offset, origin)
+    for got, x, eye in zip(moved[0].tolist(), given_points[0].tolist(), expected, strict=True):
+        exact = oracle.to_double(Fraction(x) - eye)
+        # The difference is a double before it is a single.
+        half_ulp = 0.5 * float(np.spacing(np.float32(abs(exact)))) * (1 + 2**-28)
+        assert abs(got - exact) <= half_ulp + allowed
+
+
+@stress
+@given(poses, poses, st.integers(0, 7))
+def test_far_away_is_as_good_as_near(camera, points, exponent):
+    """A point within 10 units of the camera is placed within 2e-6 units, wherever both are."""
+    far = np.array((0.6, -0.64, 0.48)) * 10.0**exponent
+    camera = Pose(tuple(far), camera.rotation)
+    points = Pose((0.0, 0.0, 0.0), points.rotation)
+    offset = np.array((3.0, -2.0, 5.0))
+    nearby = camera_in_object(camera, points) + offset
+    moved, matrix = relative_view(nearby[None], camera, points)
+    turn = object_to_camera(camera, points)[:3, :3]
+    error = np.linalg.norm(
+        moved[0] @ matrix[:3, :3].T - turn @ (nearby - camera_in_object(camera, points))
+    )
+    target(float(error))
+    assert error <= 2e-6
+
+
+def test_what_plain_single_precision_loses_at_a_million_units():
+    camera = Pose((6e5, -6.4e5, 4.8e5), TURNED.rotation)
+    point = np.add(camera.position, (0.3, -0.2, 0.5))
+    exact = as_array(view_matrix(camera))[:3, :3] @ (point - camera.position)
+    plain = as_array(view_matrix(camera), np.float32)
+    plain_error = plain[:3, :3] @ point.astype(np.float32) + plain[:3, 3] - exact
+    (moved,), matrix = relative_view(point[None], camera)
+    relative_error = matrix[:3, :3] @ moved - exact
+    assert np.linalg.norm(plain_error) > 1e-3
+    assert np.linalg.norm(relative_error) < 1e-7
+
+
+@stress
+@given(poses, poses, positions, positions)
+def test_one_matrix_a_tile_is_as_good_as_the_tile_is_small_and_near(camera, points, origin, point):
+    """The entries rounded to single precision misplace a point by 2⁻²³·(‖X‖ + ‖eye‖) at most."""
+    matrix = object_to_camera(camera, points, origin)
+    eye = camera_in_object(camera, points, origin)
+    rounded = matrix.astype(np.float32).astype(np.float64)
+    x = np.array((*point, 1.0))
+    error = float(np.linalg.norm((rounded - matrix) @ x))
+    scale = float(np.linalg.norm(point) + np.linalg.norm(eye))
+    tiny = float(np.finfo(np.float32).smallest_subnormal)
+    assert error <= 2 * U32 * scale + tiny
+    np.testing.assert_allclose(
+        matrix[:3] @ x, matrix[:3, :3] @ (point - eye), atol=1e-15 * (1 + 4 * scale)
+    )
+
+
+@stress
+@given(poses)
+def test_an_object_that_is_not_moved_is_seen_by_the_view_matrix(camera):
+    expected = as_array(view_matrix(camera))
+    got = object_to_camera(camera)
+    assert (got[:3, :3] == expected[:3, :3]).all()
+    scale = max(1.0, math.hypot(*camera.position))
+    assert np.abs(got - expected).max() <= 16 * float(oracle.U) * scale
+
+
+@stress
+@given(positions, positions)
+def test_two_floats_do_for_a_renderer_without_doubles(eye, point):
+    high, low = two_floats(np.array(eye))
+    assert high.dtype == low.dtype == np.float32
+    together = high.astype(np.float64) + low
+    tiny = float(np.finfo(np.float32).smallest_subnormal)
+    assert (np.abs(together - eye) <= 2.0**-48 * np.abs(eye) + tiny).all()
+    x = np.array(point, np.float32)
+    moved = (x - high) - low
+    exact = x.astype(np.float64) - together
+    room = np.spacing(np.maximum(np.abs(exact), np.abs(np.spacing(high))).astype(np.float32))
+    assert (np.abs(moved - exact) <= room).all()
+
+
+def test_origin_is_what_points_are_counted_from():
+    origin = (1e6, -2e6, 3e6)
+    points = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.25]])
+    counted = relative_view(points, TURNED, IDENTITY, origin)
+    whole = relative_view(points + origin, TURNED)
+    assert (counted.points == whole.points).all()
+    assert (counted.matrix == whole.matrix).all()
+    moved = object_to_camera(TURNED, IDENTITY, origin)
+    expected = object_to_camera(TURNED)
+    np.testing.assert_allclose(
+        moved[:3] @ (1, 2, 3, 1), expected[:3] @ (*(points[0] + origin), 1.0), rtol=1e-14
+    )
+
+
+def test_memory_can_be_given():
+    points = np.array([[1, 2, 3]], np.float32)
+    out = np.empty_like(points)
+    assert relative_view(points, TURNED, out=out).points is out
+    assert out.tolist() == [[-2.0, 3.0, 1.0]]
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 4), (0,), (1, 1, 3)])
+def test_points_have_three_coordinates(shape):
+    with pytest.raises(ValueError, match=r"not \(N, 3\)"):
+        relative_view(np.zeros(shape), TURNED)
+
+
+def test_memory_has_to_fit():
+    with pytest.raises(ValueError, match="float64"):
+        relative_view(np.zeros((2, 3)), TURNED, out=np.zeros((2, 3)))
+    with pytest.raises(ValueError, match=r"\(1, 3\)"):
+        relative_view(np.zeros((2, 3)), TURNED, out=np.zeros((1, 3), np.float32))
