@@ -1,6 +1,7 @@
 import math
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -35,6 +36,17 @@ def test_the_orthogonality_error_is_the_spectral_norm():
     assert deviation.orthogonality_error(np.eye(3).tolist()) == 0
     sheared = np.diag([1.0, 1.5, 1.25]).tolist()
     assert deviation.orthogonality_error(sheared) == 1.25
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.floats(-1, 1), min_size=9, max_size=9), st.floats(1e-18, 1))
+def test_the_spectral_norm_is_that_of_mpmath(entries, size):
+    R = np.eye(3) + size * np.reshape(entries, (3, 3))
+    with mpmath.workprec(300):
+        exact = mpmath.matrix(R.tolist())
+        values = mpmath.eigsy(exact.T * exact - mpmath.eye(3), eigvals_only=True)
+        expected = float(max(abs(value) for value in values))
+    assert deviation.orthogonality_error(R.tolist()) == pytest.approx(expected, rel=1e-13)
 
 
 @settings(deadline=None, max_examples=50)

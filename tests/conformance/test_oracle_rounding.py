@@ -48,6 +48,16 @@ def test_a_tie_goes_to_even_and_is_not_rounded_twice():
     assert to_single(tie + Fraction(1, 2**80)) == 1 + 2**-23
 
 
+def test_ties_among_subnormals_go_to_even():
+    least = Fraction(1, 2**149)
+    assert to_single(least / 2) == 0
+    assert to_single(least * 3 / 2) == float(2 * least)
+    assert to_single(least * Fraction(1, 2) + Fraction(1, 2**400)) == float(least)
+    assert to_double(Fraction(1, 2**1075)) == 0
+    assert to_double(Fraction(3, 2**1075)) == 2 * 5e-324
+    assert to_double(-Fraction(1, 2**1075) - Fraction(1, 2**2000)) == -5e-324
+
+
 def test_the_largest_single_is_the_last_before_infinity():
     step = Fraction(2) ** 104
     assert to_single(SINGLE_MAX) == float(np.finfo(np.float32).max)

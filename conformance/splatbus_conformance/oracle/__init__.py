@@ -13,7 +13,14 @@ from splatbus_conformance.oracle.deviation import (
     orthogonality_error,
     ulps,
 )
-from splatbus_conformance.oracle.images import composite, planar_depth
+from splatbus_conformance.oracle.images import (
+    accumulate,
+    composite,
+    expected_depth,
+    planar_depth,
+    surface_depth,
+)
+from splatbus_conformance.oracle.intrinsics import Intrinsics
 from splatbus_conformance.oracle.rotations import (
     camera_centre,
     norm,
@@ -38,8 +45,12 @@ __all__ = [
     "norm_error",
     "orthogonality_error",
     "ulps",
+    "accumulate",
     "composite",
+    "expected_depth",
     "planar_depth",
+    "surface_depth",
+    "Intrinsics",
     "camera_centre",
     "norm",
     "rotation_matrix",
