@@ -1,4 +1,13 @@
-"""Depth of a surface from what a splatting rasteriser accumulates [ACC-8, ACC-9]."""
+"""Depth of a surface from what a splatting rasteriser accumulates [ACC-8, ACC-9].
+
+Which function, depends on what the renderer gives (`depth.estimator` of 1.1, section 3.4 there):
+
+    d = Σ(1/zᵢ)·αᵢ·Tᵢ  `planar_depth`     A/d, the harmonic mean of the depths along the ray
+    D = Σzᵢ·αᵢ·Tᵢ      `expected_depth`   D/A, their arithmetic mean
+    z                  `surface_depth`    itself: the median, or a surface's own depth
+
+All arrays are float32, and wider ones are refused: rounding them first would round twice.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,15 +18,15 @@ COVERED_ALPHA_MIN = np.float32(LIMITS["covered_alpha_min"])
 Float32Array = NDArray[np.float32]
 
 
-def covered(inverse_depth: Float32Array, alpha: Float32Array | None = None) -> NDArray[np.bool_]:
-    """Return where a surface is: A ≥ 1/255, d > 0, and both finite [ACC-9].
+def covered(depth: Float32Array, alpha: Float32Array | None = None) -> NDArray[np.bool_]:
+    """Return where a surface is: A ≥ 1/255, what depth follows from > 0, both finite [ACC-9].
 
     Args:
-        inverse_depth: d = Σ(1/zᵢ)·αᵢ·Tᵢ, float32, any shape.
+        depth: d, D or z, float32, any shape.
         alpha: A = Σαᵢ·Tᵢ, float32, the same shape; None where the renderer gives none.
     """
     # No finite number is less than infinity, and no NaN is less than anything.
-    with_depth = (inverse_depth > 0) & (inverse_depth < np.inf)
+    with_depth = (depth > 0) & (depth < np.inf)
     if alpha is None:
         return with_depth
     return with_depth & (alpha >= COVERED_ALPHA_MIN) & (alpha < np.inf)
@@ -39,18 +48,67 @@ def planar_depth(
         inverse_depth: d = Σ(1/zᵢ)·αᵢ·Tᵢ, float32, any shape.
         alpha: A = Σαᵢ·Tᵢ, float32, the same shape; None where the renderer gives none (A = 1).
         empty: depth of a pixel where no surface is, +∞ or 100.0.
-        out: float32 array of the same shape to write to.
+        out: float32 array of the same shape to write to; not one of the others.
 
     Raises:
-        TypeError: an input is not float32; rounding wider numbers first would round twice.
+        TypeError: an input is not float32.
     """
-    for array in (inverse_depth, alpha):
-        if array is not None and array.dtype != np.float32:
-            raise TypeError(f"inverse depth and alpha must be float32, not {array.dtype}")
-    surface = covered(inverse_depth, alpha)
-    depth = np.empty_like(inverse_depth) if out is None else out
-    depth.fill(empty)
+    surface, depth = _prepared(inverse_depth, alpha, empty, out)
     numerator = np.float32(1) if alpha is None else alpha
+    return _quotient(numerator, inverse_depth, surface, depth)
+
+
+def expected_depth(
+    accumulated_depth: Float32Array,
+    alpha: Float32Array | None = None,
+    *,
+    empty: float = np.inf,
+    out: Float32Array | None = None,
+) -> Float32Array:
+    """Return the depth D/A, correctly rounded, where a surface is, else `empty` [BUF-6, BUF-7].
+
+    As `planar_depth`, but `accumulated_depth` is D = Σzᵢ·αᵢ·Tᵢ.
+    """
+    surface, depth = _prepared(accumulated_depth, alpha, empty, out)
+    denominator = np.float32(1) if alpha is None else alpha
+    return _quotient(accumulated_depth, denominator, surface, depth)
+
+
+def surface_depth(
+    z: Float32Array,
+    alpha: Float32Array | None = None,
+    *,
+    empty: float = np.inf,
+    out: Float32Array | None = None,
+) -> Float32Array:
+    """Return the depth z where a surface is, else `empty` [BUF-6, BUF-7].
+
+    As `planar_depth`, but `z` is a planar depth already, as the median is.
+    """
+    surface, depth = _prepared(z, alpha, empty, out)
+    np.copyto(depth, z, where=surface)
+    return depth
+
+
+def _prepared(
+    given: Float32Array, alpha: Float32Array | None, empty: float, out: Float32Array | None
+) -> tuple[NDArray[np.bool_], Float32Array]:
+    """Where a surface is, and an image that is empty everywhere."""
+    for array in (given, alpha):
+        if array is not None and array.dtype != np.float32:
+            raise TypeError(f"depth and alpha must be float32, not {array.dtype}")
+    surface = covered(given, alpha)
+    depth = np.empty_like(given) if out is None else out
+    depth.fill(empty)
+    return surface, depth
+
+
+def _quotient(
+    numerator: Float32Array | np.float32,
+    denominator: Float32Array | np.float32,
+    surface: NDArray[np.bool_],
+    depth: Float32Array,
+) -> Float32Array:
     with np.errstate(over="ignore"):
-        np.divide(numerator, inverse_depth, out=depth, where=surface)
+        np.divide(numerator, denominator, out=depth, where=surface)
     return np.minimum(depth, np.finfo(np.float32).max, out=depth, where=surface)

@@ -6,7 +6,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from splatbus_conformance import oracle
-from splatbus_wire.depth import COVERED_ALPHA_MIN, covered, planar_depth
+from splatbus_wire.depth import (
+    COVERED_ALPHA_MIN,
+    covered,
+    expected_depth,
+    planar_depth,
+    surface_depth,
+)
 
 singles = st.floats(width=32) | st.sampled_from([0.0, -0.0, 1e-45, 2e-6, 1e-6, math.nan, math.inf])
 alphas = st.floats(0, 1, width=32) | singles
@@ -25,6 +31,27 @@ def test_depth_is_the_correctly_rounded_quotient(pixels):
     expected = [oracle.planar_depth(float(a), float(b)) for a, b in zip(d, A, strict=True)]
     assert planar_depth(d, A).tolist() == expected  # ACC-8
     assert (covered(d, A) == np.isfinite(expected)).all()  # ACC-9
+
+
+@pytest.mark.parametrize(
+    ("estimate", "exact"),
+    [(expected_depth, oracle.expected_depth), (surface_depth, oracle.surface_depth)],
+)
+@settings(deadline=None, max_examples=100)
+@given(st.lists(st.tuples(singles, alphas), min_size=1, max_size=40))
+@example([(3e38, 0.5), (1e-45, 1.0), (1e-45, 0.01), (100.0, 1.0)])
+def test_other_estimators_are_correctly_rounded_too(estimate, exact, pixels):
+    given_depth, A = single(*pixels).T
+    expected = [exact(float(a), float(b)) for a, b in zip(given_depth, A, strict=True)]
+    assert estimate(given_depth, A).tolist() == expected
+    assert estimate(given_depth).tolist() == [exact(float(a)) for a in given_depth]
+
+
+@pytest.mark.parametrize("estimate", [planar_depth, expected_depth, surface_depth])
+def test_every_estimator_can_write_in_place_what_the_server_chose(estimate):
+    out = np.zeros(4, np.float32)
+    assert estimate(single(1, 0, -1, math.nan), single(1, 1, 1, 1), empty=100.0, out=out) is out
+    assert out.tolist() == [1, 100, 100, 100]
 
 
 def test_without_alpha_it_is_the_reciprocal():
@@ -57,7 +84,8 @@ def test_empty_pixels_hold_what_the_server_chose_and_may_be_written_in_place():
 
 @pytest.mark.parametrize("d", [np.ones(2), np.ones(2, np.float16)])
 def test_wider_or_narrower_numbers_are_refused(d):
-    with pytest.raises(TypeError, match="float32"):
-        planar_depth(d)
-    with pytest.raises(TypeError, match="float32"):
-        planar_depth(np.ones(2, np.float32), d)
+    for estimate in (planar_depth, expected_depth, surface_depth):
+        with pytest.raises(TypeError, match="float32"):
+            estimate(d)
+        with pytest.raises(TypeError, match="float32"):
+            estimate(np.ones(2, np.float32), d)
