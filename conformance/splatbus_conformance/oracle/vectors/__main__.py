@@ -4,7 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from splatbus_conformance.oracle.vectors import conventions, framing, images, numbers, poses
+from splatbus_conformance.oracle.vectors import (
+    conventions,
+    framing,
+    images,
+    intrinsics,
+    numbers,
+    poses,
+    projections,
+)
 from splatbus_conformance.oracle.vectors.layout import text
 
 FILES = {
@@ -13,6 +21,8 @@ FILES = {
     "poses.json": poses.document,
     "conventions.json": conventions.document,
     "images.json": images.document,
+    "intrinsics.json": intrinsics.document,
+    "projections.json": projections.document,
 }
 
 

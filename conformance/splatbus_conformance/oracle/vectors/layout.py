@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from splatbus_conformance.oracle.rounding import to_double
+from splatbus_conformance.oracle.rounding import to_double, to_single
 
 WIDTH = 116
 
@@ -24,20 +24,29 @@ def pose(position: Sequence[Number], rotation: Sequence[Number]) -> Json:
     return {"position": both(position), "rotation": both(rotation)}
 
 
-def exactly(note: str) -> Json:
+def exactly(note: str, requirement: str | None = None) -> Json:
     """Return the tolerance of a quantity of which only one value is right."""
-    return {"measure": "exact", "note": note}
+    return {"measure": "exact", **_clause(requirement), "note": note}
 
 
-def within(measure: str, bound: Number, requirement: str, note: str, **more: Json) -> Json:
-    """Return the tolerance of a quantity that may be off by `bound`."""
+def within(measure: str, bound: Number, requirement: str | None, note: str, **more: Json) -> Json:
+    """Return the tolerance of a quantity that may be off by `bound`; None: no clause says so."""
     return {
         "measure": measure,
         "bound": both(bound),
-        "requirement": requirement,
+        **_clause(requirement),
         "note": note,
         **more,
     }
+
+
+def _clause(requirement: str | None) -> Json:
+    return {} if requirement is None else {"requirement": requirement}
+
+
+def single(value: float) -> float:
+    """Return the single-precision number nearest to a decimal, as a float."""
+    return to_single(Fraction(value)) if math.isfinite(value) and value else value
 
 
 def text(value: Json) -> str:

@@ -3,6 +3,7 @@
 from fractions import Fraction
 
 from splatbus_conformance.oracle.rounding import to_double
+from splatbus_conformance.oracle.vectors import printing
 from splatbus_conformance.oracle.vectors.layout import Json, both, exactly
 
 ACCEPTED = {
@@ -89,9 +90,13 @@ def document() -> Json:
         " the spellings that are strings, where that of `x` stands in `position`. A spelling in"
         " pieces is each `text` repeated `times` times. `accepted`: a receiver takes it for"
         " `value`. `rejected`: a receiver does not act on the payload. `optional`: a server either"
-        " takes it for `value` or rejects it.",
-        "requirements": ["JSN-1", "JSN-4", "JSN-6", "JSN-8", "JSN-11"],
-        "tolerances": {"value": exactly("The double nearest to the decimal, ties to even.")},
+        " takes it for `value` or rejects it. `printed`: what a sender makes of `value`, which it"
+        " holds in `precision`, reads back as `value` (read as a double and, where the precision is"
+        " `single`, rounded to one): `enough` are spellings that do, `too_few` some that do not.",
+        "requirements": ["ACC-1", "ACC-14", "JSN-1", "JSN-4", "JSN-6", "JSN-8", "JSN-11"],
+        "tolerances": {
+            "value": exactly("The double nearest to the decimal, ties to even.", "ACC-14")
+        },
         "cases": [
             *[_accepted(name, spelling) for name, spelling in ACCEPTED.items()],
             *_accepted_in_pieces(),
@@ -99,6 +104,7 @@ def document() -> Json:
             _rejected("5,000 digits", [_times("9", 5000)], "JSN-4"),
             *[_rejected(name, spelling, "JSN-1") for name, spelling in REJECTED_BY_GRAMMAR.items()],
             *[_optional(name, spelling) for name, spelling in OPTIONAL.items()],
+            *printing.cases(),
         ],
     }
 

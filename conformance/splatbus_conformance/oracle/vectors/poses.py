@@ -35,6 +35,34 @@ POSES = {
     "a kilometre away": ((707.106, -12.5, -707.107), WORKED),
     "a million units away": ((1e6, -1e6, 1e6), (0.36, -0.48, 0.8, 1e-9)),
     "far along one axis, near along another": ((1e9, 0.001, -3.0), (0.1, 0.7, -0.1, 0.7)),
+    "as far as POS-2 allows": ((3.4028234663852886e38, -1.0, 0.0), WORKED),
+    "a subnormal position": ((5e-324, -2.2e-308, 0.0), WORKED),
+    "a norm of 1.0099": ((1.0, -2.0, 5.0), (0.0, 0.60594, -0.80792, 0.0)),
+    "a norm of 0.9901": ((1.0, -2.0, 5.0), (0.0, 0.59406, -0.79208, 0.0)),
+    "a half turn about a diagonal": ((1.0, 2.0, 3.0), (0.0, HALF, HALF, -0.0)),
+    "a half turn, and a subnormal more": ((1.0, 2.0, 3.0), (0.6, 0.0, 0.8, 5e-324)),
+    "where 1 - s(y² + z²) loses digits": (
+        (1.0, -2.0, 5.0),
+        (-0.001679857130093146, 0.8105190822669939, 0.5862386132455417, -0.0009542649806552684),
+    ),
+    "where 1 - s(y² + z²) loses digits, again": (
+        (1.0, -2.0, 5.0),
+        (-0.7142254160634234, 0.708424877744617, 0.012598090850222975, 1.0274872004014964e-05),
+    ),
+}
+
+REJECTED = {
+    "a norm of 1.0101": ("POS-3", (1.0, -2.0, 5.0), (0.0, 0.60606, -0.80808, 0.0)),
+    "a norm of 0.9899": ("POS-3", (1.0, -2.0, 5.0), (0.0, 0.59394, -0.79192, 0.0)),
+    "a norm of 2": ("POS-3", (1.0, -2.0, 5.0), (1.0, -1.0, 1.0, -1.0)),
+    "no rotation at all": ("POS-3", (1.0, -2.0, 5.0), (0.0, 0.0, 0.0, 0.0)),
+    "minus nothing": ("POS-3", (1.0, -2.0, 5.0), (-0.0, -0.0, -0.0, -0.0)),
+    "a norm whose square overflows": ("POS-3", (1.0, -2.0, 5.0), (1e160, 0.0, 0.0, 1e160)),
+    "a norm whose square is lost": ("POS-3", (1.0, -2.0, 5.0), (1e-170, 0.0, 0.0, 1e-170)),
+    "the largest double": ("POS-3", (1.0, -2.0, 5.0), (0.0, 0.0, 0.0, 1.7976931348623157e308)),
+    "the least double": ("POS-3", (1.0, -2.0, 5.0), (0.0, 0.0, 0.0, 5e-324)),
+    "farther than POS-2 allows": ("POS-2", (3.402823466385289e38, 0.0, 0.0), IDENTITY),
+    "much farther": ("POS-2", (0.0, -1.7976931348623157e308, 0.0), IDENTITY),
 }
 
 
@@ -46,8 +74,9 @@ def document() -> Json:
         "version": "1.0",
         "description": "Poses as they stand on the wire, camera-to-world, and what follows from"
         " them: the rotation matrix R of q/‖q‖, the view matrix [Rᵀ | −Rᵀ·c] and the camera's"
-        " centre. Matrices are lists of rows and multiply column vectors.",
-        "requirements": ["CNV-1", "CNV-3", "ACC-2", "ACC-4", "ACC-5"],
+        " centre. Matrices are lists of rows and multiply column vectors. `rejected`: the former"
+        " pose stays.",
+        "requirements": ["CNV-1", "CNV-3", "ACC-2", "ACC-4", "ACC-5", "POS-2", "POS-3"],
         "tolerances": {
             "rotation_matrix": within(
                 "component", 9 * U, "ACC-2", "8u, and 1u for the rounding of what is expected."
@@ -66,7 +95,10 @@ def document() -> Json:
                 "norm", 3e-15, "ACC-5", "−R·t of the view matrix that was computed."
             ),
         },
-        "cases": [_case(name, *given) for name, given in POSES.items()],
+        "cases": [
+            *[_case(name, *given) for name, given in POSES.items()],
+            *[_rejected(name, *given) for name, given in REJECTED.items()],
+        ],
     }
 
 
@@ -74,10 +106,22 @@ def _case(name: str, position: Sequence[float], rotation: Sequence[float]) -> Js
     exact_view: Sequence[Sequence[Fraction]] = view_matrix(position, rotation)
     return {
         "name": name,
+        "verdict": "accepted",
         "pose": pose(position, rotation),
         "expected": {
             "rotation_matrix": both(rotation_matrix(rotation)),
             "view_matrix": both(exact_view),
             "camera_centre": both(position),
         },
+    }
+
+
+def _rejected(
+    name: str, requirement: str, position: Sequence[float], rotation: Sequence[float]
+) -> Json:
+    return {
+        "name": f"rejected: {name}",
+        "requirement": requirement,
+        "verdict": "rejected",
+        "pose": pose(position, rotation),
     }
