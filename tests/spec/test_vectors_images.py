@@ -14,6 +14,7 @@ from splatbus_wire.init_packet import Ring, Semantics
 from splatbus_wire.intrinsics import Pinhole, from_opencv, pixel_at, pixel_centre
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY, Pose, as_array, view_matrix, world_matrix
+from splatbus_wire.relative import object_to_camera, relative_view
 
 from tests.spec.vector_files import cases, chosen, doubles, intrinsics, is_near, singles
 
@@ -215,16 +216,44 @@ def test_the_wire_projects(case):
             assert is_near("projections", "image_point", got, doubles(right["image_point"]))
 
 
+@cases("projections")
+def test_the_camera_relative_view_projects(case):
+    """In single precision even, where points were counted from the camera in double precision."""
+    pose = on_wire(case["engine"], engine_pose(case["camera"]))
+    placed = case["object"] and on_wire(case["object"]["engine"], engine_pose(case["object"]))
+    points = [on_wire_axes(case, doubles(point)) for point in case["points"]]
+    view = relative_view(points, pose, placed or IDENTITY)
+    seen = camera(case["intrinsics"])
+    exact = object_to_camera(pose, placed or IDENTITY) @ [*np.transpose(points), [1] * len(points)]
+    right = [point["image_point"] for point in case["expected"]["points"]]
+    for place, single, expected in zip(
+        seen.project(exact[:3].T),
+        seen.project(view.points @ view.matrix[:3, :3].T),
+        right,
+        strict=True,
+    ):
+        if expected is None:
+            assert np.isnan([*place, *single]).all()
+        else:
+            assert is_near("projections", "image_point", place, doubles(expected))
+            assert np.abs(single - doubles(expected)).max() < 0.005
+
+
 def assert_same_pose(got, expected):
     assert is_near("projections", "position", got.position, doubles(expected["position"]))
     assert is_near("projections", "rotation", got.rotation, doubles(expected["rotation"]))
 
 
 def in_world(case, point, placed):
-    """A point of the engine's world, or of the object's own axes, in the wire's world."""
-    row = case["object"]["engine"] if placed else case["engine"]
-    if row != "wire":
-        engine = ENGINES[row]
-        change = np.reshape(engine.camera if placed else engine.world, (3, 3))
-        point = change.T @ point / engine.scale
+    point = on_wire_axes(case, point)
     return (as_array(world_matrix(placed)) @ [*point, 1.0])[:3] if placed else point
+
+
+def on_wire_axes(case, point):
+    """A point of the engine's world, or of the object's own axes, in those of the wire."""
+    row = case["object"]["engine"] if case["object"] else case["engine"]
+    if row == "wire":
+        return point
+    engine = ENGINES[row]
+    change = np.reshape(engine.camera if case["object"] else engine.world, (3, 3))
+    return change.T @ point / engine.scale

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from splatbus_conformance.oracle import U, orthogonality_error
 from splatbus_conformance.packets import Splitter
 from splatbus_conformance.pinhole import rigid
 from splatbus_wire.conventions import ENGINES
@@ -15,7 +16,7 @@ from splatbus_wire.plain_poses import plain_pose
 from splatbus_wire.poses import Pose, as_array, camera_centre, view_matrix, world_matrix
 from splatbus_wire.rotations import rotation_matrix
 
-from tests.spec.vector_files import DOCUMENTS, cases, doubles, is_near
+from tests.spec.vector_files import DOCUMENTS, cases, doubles, is_near, ulp
 
 # ---- framing
 
@@ -158,6 +159,7 @@ def test_the_wire_takes_the_pose_and_makes_the_matrices(case):
     view = view_matrix(pose)
     got, right = as_array(view), expected["view_matrix"]
     assert is_near("poses", "rotation_matrix", R, expected["rotation_matrix"])
+    assert orthogonality_error(R.tolist()) <= 16 * U  # ACC-3
     assert is_near("poses", "view_rotation", got[:3, :3], right[:3, :3])
     assert is_near("poses", "view_translation", got[:3, 3], right[:3, 3])
     assert got[3].tolist() == right[3].tolist()
@@ -165,6 +167,13 @@ def test_the_wire_takes_the_pose_and_makes_the_matrices(case):
     world = as_array(world_matrix(pose))
     assert (world[:3, :3] == R).all()
     assert world[:3, 3].tolist() == list(pose.position)
+
+
+@cases("poses", verdict="accepted")
+def test_in_single_precision_the_view_is_off_by_an_ulp_at_most(case):
+    got = as_array(view_matrix(pose_of(case["pose"])), np.float32)[:3, 3].astype(float)
+    expected = doubles(case["expected"]["view_matrix"])[:3, 3]
+    assert np.linalg.norm(got - expected) <= ulp(np.linalg.norm(expected), 23, -126)  # ACC-6
 
 
 @cases("poses", verdict="rejected")

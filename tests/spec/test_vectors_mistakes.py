@@ -128,6 +128,14 @@ def test_conventions_tell_one_row_from_another(made, of):
         )
 
 
+@pytest.mark.parametrize("direction", ["from_wire", "to_wire"])
+def test_conventions_tell_metres_from_centimetres(direction):
+    for case in chosen("conventions", engine="unreal", direction=direction):
+        expected = doubles(case["expected"]["position"])
+        got = expected / 100 if direction == "from_wire" else expected * 100
+        assert not is_near("conventions", "position", got, expected)
+
+
 # ---- images
 
 
@@ -265,6 +273,17 @@ def test_scaled_principal_points_tell(mistake):
     assert not all(answers)
 
 
+@pytest.mark.parametrize("added", [0.0, 0.5])
+def test_a_calibration_tells_where_half_a_pixel_is_added(added):
+    """Left out, or added after scaling."""
+    [calibration] = chosen("intrinsics", name="calibration: the middle of 640x480")
+    [scaled] = chosen("intrinsics", name="scaled: a calibration, once half a pixel is added")
+    assert scaled["intrinsics"] == calibration["expected"]
+    given, expected = intrinsics(calibration["opencv"]), intrinsics(scaled["expected"])
+    got = given["cx"] * scaled["to"][0] / given["width"] + added
+    assert not is_near("intrinsics", "scaled", got, expected["cx"])
+
+
 @pytest.mark.parametrize("centre", [0.0, 1.0])
 def test_pixels_tell_where_centres_are(centre):
     answers = []
@@ -308,6 +327,17 @@ def test_projections_tell(mistake):
                 expected = doubles(point["image_point"])
                 answers.append(is_near("projections", "image_point", got, expected))
     assert not all(answers)
+
+
+def test_projections_tell_an_object_whose_scale_is_left_out():
+    for case in chosen("projections", engine="unreal"):
+        if case["object"]:
+            R = right(doubles(case["expected"]["object"]["rotation"]))
+            c = doubles(case["expected"]["object"]["position"])
+            change = np.reshape(ENGINES["unreal"].camera, (3, 3))
+            for point, seen in zip(case["points"], case["expected"]["points"], strict=True):
+                got = R @ change.T @ doubles(point) + c
+                assert not is_near("projections", "world", got, doubles(seen["world"]))
 
 
 def test_projections_tell_single_precision():

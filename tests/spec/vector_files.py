@@ -11,8 +11,10 @@ FOLDER = Path(__file__).parents[2] / "spec" / "vectors"
 NAMES = ("framing", "numbers", "poses", "conventions", "images", "intrinsics", "projections")
 DOCUMENTS = {name: json.loads((FOLDER / f"{name}.json").read_text("utf-8")) for name in NAMES}
 
+FORMATS = {"ulp_single": (23, -126), "ulp_double": (52, -1022)}
 
-def chosen(name, **members):
+
+def chosen(name, /, **members):
     """The cases of a file that have these members; None: that lack it."""
     return [
         case
@@ -21,7 +23,7 @@ def chosen(name, **members):
     ]
 
 
-def cases(name, **members):
+def cases(name, /, **members):
     """The same as parameters of a test, named after them."""
     found = chosen(name, **members)
     assert found, members
@@ -66,6 +68,11 @@ def _is_near(tolerance, got, expected):
         return math.hypot(*difference.flat) <= bound * scale
     if tolerance["measure"] == "component":
         return bool((difference <= bound).all())
-    form = {"ulp_single": np.float32, "ulp_double": np.float64}[tolerance["measure"]]
-    ulp = np.spacing(np.abs(expected).astype(form)).astype(float)
-    return bool((difference <= bound * ulp).all())
+    return bool((difference <= bound * ulp(expected, *FORMATS[tolerance["measure"]])).all())
+
+
+def ulp(value, digits, least):
+    """The distance to the next greater magnitude in a format of this precision, at `value`."""
+    _, exponent = np.frexp(value)
+    exponent = np.where(np.asarray(value) == 0, least, exponent - 1)
+    return np.ldexp(1.0, np.maximum(exponent, least) - digits)
