@@ -224,7 +224,8 @@ def test_the_camera_relative_view_projects(case):
     points = [on_wire_axes(case, doubles(point)) for point in case["points"]]
     view = relative_view(points, pose, placed or IDENTITY)
     seen = camera(case["intrinsics"])
-    exact = object_to_camera(pose, placed or IDENTITY) @ [*np.transpose(points), [1] * len(points)]
+    matrix = np.reshape(object_to_camera(pose, placed or IDENTITY), (4, 4))
+    exact = matrix @ [*np.transpose(points), [1] * len(points)]
     right = [point["image_point"] for point in case["expected"]["points"]]
     for place, single, expected in zip(
         seen.project(exact[:3].T),
