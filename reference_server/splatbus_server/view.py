@@ -109,10 +109,10 @@ class View:
         Args:
             origin: float64, in the scene's own coordinates.
         """
-        return relative.object_to_camera(*self.poses, self._counted_from(origin))
+        return as_array(relative.object_to_camera(*self.poses, self._counted_from(origin)))
 
-    def eye(self, origin: Vector | None = None) -> Points:
-        """The camera's centre in the axes of the Gaussians, (3,) float64.
+    def eye(self, origin: Vector | None = None) -> Vector:
+        """The camera's centre in the axes of the Gaussians.
 
         For doing what `camera_relative` does where the Gaussians are, such as on a GPU: the
         difference in float64, cast once, or by `splatbus_wire.relative.two_floats` in float32.
@@ -157,7 +157,7 @@ class View:
         """
         given: NDArray[Any] = np.asarray(points)
         counted_from = self._counted_from(origin)
-        matrix = relative.object_to_camera(*self.poses, counted_from)
+        matrix = as_array(relative.object_to_camera(*self.poses, counted_from))
         eye = relative.camera_in_object(*self.poses, counted_from)
         in_camera = np.subtract(given, eye, dtype=np.float64) @ matrix[:3, :3].T
         right, seen = self._pixels(in_camera), self._sees(in_camera)

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from splatbus_wire.poses import IDENTITY, Pose, Vector, as_array, view_matrix, world_matrix
+from splatbus_wire.poses import IDENTITY, Matrix4, Pose, Vector, as_array
+from splatbus_wire.rotations import rotation_matrix
 
 Float32Array = NDArray[np.float32]
-Float64Array = NDArray[np.float64]
 
 NO_ORIGIN: Vector = (0.0, 0.0, 0.0)
 
@@ -40,26 +40,31 @@ class RelativeView(NamedTuple):
 
 def camera_in_object(
     camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN
-) -> Float64Array:
+) -> Vector:
     """Return the camera's centre ("eye") in the axes of the object, counted from `origin`.
 
-    R_objectᵀ·(c − p) − origin, (3,) float64, within 16u·(‖c − p‖ + ‖origin‖), and exact but for the
-    two subtractions where the object is not turned.
+    R_objectᵀ·(c − p) − origin, within 16u·(‖c − p‖ + ‖origin‖), and exact but for the two
+    subtractions where the object is not turned.
 
     Args:
         camera: camera-to-world [CNV-1].
         object_pose: object-to-world [CNV-2].
         origin: what points are counted from, in the axes of the object.
     """
-    offset = np.subtract(camera.position, object_pose.position)
-    to_object = as_array(world_matrix(object_pose))[:3, :3].T
-    return np.asarray(to_object @ offset - origin, np.float64)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(object_pose.rotation)
+    x, y, z = (c - p for c, p in zip(camera.position, object_pose.position, strict=True))
+    ox, oy, oz = origin
+    return (
+        (r00 * x + r10 * y + r20 * z) - ox,
+        (r01 * x + r11 * y + r21 * z) - oy,
+        (r02 * x + r12 * y + r22 * z) - oz,
+    )
 
 
 def object_to_camera(
     camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN
-) -> Float64Array:
-    """Return [R | −R·eye], (4, 4) float64, for points counted from `origin`.
+) -> Matrix4:
+    """Return [R | −R·eye], R = R_cameraᵀ·R_object, for points counted from `origin`.
 
     Rounded to single precision it misplaces a point X by about 2⁻²³·(‖X‖ + ‖eye‖): good for an
     object, or a tile of a scene, that is small and near the camera, however far both are from the
@@ -70,9 +75,7 @@ def object_to_camera(
         object_pose: object-to-world [CNV-2].
         origin: what points are counted from, in the axes of the object.
     """
-    matrix = _turn(camera, object_pose)
-    matrix[:3, 3] = -(matrix[:3, :3] @ camera_in_object(camera, object_pose, origin))
-    return matrix
+    return _seen_from(camera, object_pose, camera_in_object(camera, object_pose, origin))
 
 
 def relative_view(
@@ -108,23 +111,36 @@ def relative_view(
     eye = camera_in_object(camera, object_pose, origin)
     # Converted in small blocks inside the ufunc: no array of doubles is made.
     np.subtract(given, eye, out=moved, dtype=np.float64, casting="same_kind")
-    return RelativeView(moved, _turn(camera, object_pose).astype(np.float32))
+    return RelativeView(moved, as_array(_seen_from(camera, object_pose, NO_ORIGIN), np.float32))
 
 
-def two_floats(eye: Float64Array) -> tuple[Float32Array, Float32Array]:
-    """Return high and low, both float32, whose sum is `eye` to 48 bits.
+def two_floats(eye: Vector) -> tuple[Float32Array, Float32Array]:
+    """Return high and low, (3,) float32 both, whose sum is `eye` to 48 bits.
 
     For renderers that have single precision only: (points − high) − low, in this order, misplaces
     a point of float32 coordinates by at most an ULP of the largest of ‖X − eye‖ and ULP(eye).
     The compiler must not be allowed to reorder it (-ffast-math adds high and low first).
     """
-    high = eye.astype(np.float32)
-    return high, (eye - high).astype(np.float32)
+    high = np.array(eye, np.float32)
+    return high, np.subtract(eye, high, dtype=np.float64).astype(np.float32)
 
 
-def _turn(camera: Pose, object_pose: Pose) -> Float64Array:
-    """[R_cameraᵀ·R_object | 0]."""
-    matrix: Float64Array = np.eye(4)
-    to_camera = as_array(view_matrix(camera))[:3, :3]
-    matrix[:3, :3] = to_camera @ as_array(world_matrix(object_pose))[:3, :3]
-    return matrix
+def _seen_from(camera: Pose, object_pose: Pose, eye: Vector) -> Matrix4:
+    a00, a01, a02, a10, a11, a12, a20, a21, a22 = rotation_matrix(camera.rotation)
+    b00, b01, b02, b10, b11, b12, b20, b21, b22 = rotation_matrix(object_pose.rotation)
+    r00 = a00 * b00 + a10 * b10 + a20 * b20
+    r01 = a00 * b01 + a10 * b11 + a20 * b21
+    r02 = a00 * b02 + a10 * b12 + a20 * b22
+    r10 = a01 * b00 + a11 * b10 + a21 * b20
+    r11 = a01 * b01 + a11 * b11 + a21 * b21
+    r12 = a01 * b02 + a11 * b12 + a21 * b22
+    r20 = a02 * b00 + a12 * b10 + a22 * b20
+    r21 = a02 * b01 + a12 * b11 + a22 * b21
+    r22 = a02 * b02 + a12 * b12 + a22 * b22
+    x, y, z = eye
+    return (
+        r00, r01, r02, -(r00 * x + r01 * y + r02 * z),
+        r10, r11, r12, -(r10 * x + r11 * y + r12 * z),
+        r20, r21, r22, -(r20 * x + r21 * y + r22 * z),
+        0.0, 0.0, 0.0, 1.0,
+    )  # fmt: skip

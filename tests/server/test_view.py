@@ -114,8 +114,8 @@ def test_origin_lets_the_wire_have_small_numbers() -> None:
     in_own_coordinates, same_matrix = seen.camera_relative(means, origin=(0.0, 0.0, 0.0))
     np.testing.assert_allclose(in_own_coordinates, means - FAR, atol=1e-6)
     assert (matrix == same_matrix).all()
-    np.testing.assert_array_equal(seen.eye(), on_wire.position)
-    np.testing.assert_array_equal(seen.eye((0.0, 0.0, 0.0)), FAR)
+    assert seen.eye() == on_wire.position
+    assert seen.eye((0.0, 0.0, 0.0)) == FAR
 
 
 def test_a_scene_in_tiles_takes_a_matrix_a_tile() -> None:
