@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+HERE = Path(__file__).parent
+
 
 def main() -> int:
-    names = sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem[0] != "_")
+    modules = [path.stem for path in HERE.glob("*.py") if path.stem[0] != "_"]
+    names = sorted([*modules, *(path.parent.name for path in HERE.glob("*/__main__.py"))])
     name, *options = sys.argv[1:] or [""]
     if name and name not in names:
         print(__doc__, f"benchmarks: {', '.join(names)}", sep="\n")
@@ -17,7 +20,7 @@ def main() -> int:
     for each in [name] if name else names:
         print(f"== {each}", flush=True)
         command = [sys.executable, "-m", f"benchmarks.{each}", *options]
-        if status := subprocess.run(command, cwd=Path(__file__).parents[1]).returncode:
+        if status := subprocess.run(command, cwd=HERE.parent).returncode:
             return status
     return 0
 

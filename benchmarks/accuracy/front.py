@@ -1,0 +1,36 @@
+"""Which variants nothing beats: the Pareto front of time and error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+LIKE = 1.1
+"""Errors found by search are lower bounds; within this factor they count as alike."""
+
+
+class Point(NamedTuple):
+    """A variant in one picture; low ≤ time ≤ high is its ratio to the floor and its quartiles."""
+
+    low: float
+    time: float
+    high: float
+    error: float
+
+
+def beats(a: Point, b: Point) -> bool:
+    """Whether a is no worse than b in either, and better in one by more than the noise."""
+    if a.time > b.time or a.error > b.error:
+        return False
+    return a.high < b.low or a.error * LIKE < b.error
+
+
+def front(points: Sequence[Point]) -> list[int]:
+    """The indices of the points that no other beats."""
+    return [i for i, b in enumerate(points) if not any(beats(a, b) for a in points)]
+
+
+def cheapest_within(points: Sequence[Point], budget: float) -> list[int]:
+    """The points that keep the budget, and that no other that keeps it is clearly faster than."""
+    kept = [i for i, point in enumerate(points) if point.error <= budget]
+    return [i for i in kept if not any(points[j].high < points[i].low for j in kept)]

@@ -1,0 +1,126 @@
+"""The search for bad cases: many inputs at random, then climbing from the worst of them.
+
+Errors are exact, so a search can only understate them; the worst inputs of earlier runs are
+starting points of the next.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.accuracy.study import Worst
+
+Numbers = tuple[float, ...]
+Columns = NDArray[np.float32]
+
+SEED = 1
+DRAWN = 6000
+STARTS, STEPS = 10, 800
+KEPT, AROUND, GENERATIONS = 64, 256, 40
+
+
+def climb(
+    error: Callable[[Numbers], float],
+    pool: Sequence[Numbers],
+    repair: Callable[[Numbers], Numbers],
+    restated: Callable[[Numbers], float] | None = None,
+    effort: float = 1.0,
+) -> Worst:
+    """The worst input found: of the pool, or by changing its worst a little, again and again.
+
+    Args:
+        error: at an input.
+        pool: inputs to begin with.
+        repair: makes a changed input a valid one.
+        restated: the error by the oracle, for the input that is found.
+        effort: the share of the pool and of the steps to try.
+    """
+    source = random.Random(SEED)
+    some = pool[-round(effort * len(pool)) :]
+    ranked = sorted(((error(x), x) for x in some), reverse=True)[:STARTS]
+    best = ranked[0]
+    for here in ranked:
+        for _ in range(round(effort * STEPS)):
+            candidate = repair(_changed(source, here[1]))
+            there = error(candidate)
+            if there >= here[0]:
+                here = there, candidate
+        best = max(best, here)
+    return Worst((restated or error)(best[1]), list(best[1]))
+
+
+def _changed(source: random.Random, x: Numbers) -> Numbers:
+    scale = 10.0 ** source.uniform(-16, 0)
+    chosen = source.choice([range(len(x)), [source.randrange(len(x))]])
+    return tuple(
+        a * (1.0 + scale * source.gauss(0, 1)) + scale * 1e-6 * source.gauss(0, 1)
+        if i in chosen
+        else a
+        for i, a in enumerate(x)
+    )
+
+
+def climb_columns(
+    errors: Callable[[Columns], NDArray[np.float64]],
+    pool: Columns,
+    repair: Callable[[Columns], Columns],
+) -> tuple[float, Columns]:
+    """As `climb`, for a step on float32 arrays, many inputs at a time.
+
+    Args:
+        errors: of inputs (inputs, numbers), float32, one each.
+        pool: inputs to begin with.
+        repair: makes changed inputs valid ones.
+    """
+    source = np.random.default_rng(SEED)
+    for _ in range(GENERATIONS):
+        found = errors(pool)
+        best = pool[np.argsort(-found)[:KEPT]]
+        scale = 10.0 ** source.uniform(-8, 0, (KEPT * AROUND, 1))
+        noise = scale * source.standard_normal((KEPT * AROUND, pool.shape[1]))
+        noise *= source.random(noise.shape) < 0.6
+        changed = np.repeat(best, AROUND, axis=0) * (1.0 + noise)
+        with np.errstate(over="ignore"):
+            pool = repair(np.concatenate([best, changed]).astype(np.float32))
+    found = errors(pool)
+    return float(found.max()), pool[int(found.argmax())]
+
+
+def unit(q: Numbers) -> Numbers:
+    """The quaternion, brought back to norm 1 ± 0.01 if it left that."""
+    norm = math.hypot(*q)
+    if norm == 0.0:
+        return (0.0, 0.0, 0.0, 1.0)
+    if 0.9901 <= norm <= 1.0099:
+        return q
+    return tuple(a / norm for a in q)
+
+
+def quaternions(source: random.Random) -> Numbers:
+    """Anywhere; near 1; near a half-turn; of a norm that is merely near 1."""
+    x, y, z, w = (source.gauss(0, 1) for _ in range(4))
+    small = 10.0 ** source.uniform(-12, 0)
+    shape = source.randrange(3)
+    if shape == 1:
+        x, y, z = x * small, y * small, z * small
+    elif shape == 2:
+        w *= small
+    norm = math.hypot(x, y, z, w) / source.choice([1.0, source.uniform(0.991, 1.009)])
+    return x / norm, y / norm, z / norm, w / norm
+
+
+def positions(source: random.Random, low: float = -3, high: float = 9) -> Numbers:
+    """Three coordinates of a magnitude from 10^low to 10^high."""
+    magnitude = 10.0 ** source.uniform(low, high)
+    return tuple(magnitude * source.uniform(-1, 1) for _ in range(3))
+
+
+def floats(result: Any) -> list[float]:
+    """The numbers of a result, flat, whatever it came in."""
+    return [float(a) for a in np.ravel(result)]
