@@ -54,6 +54,13 @@ class HostImages:
         rows = self._rows(self._ring.depth_offset + slot * self._ring.depth_stride, 1)
         return rows[::-1, :, 0]
 
+    def on_host(self, name: str, slot: int, image: Image) -> Image:
+        """Return the image as it is: it is on the host."""
+        return image
+
+    def finish(self, slot: int) -> None:
+        """Do nothing: reads of memory of the host are over when they return."""
+
     def close(self) -> bool:
         """Unmap, and return True; or False while somebody still keeps an array of it."""
         try:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,28 @@ from splatbus_wire.messages import Frame, FrameCamera
 Image = NDArray[np.float32]
 
 
+class OnDevice(Protocol):
+    """An array on a GPU, its bottom row first; see `splatbus_client.cuda.arrays.DeviceArray`."""
+
+    pointer: int
+    shape: tuple[int, ...]
+
+    def ready_on(self, stream: int) -> int:
+        """Make a stream wait for the image, and return the pointer."""
+
+    def __dlpack__(self, *, stream: int | None = None) -> Any:
+        """Return what other libraries read it by, on that stream."""
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """Return which device it is on."""
+
+
 class FrameLease:
     """One whole image: colour and depth of one moment, and the camera that it was rendered with.
 
     Its arrays are views of memory that the server lends and will write again: copy what is to
-    outlive the `with` block. Nothing may still be reading them when it ends [IMG-13].
+    outlive the `with` block. Nothing may still be reading them when it ends [IMG-13]; reads on a
+    GPU through DLPack are waited for then.
 
     Attributes:
         camera: what it was rendered with.
@@ -30,8 +47,9 @@ class FrameLease:
         self,
         frame: Frame,
         semantics: Semantics,
-        color: Image | None,
-        depth: Image | None,
+        color: Image | OnDevice | None,
+        depth: Image | OnDevice | None,
+        on_host: Callable[[str, Any], Image],
         give_back: Callable[[], None],
         lasts: Callable[[], bool],
     ) -> None:
@@ -41,26 +59,46 @@ class FrameLease:
         self.time = frame.time
         self.rendered_at = frame.rendered_at
         self._color, self._depth = color, depth
-        self._give_back, self._lasts = give_back, lasts
+        self._on_host, self._give_back, self._lasts = on_host, give_back, lasts
+        self._on_host_already: dict[str, Image] = {}
         self._released = False
 
     @property
     def color(self) -> Image:
-        """(H, W, 4) float32 RGBA in [0, 1], rows top-down, read-only, without a copy.
+        """(H, W, 4) float32 RGBA in [0, 1], rows top-down, read-only.
+
+        Without a copy where it is in memory of the host, with one, the first time, where it is on
+        a GPU.
 
         Raises:
             RuntimeError: the frame was released, or colour was not subscribed to [IMG-14, IMG-22].
         """
-        return self._readable(self._color, "color")
+        return self._host("color", self._readable(self._color, "color"))
 
     @property
     def depth(self) -> Image:
-        """(H, W) float32 depth in scene units, rows top-down, read-only, without a copy.
+        """(H, W) float32 depth in scene units, rows top-down, read-only; copied as colour is.
 
         Raises:
             RuntimeError: the frame was released, or depth was not subscribed to [IMG-14, IMG-22].
         """
-        return self._readable(self._depth, "depth")
+        return self._host("depth", self._readable(self._depth, "depth"))
+
+    @property
+    def color_on_device(self) -> OnDevice:
+        """(H, W, 4) float32 RGBA where it lies on the GPU, rows bottom-up, not to be written.
+
+        For `torch.from_dlpack`, `cupy.from_dlpack`, `jax.dlpack.from_dlpack`, without a copy.
+
+        Raises:
+            RuntimeError: it is in memory of the host, or as for `color`.
+        """
+        return _device(self._readable(self._color, "color"))
+
+    @property
+    def depth_on_device(self) -> OnDevice:
+        """(H, W) float32 depth where it lies on the GPU; all else as for `color_on_device`."""
+        return _device(self._readable(self._depth, "depth"))
 
     @property
     def channels(self) -> frozenset[str]:
@@ -81,9 +119,15 @@ class FrameLease:
         if not self._released:
             self._released = True
             self._color = self._depth = None
+            self._on_host_already.clear()
             self._give_back()
 
-    def _readable(self, image: Image | None, name: str) -> Image:
+    def _host(self, name: str, image: Image | OnDevice) -> Image:
+        if name not in self._on_host_already:
+            self._on_host_already[name] = self._on_host(name, image)
+        return self._on_host_already[name]
+
+    def _readable(self, image: Image | OnDevice | None, name: str) -> Image | OnDevice:
         if self._released:
             raise RuntimeError("the frame was released; copy what is to outlive it [IMG-14]")
         if image is None:
@@ -100,3 +144,9 @@ class FrameLease:
         trace: TracebackType | None,
     ) -> None:
         self.release()
+
+
+def _device(image: Image | OnDevice) -> OnDevice:
+    if isinstance(image, np.ndarray):
+        raise RuntimeError("the server's images are in memory of the host, not on a GPU")
+    return image

@@ -4,11 +4,12 @@ Nothing here waits or locks; the session does.
 """
 
 import logging
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from splatbus_wire.init_packet import InitPacket, Semantics
+from splatbus_wire.init_packet import CudaMemory, InitPacket, Semantics
 from splatbus_wire.messages import Frame, Hello
 
+from splatbus_client import cuda
 from splatbus_client.events import Announced, Declined, IpcEvent, Lent
 from splatbus_client.host_memory import CannotOpenError, HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -16,12 +17,32 @@ from splatbus_client.ipc_protocol import IpcProtocol
 log = logging.getLogger("splatbus_client")
 
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
+"""What this client can do on the IPC channel; with a GPU, `cuda_ipc` too."""
+
+
+def capabilities() -> tuple[str, ...]:
+    """Return what this client can do here."""
+    return CAPABILITIES + (("cuda_ipc",) if cuda.usable() else ())
+
+
+class Images(Protocol):
+    """What every kind of memory has: see `HostImages`, and `cuda.images.CudaImages`."""
+
+    generation: int
+    semantics: Semantics
+    size: tuple[int, int]
+
+    def color(self, slot: int) -> Any: ...  # noqa: D102
+    def depth(self, slot: int) -> Any: ...  # noqa: D102
+    def on_host(self, name: str, slot: int, image: Any) -> Any: ...  # noqa: D102
+    def finish(self, slot: int) -> None: ...  # noqa: D102
+    def close(self) -> bool: ...  # noqa: D102
 
 
 class Mapped(NamedTuple):
     """Memory, and the connection that it was announced on."""
 
-    images: HostImages
+    images: Images
     machine: IpcProtocol
 
 
@@ -138,7 +159,7 @@ class Reading:
     def _open(self, packet: InitPacket) -> None:
         assert self._machine is not None
         try:
-            images = HostImages(packet)
+            images = _opened(packet)
         except CannotOpenError as problem:
             self._machine.open_failed(packet, str(problem))
             self._go_without(str(problem))
@@ -181,3 +202,11 @@ class Reading:
             return False
         mapped.machine.closed(mapped.images.generation)
         return True
+
+
+def _opened(packet: InitPacket) -> Images:
+    if isinstance(packet.memory, CudaMemory) and cuda.usable():
+        from splatbus_client.cuda.images import CudaImages  # it needs cuda-bindings
+
+        return CudaImages(packet)
+    return HostImages(packet)

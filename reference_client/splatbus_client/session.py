@@ -29,7 +29,7 @@ from splatbus_wire.poses import Pose
 from splatbus_client.channel import Channel, ChannelStatus
 from splatbus_client.ipc_protocol import CHANNELS
 from splatbus_client.lease import FrameLease
-from splatbus_client.reading import CAPABILITIES, ImagesOpen, Loan, Reading
+from splatbus_client.reading import ImagesOpen, Loan, Reading, capabilities
 from splatbus_client.settings import Settings, settings
 from splatbus_client.steering import Steering
 
@@ -78,7 +78,7 @@ class Session:
 
     def __init__(self, where: Settings, channels: Iterable[str] = CHANNELS) -> None:
         program = Program("splatbus-client", version("splatbus-protocol"))
-        hello = Hello(("1.1", "1.0"), program, CAPABILITIES, where.token)
+        hello = Hello(("1.1", "1.0"), program, capabilities(), where.token)
         self._where = where
         self._started = time.monotonic()
         self._changed = threading.Condition()
@@ -217,6 +217,7 @@ class Session:
         images, slot = loan.mapped.images, loan.frame.slot
 
         def give_back() -> None:
+            images.finish(slot)
             with self._sending(self._ipc):
                 self._reading.give_back(loan)
 
@@ -225,6 +226,7 @@ class Session:
             images.semantics,
             images.color(slot) if "color" in loan.channels else None,
             images.depth(slot) if "depth" in loan.channels else None,
+            lambda name, image: images.on_host(name, slot, image),
             give_back,
             lambda: self._reading.lasts(loan),
         )

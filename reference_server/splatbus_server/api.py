@@ -8,10 +8,8 @@ from contextlib import ExitStack
 from dataclasses import replace
 from importlib.metadata import version
 from types import TracebackType
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Program
 from splatbus_wire.poses import IDENTITY, Pose, Vector
@@ -19,15 +17,14 @@ from splatbus_wire.poses import IDENTITY, Pose, Vector
 from splatbus_server.connection import Terms
 from splatbus_server.control import Poses
 from splatbus_server.exchange import Exchange
-from splatbus_server.memory import Memory, Pixels
+from splatbus_server.memory import FrameMemory, Memory
+from splatbus_server.publish import DepthKind
 from splatbus_server.service import Service
 from splatbus_server.session import CAPABILITIES, Session
 from splatbus_server.settings import listen, settings
 from splatbus_server.shared_memory import sweep_stale
 from splatbus_server.statistics import Statistics
 from splatbus_server.view import Intrinsics, View, field_of_view
-
-Layout = Literal["HWC", "CHW"]
 
 READERS = 4
 STRAIGHT_SRGB = Semantics()
@@ -50,6 +47,8 @@ def serve(
     cameras: Sequence[Pose] = (),
     semantics: Semantics = STRAIGHT_SRGB,
     readers: int = READERS,
+    memory: Literal["host_shm", "cuda_ipc"] = "host_shm",
+    device: int = 0,
     host: str | None = None,
     ipc_port: int | None = None,
     message_port: int | None = None,
@@ -69,6 +68,9 @@ def serve(
             wire plus `origin`, for `cameras` as well.
         readers: how many clients may read images at a time. There are two more slots than that,
             and each takes 20 bytes a pixel.
+        memory: where the images are: `host_shm`, memory of the host, or `cuda_ipc`, memory of a
+            GPU, which takes images that are on it already, and serves clients of 1.0 too.
+        device: which GPU, as this process counts.
         host: to listen on; SPLATBUS_HOST or 127.0.0.1 if not given.
         ipc_port: SPLATBUS_IPC_PORT or 6001 if not given; 0 lets the system choose.
         message_port: SPLATBUS_MSG_PORT or 6000 if not given; 0 lets the system choose.
@@ -77,20 +79,22 @@ def serve(
     Raises:
         ValueError: a setting is out of its range, or an address that other machines can reach
             lacks a token [NEG-17].
-        OSError: an address is taken, or shared memory is full.
+        OSError: an address is taken, memory is full, or there is no such GPU.
+        ImportError: `cuda_ipc` without cuda-bindings.
     """
     where = settings(host, ipc_port, message_port, token)
     sweep_stale()
     with ExitStack() as undo:
         ipc = undo.enter_context(listen(where.host, where.ipc_port))
         message = undo.enter_context(listen(where.host, where.message_port))
-        memory = Memory(width, height, readers, semantics)
-        undo.callback(memory.close)
+        images = _memory(memory, device, width, height, readers, semantics)
+        undo.callback(images.close)
         statistics = Statistics()
         poses = Poses(cameras[0] if cameras else IDENTITY)
-        exchange = Exchange(memory, intrinsics or field_of_view(width, height), poses, statistics)
+        exchange = Exchange(images, intrinsics or field_of_view(width, height), poses, statistics)
         program = Program("splatbus-server", version("splatbus-protocol"))
-        terms = Terms(program, {"ipc": CAPABILITIES, "message": ()}, where.token)
+        capabilities = tuple(images.kind if c == "host_shm" else c for c in CAPABILITIES)
+        terms = Terms(program, {"ipc": capabilities, "message": ()}, where.token)
         session = Session(exchange, cameras, readers, statistics)
         service = Service({"ipc": ipc, "message": message}, session, terms, statistics)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
@@ -159,12 +163,13 @@ class Bus:
     def publish(
         self,
         view: View,
-        color: ArrayLike,
-        depth: ArrayLike | None = None,
+        color: Any,
+        depth: Any = None,
         *,
-        alpha: ArrayLike | None = None,
-        depth_kind: Literal["linear", "inverse"] = "linear",
+        alpha: Any = None,
+        depth_kind: DepthKind = "linear",
         time: float = 0.0,
+        stream: object = None,
     ) -> None:
         """Makes an image the newest; clients that wait for one are told. Never waits for any.
 
@@ -172,43 +177,45 @@ class Bus:
 
         Args:
             view: that was rendered.
-            color: straight RGB or RGBA, top row first, (height, width, 3 or 4) or
-                (3 or 4, height, width); converted to float32, clamped to [0, 1] [BUF-3].
+            color: RGB or RGBA, straight or premultiplied as the server's `semantics` say, top row
+                first, (height, width, 3 or 4) or (3 or 4, height, width); converted to float32,
+                clamped to [0, 1] [BUF-3].
             depth: planar, top row first, (height, width) or with one axis of length 1 more; needed
                 if `view.wants_depth`.
             alpha: accumulated, of the shape of depth; that of the colour, if it has one, if not
-                given. Pixels where it is less than 1/255 are empty [ACC-9].
+                given. Pixels where it is less than 1/255 are empty [ACC-9]. It is the colour's own
+                too where that is premultiplied RGB.
             depth_kind: `linear`: z in scene units [BUF-6]. `inverse`: Σ(1/zᵢ)αᵢTᵢ, as 3DGS
-                rasterisers accumulate it; stored as alpha / depth [ACC-8].
+                rasterisers accumulate it; stored as alpha / depth [ACC-8]. `accumulated`: Σzᵢαᵢ Tᵢ,
+                stored as depth / alpha.
             time: in the scene, seconds.
+            stream: with memory on a GPU, the CUDA stream to work on, behind what it has to do
+                already; the one that `color` is made on, which for PyTorch is the current one, if
+                not given.
+
+        With memory on a GPU the arrays are float32 or float16 there (PyTorch, CuPy, JAX, or
+        whatever has `__dlpack__` or `__cuda_array_interface__`), are read where they lie, and may
+        be freed or written again by later work on the same stream. Nothing waits for the GPU.
 
         Raises:
-            ValueError: an array has another shape, or depth is wanted and not given.
+            ValueError: an array has another shape, or depth is wanted and not given; with memory on
+                a GPU, it is not there, or of other numbers.
+            OSError: the GPU refuses the work.
         """
         memory = self._exchange.memory
         if view.generation != memory.generation:
             return
-        pixels, layout = _color(color, memory)
-        depths = _plane("depth", depth, memory)
-        alphas = _plane("alpha", alpha, memory)
-        if view.wants_depth and depths is None:
+        fill = memory.writer(color, depth, alpha, depth_kind, stream)
+        if view.wants_depth and depth is None:
             raise ValueError(
                 "a client wants depth (view.wants_depth), but none is given; "
                 "a renderer without depth can give np.full((height, width), np.inf)"
             )
-        if alphas is None and pixels.shape[layout.index("C")] == 4:
-            alphas = pixels[..., 3] if layout == "HWC" else pixels[3]
 
         def write(slot: int) -> None:
-            if "color" in view.wants:
-                memory.publisher.color(pixels, memory.color(slot), layout)
-                self._statistics.colors_converted += 1
-            if depths is not None and view.wants_depth:
-                convert = memory.publisher.depth
-                if depth_kind == "inverse":
-                    convert = memory.publisher.inverse_depth
-                convert(depths, memory.depth(slot), alphas)
-                self._statistics.depths_converted += 1
+            fill(slot, view.wants)
+            self._statistics.colors_converted += "color" in view.wants
+            self._statistics.depths_converted += view.wants_depth
 
         if self._exchange.publish(view, time, write):
             self._service.ring()
@@ -229,7 +236,7 @@ class Bus:
         self._service.ring()
 
     def close(self) -> None:
-        """Ends all connections, and removes the shared memory from the system [OPN-9]."""
+        """Ends all connections, then frees the memory of the images [OPN-9, CUD-4]."""
         self._service.stop()
         self._thread.join(STOP_SECONDS)
         for memory in (*self._exchange.replaced, self._exchange.memory):
@@ -243,25 +250,14 @@ class Bus:
             raise
 
 
-def _color(color: ArrayLike, memory: Memory) -> tuple[Pixels, Layout]:
-    """The pixels, and in which order the axes are."""
-    pixels = np.asarray(color, np.float32)
-    size = (memory.height, memory.width)
-    if pixels.ndim == 3 and pixels.shape[:2] == size and pixels.shape[2] in (3, 4):
-        return pixels, "HWC"
-    if pixels.ndim == 3 and pixels.shape[1:] == size and pixels.shape[0] in (3, 4):
-        return pixels, "CHW"
-    raise ValueError(
-        f"colour of shape {pixels.shape} is neither ({size[0]}, {size[1]}, 3 or 4)"
-        f" nor (3 or 4, {size[0]}, {size[1]})"
-    )
+def _memory(
+    kind: str, device: int, width: int, height: int, readers: int, semantics: Semantics
+) -> FrameMemory:
+    if kind == "host_shm":
+        return Memory(width, height, readers, semantics)
+    if kind != "cuda_ipc":
+        raise ValueError(f"memory {kind!r} is neither 'host_shm' nor 'cuda_ipc'")
+    from splatbus_server.cuda.driver import Device  # only here: few servers have a GPU
+    from splatbus_server.cuda.memory import DeviceMemory
 
-
-def _plane(what: str, plane: ArrayLike | None, memory: Memory) -> Pixels | None:
-    if plane is None:
-        return None
-    values = np.asarray(plane, np.float32)
-    size = (memory.height, memory.width)
-    if values.shape not in (size, (*size, 1), (1, *size)):
-        raise ValueError(f"{what} of shape {values.shape} is not {size}")
-    return values.reshape(size)
+    return DeviceMemory(width, height, readers, semantics, Device(device))

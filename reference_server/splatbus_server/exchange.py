@@ -9,11 +9,13 @@ from collections.abc import Callable, Hashable, Set
 from typing import NamedTuple
 
 from splatbus_server.control import Poses
-from splatbus_server.memory import Memory
+from splatbus_server.memory import FrameMemory
 from splatbus_server.statistics import Statistics
 from splatbus_server.view import Intrinsics, View
 
 BOTH = frozenset(("color", "depth"))
+WITH_LEGACY = BOTH | {"legacy"}
+"""What is wanted while a client looks at the legacy slot."""
 
 
 class Image(NamedTuple):
@@ -28,7 +30,7 @@ class Image(NamedTuple):
         rendered_at: seconds on the server's monotonic clock.
     """
 
-    memory: Memory
+    memory: FrameMemory
     slot: int
     seq: int
     view: View
@@ -47,12 +49,12 @@ class Exchange:
     """
 
     def __init__(
-        self, memory: Memory, intrinsics: Intrinsics, poses: Poses, statistics: Statistics
+        self, memory: FrameMemory, intrinsics: Intrinsics, poses: Poses, statistics: Statistics
     ) -> None:
         self.memory = memory
         self.poses = poses
         self.newest: Image | None = None
-        self.replaced: list[Memory] = []
+        self.replaced: list[FrameMemory] = []
         self._intrinsics = intrinsics
         self._statistics = statistics
         self._changed = threading.Condition()
@@ -101,7 +103,7 @@ class Exchange:
         self._statistics.frames_published += 1
         return is_awaited
 
-    def replace(self, memory: Memory, intrinsics: Intrinsics) -> None:
+    def replace(self, memory: FrameMemory, intrinsics: Intrinsics) -> None:
         """Renders into other memory from now on."""
         with self._changed:
             self.replaced.append(self.memory)
@@ -117,7 +119,7 @@ class Exchange:
             self._pending += received
             self._changed.notify_all()
 
-    def want(self, channels: frozenset[str], memory: Memory) -> None:
+    def want(self, channels: frozenset[str], memory: FrameMemory) -> None:
         """Takes which channels clients read of this memory; none if nobody reads."""
         if channels != self._wanted:
             with self._changed:
@@ -125,7 +127,7 @@ class Exchange:
                     self._wanted = channels
                     self._changed.notify_all()
 
-    def lend(self, client: Hashable, memory: Memory, wants: Set[str]) -> Image | None:
+    def lend(self, client: Hashable, memory: FrameMemory, wants: Set[str]) -> Image | None:
         """Leases the newest image of the memory [IMG-3]; None if there is nothing new for it."""
         with self._changed:
             image = self.newest
@@ -144,12 +146,12 @@ class Exchange:
         with self._changed:
             image.memory.ring.release(client, image.seq)
 
-    def forget(self, client: Hashable, memory: Memory) -> None:
+    def forget(self, client: Hashable, memory: FrameMemory) -> None:
         """Ends whatever a client had in the memory [IMG-17]."""
         with self._changed:
             memory.ring.drop(client)
 
-    def free(self, memory: Memory) -> None:
+    def free(self, memory: FrameMemory) -> None:
         """Frees memory that has been replaced and that no client has any more [OPN-8]."""
         with self._changed:
             self.replaced.remove(memory)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import weakref
+from collections.abc import Callable, Set
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +13,45 @@ from splatbus_schemas import LIMITS
 from splatbus_wire.init_packet import VERSION, HostMemory, InitPacket, Semantics, host_ring
 
 from splatbus_server import shared_memory
-from splatbus_server.publish import Publisher
+from splatbus_server.publish import Publisher, source
 from splatbus_server.ring import Ring
 
 Pixels = NDArray[np.float32]
+Writer = Callable[[int, Set[str]], None]
+"""Fills a slot with what is wanted of an image: `color`, `depth`, `legacy`."""
+
+
+class FrameMemory(Protocol):
+    """What every kind of memory has: see `Memory`, and `cuda.memory.DeviceMemory`.
+
+    Memory of kind `cuda_ipc` has a legacy slot too, which clients without `frames` read.
+    """
+
+    generation: int
+    width: int
+    height: int
+    ring: Ring
+    init_packet: InitPacket
+
+    @property
+    def kind(self) -> str:
+        """The capability that a client needs: `host_shm` or `cuda_ipc`."""
+
+    def writer(self, color: Any, depth: Any, alpha: Any, depth_kind: Any, stream: Any) -> Writer:
+        """What writes an image, as `Bus.publish` describes it, into a slot; errors as there."""
+
+    def successor(self, width: int, height: int) -> FrameMemory:
+        """Memory for images of another size, the next generation."""
+
+    def close(self) -> None:
+        """Frees it; once is enough."""
 
 
 class Memory:
     """Slots for images of one size, in memory of the host.
 
     Attributes:
+        kind: the capability that a client needs.
         generation: number of this memory, greater than that of the one before.
         width: pixels.
         height: pixels.
@@ -28,6 +59,8 @@ class Memory:
         publisher: converts images of this size.
         init_packet: what a client needs to open it.
     """
+
+    kind = "host_shm"
 
     def __init__(
         self,
@@ -82,6 +115,26 @@ class Memory:
         """Memory for images of another size, the next generation; errors as at first."""
         last_seq = self.ring.newest.seq if self.ring.newest else self._last_seq
         return Memory(width, height, self._readers, self._semantics, self.generation + 1, last_seq)
+
+    def writer(self, color: Any, depth: Any, alpha: Any, depth_kind: Any, stream: Any) -> Writer:
+        """What converts an image into a slot; errors as `publish.source` says."""
+        if stream is not None:
+            raise ValueError("memory of the host is written by the processor: it takes no stream")
+        premultiplied = self._semantics.alpha == "premultiplied"
+        image = source(color, depth, alpha, depth_kind, self.width, self.height, premultiplied)
+
+        def write(slot: int, wants: Set[str]) -> None:
+            if "color" in wants:
+                self.publisher.color(image.color, self.color(slot), image.layout)
+            if image.depth is not None and "depth" in wants:
+                convert = {
+                    "linear": self.publisher.depth,
+                    "inverse": self.publisher.inverse_depth,
+                    "accumulated": self.publisher.accumulated_depth,
+                }[image.depth_kind]
+                convert(image.depth, self.depth(slot), image.alpha)
+
+        return write
 
     def color(self, slot: int) -> Pixels:
         """(height, width, 4), bottom row first."""

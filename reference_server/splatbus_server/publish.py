@@ -8,17 +8,88 @@ height − 1 − j [BUF-1]. Rows go through in blocks that stay in the processor
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Image = NDArray[np.float32]
+Layout = Literal["HWC", "CHW"]
+DepthKind = Literal["linear", "inverse", "accumulated"]
 Mask = NDArray[np.bool_]
 
 COVERED_ALPHA = np.float32(1.0 / 255.0)  # rounds up: no float32 lies between it and 1/255
 LARGEST = np.finfo(np.float32).max
 BLOCK_BYTES = 1 << 20
+
+
+class Source(NamedTuple):
+    """An image as a renderer gave it, in float32.
+
+    Attributes:
+        color: its axes are in the order of `layout`.
+        layout: of the colour.
+        depth: (height, width), or None.
+        alpha: (height, width), or None where the renderer gives none.
+        depth_kind: what the depth is.
+    """
+
+    color: Image
+    layout: Layout
+    depth: Image | None
+    alpha: Image | None
+    depth_kind: DepthKind
+
+
+def source(
+    color: ArrayLike,
+    depth: ArrayLike | None,
+    alpha: ArrayLike | None,
+    depth_kind: DepthKind,
+    width: int,
+    height: int,
+    premultiplied: bool,
+) -> Source:
+    """Looks at what a renderer gives, as `Bus.publish` describes it.
+
+    Premultiplied colour has no background in it, so that the alpha beside RGB is its own.
+
+    Raises:
+        ValueError: an array has another shape; there is no such kind of depth.
+    """
+    if depth_kind not in get_args(DepthKind):
+        raise ValueError(f"depth_kind {depth_kind!r} is none of {', '.join(get_args(DepthKind))}")
+    pixels, layout = _color(color, (height, width))
+    depths = _plane("depth", depth, (height, width))
+    alphas = _plane("alpha", alpha, (height, width))
+    if alphas is None and pixels.shape[layout.index("C")] == 4:
+        alphas = pixels[..., 3] if layout == "HWC" else pixels[3]
+    elif alphas is not None and premultiplied and pixels.shape[layout.index("C")] == 3:
+        fourth = alphas[..., None] if layout == "HWC" else alphas[None]
+        pixels = np.concatenate((pixels, fourth), axis=layout.index("C"))
+    return Source(pixels, layout, depths, alphas, depth_kind)
+
+
+def _color(color: ArrayLike, size: tuple[int, int]) -> tuple[Image, Layout]:
+    """The pixels, and in which order the axes are."""
+    pixels = np.asarray(color, np.float32)
+    if pixels.ndim == 3 and pixels.shape[:2] == size and pixels.shape[2] in (3, 4):
+        return pixels, "HWC"
+    if pixels.ndim == 3 and pixels.shape[1:] == size and pixels.shape[0] in (3, 4):
+        return pixels, "CHW"
+    raise ValueError(
+        f"colour of shape {pixels.shape} is neither ({size[0]}, {size[1]}, 3 or 4)"
+        f" nor (3 or 4, {size[0]}, {size[1]})"
+    )
+
+
+def _plane(what: str, plane: ArrayLike | None, size: tuple[int, int]) -> Image | None:
+    if plane is None:
+        return None
+    values = np.asarray(plane, np.float32)
+    if values.shape not in (size, (*size, 1), (1, *size)):
+        raise ValueError(f"{what} of shape {values.shape} is not {size}")
+    return values.reshape(size)
 
 
 class Publisher:
@@ -31,7 +102,7 @@ class Publisher:
         self._scratch = np.empty(self._rows * width * 4, np.float32)
         self._masks = np.empty((2, self._rows, width), np.bool_)
 
-    def color(self, source: Image, slot: Image, layout: Literal["HWC", "CHW"] = "HWC") -> None:
+    def color(self, source: Image, slot: Image, layout: Layout = "HWC") -> None:
         """Stores colour clamped to [0, 1] [BUF-3]; a pixel with a NaN becomes (0, 0, 0, 0).
 
         Args:
@@ -102,11 +173,34 @@ class Publisher:
                 out, block = slot[rows], source[::-1][rows]
                 weight = self._weight(alpha, rows)
                 np.divide(1.0 if weight is None else weight, block, out=out)
-                infinite = np.greater(out, LARGEST, out=self._masks[0, : len(out)])
-                if infinite.any():
-                    infinite &= block > 0.0
-                    np.copyto(out, LARGEST, where=infinite)
+                self._limit(out, block)
                 self._blank_empty(out, weight)
+
+    def accumulated_depth(self, source: Image, slot: Image, alpha: Image | None = None) -> None:
+        """Stores D/A for accumulated depth D and alpha A; +inf where empty [ACC-9].
+
+        Rounded once, and limited, as in `inverse_depth`; errors as there.
+
+        Args:
+            source: (height, width), D = Σ zᵢ αᵢ Tᵢ.
+            slot: (height, width).
+            alpha: (height, width), A = Σ αᵢ Tᵢ; 1 where the renderer gives none.
+        """
+        self._check_depth(source, slot, alpha)
+        with np.errstate(all="ignore"):
+            for rows in self._blocks():
+                out, block = slot[rows], source[::-1][rows]
+                weight = self._weight(alpha, rows)
+                np.divide(block, 1.0 if weight is None else weight, out=out)
+                self._limit(out, block)
+                self._blank_empty(out, weight)
+
+    def _limit(self, out: Image, block: Image) -> None:
+        """Stores the largest finite number where a quotient overflowed that is a depth [ACC-8]."""
+        infinite = np.greater(out, LARGEST, out=self._masks[0, : len(out)])
+        if infinite.any():
+            infinite &= (block > 0.0) & (block <= LARGEST)
+            np.copyto(out, LARGEST, where=infinite)
 
     def _weight(self, alpha: Image | None, rows: slice) -> Image | None:
         """A contiguous copy of these rows: alpha is often every fourth number of the colour."""
@@ -137,7 +231,7 @@ class Publisher:
         for start in range(0, self.height, self._rows):
             yield slice(start, min(start + self._rows, self.height))
 
-    def _like(self, block: Image, layout: Literal["HWC", "CHW"]) -> Image:
+    def _like(self, block: Image, layout: Layout) -> Image:
         """Scratch of the block's shape whose axes lie in memory as the layout's do."""
         scratch = self._scratch[: block.size]
         if layout == "HWC":

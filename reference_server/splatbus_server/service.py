@@ -165,6 +165,8 @@ class Service:
         peer = Peer(name, accepted, Connection(channel, self._terms, now))
         self._peers.append(peer)
         self._statistics.connections += 1
+        if channel == "ipc" and self._terms.token is None:
+            self._session.join(peer.connection)
         self._selector.register(accepted, selectors.EVENT_READ, lambda: self._serve(peer))
         log.info("%s: connected", name)
 

@@ -30,14 +30,15 @@ from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control
-from splatbus_server.exchange import BOTH, Exchange, Image
-from splatbus_server.memory import Memory
+from splatbus_server.exchange import BOTH, WITH_LEGACY, Exchange, Image
+from splatbus_server.memory import FrameMemory
 from splatbus_server.statistics import Statistics
 
 News = CameraPose | PointCloudPose | Hello | Opened | OpenFailed | Closed | Release | Subscribe
 
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
-"""What this server can do on the IPC channel."""
+"""What this server can do on the IPC channel; `cuda_ipc` takes the place of `host_shm` where its
+memory is on a GPU."""
 
 
 @dataclass
@@ -52,7 +53,7 @@ class Reader:
         lease: the image that it holds.
     """
 
-    announced: dict[int, Memory] = field(default_factory=dict)
+    announced: dict[int, FrameMemory] = field(default_factory=dict)
     opened: set[int] = field(default_factory=set)
     told: int = 0
     wants: frozenset[str] = BOTH
@@ -90,6 +91,16 @@ class Session:
         self.has_news = False
         self._told_busy: set[Connection] = set()
         self._readers: dict[Connection, Reader] = {}
+
+    def join(self, connection: Connection) -> None:
+        """Takes a new connection on the IPC channel of a server that requires no token.
+
+        Memory on a GPU is announced to it at once: it may be of 1.0 and never say a word
+        [CHN-4, NEG-15].
+        """
+        if self._exchange.memory.kind == "cuda_ipc":
+            self._readers[connection] = Reader()
+            self.has_news = True
 
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
         """Does what the message asks for, or says why not."""
@@ -149,11 +160,21 @@ class Session:
             for connection, reader in self._readers.items()
             if memory.generation in reader.opened and connection.has("frames")
         }
-        self._exchange.want(frozenset().union(*(r.wants for r in ready.values())), memory)
+        wanted: frozenset[str] = frozenset().union(*(r.wants for r in ready.values()))
+        self._exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
         for connection, reader in ready.items():
             if reader.lease is None and connection.ending is None:
                 self._lend(connection, reader, memory)
         self._free(now)
+
+    def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
+        """Whether a client without `frames` is there, of 1.0 or later: it copies when it likes."""
+        return memory.kind == "cuda_ipc" and any(
+            reader.told == memory.generation
+            and connection.ending is None
+            and not connection.has("frames")
+            for connection, reader in self._readers.items()
+        )
 
     def _move(self, connection: Connection, message: CameraPose | PointCloudPose) -> Refusal | None:
         if self._control.move(connection, message):
@@ -169,18 +190,22 @@ class Session:
     def _greet(self, connection: Connection, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
         version = connection.welcome.version if connection.welcome else "1.0"
-        if not connection.has("host_shm") or version == "1.0":
+        is_named = connection.has("host_shm") and version != "1.0"
+        is_reader = is_named or self._exchange.memory.kind == "cuda_ipc"
+        if connection.channel != "ipc" or not is_reader:
             return None
-        with_frames = sum(other.has("frames") for other in self._readers)
+        with_frames = sum(other.has("frames") for other in self._readers if other is not connection)
         if connection.has("frames") and with_frames == self._most_readers:
             reason = f"{with_frames} clients read images already [IMG-18]"
             refusal = connection.complain(Refusal("too_many_clients", reason))
             connection.end(reason, now)
             return refusal
-        self._readers[connection] = Reader()
+        self._readers.setdefault(connection, Reader())
         return None
 
-    def _announce(self, connection: Connection, reader: Reader, memory: Memory, now: float) -> None:
+    def _announce(
+        self, connection: Connection, reader: Reader, memory: FrameMemory, now: float
+    ) -> None:
         if reader.told and not connection.has("reinit"):
             connection.end("the image has another size now, and it takes no reinit [OPN-7]", now)
             return
@@ -225,7 +250,7 @@ class Session:
         reader.wants = channels
         return None
 
-    def _lend(self, connection: Connection, reader: Reader, memory: Memory) -> None:
+    def _lend(self, connection: Connection, reader: Reader, memory: FrameMemory) -> None:
         image = self._exchange.lend(connection, memory, reader.wants)
         if image is not None:
             reader.lease = image

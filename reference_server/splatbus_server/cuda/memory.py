@@ -1,0 +1,223 @@
+"""One generation of memory on a GPU: an allocation, an event a slot, and the init packet.
+
+Nothing here waits for the GPU but its end. A frame is one kernel on the caller's stream and the
+record of its slot's event behind it; who reads the slot waits for that event, on the GPU.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import struct
+from collections.abc import Callable, Set
+from typing import Any
+
+from splatbus_schemas import LIMITS
+from splatbus_wire.init_packet import (
+    VERSION,
+    CudaMemory,
+    InitPacket,
+    LegacyBuffers,
+    Semantics,
+    host_ring,
+)
+
+from splatbus_server.cuda.arrays import handle
+from splatbus_server.cuda.driver import (
+    Device,
+    api,
+    call,
+    event_handle,
+    interprocess_event,
+    memory_handle,
+    refused,
+)
+from splatbus_server.cuda.kernels import THREADS, Compiler
+from splatbus_server.cuda.source import DepthKind, Source, source
+from splatbus_server.ring import Ring
+
+_IMAGE = struct.Struct("=Qqqq Qqq Qqq QQ IIf4x")
+"""The kernels' parameter, as publish.cu declares it."""
+_INFINITY = 0x7F800000
+
+
+class DeviceMemory:
+    """Slots for images of one size, and the legacy slot behind them, in one allocation [CUD-1].
+
+    Attributes:
+        kind: the capability that a client needs.
+        generation: number of this memory, greater than that of the one before.
+        width: pixels.
+        height: pixels.
+        ring: who may touch which slot.
+        init_packet: what a client needs to open it.
+    """
+
+    kind = "cuda_ipc"
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        readers: int,
+        semantics: Semantics,
+        device: Device,
+        compiler: Compiler | None = None,
+        generation: int = 1,
+        last_seq: int = 0,
+    ) -> None:
+        """Allocates 20 bytes a pixel for each slot: readers and three.
+
+        Args:
+            width: pixels, 1 to 32,768 [INI-2].
+            height: pixels, the same.
+            readers: how many clients may hold an image at a time.
+            semantics: of what will be published.
+            device: on which.
+            compiler: of the kernels for this device, if there is one already.
+            generation: of this memory.
+            last_seq: number of the last image of the generation before [IMG-1].
+
+        Raises:
+            ValueError: a size is out of its range.
+            CudaError: there is no room, or the platform shares no memory.
+        """
+        largest = LIMITS["max_image_size"]
+        if not (1 <= width <= largest and 1 <= height <= largest):
+            raise ValueError(f"an image of {width}×{height} pixels is not from 1 to {largest}")
+        self.generation, self.width, self.height = generation, width, height
+        self.ring = Ring(readers, last_seq)
+        self._last_seq, self._readers, self._semantics = last_seq, readers, semantics
+        self._device = device
+        self._compiler = compiler or Compiler(device.capability)
+        layout, legacy_color = host_ring(width, height, self.ring.slots)
+        legacy_depth = legacy_color + layout.color_stride
+        size = legacy_depth + layout.depth_stride
+        with device.current():
+            self._pointer = call(api.cuMemAlloc, size)
+            base = int(self._pointer)
+            # What this process had there before is nobody's business.
+            call(api.cuMemsetD8Async, self._pointer, 0, size, 0)
+            call(api.cuMemsetD32Async, base + legacy_depth, _INFINITY, width * height, 0)
+            self._events = [interprocess_event() for _ in range(self.ring.slots + 1)]
+            for event in self._events:
+                call(api.cuEventRecord, event, 0)
+            shared = memory_handle(self._pointer)
+            *events, legacy_event = map(event_handle, self._events)
+        legacy = LegacyBuffers(
+            shared, shared, legacy_event, legacy_color, legacy_depth, device.ordinal
+        )
+        memory = CudaMemory(device.uuid, shared, size)
+        layout = layout._replace(events=tuple(events))
+        self.init_packet = InitPacket(
+            width, height, legacy, VERSION, generation, memory, layout, semantics
+        )
+        self._places = [
+            (
+                base + layout.color_offset + slot * layout.color_stride,
+                base + layout.depth_offset + slot * layout.depth_stride,
+            )
+            for slot in range(layout.slots)
+        ]
+        self._places.append((base + legacy_color, base + legacy_depth))
+        self._wrote: list[int | None] = [0] * len(self._places)  # stream that wrote the slot last
+        self._in_use: dict[int, list[Any]] = {}  # owners of what a slot's kernel may still read
+        self._blocks = math.ceil(width * height / THREADS)
+        self._image = ctypes.create_string_buffer(_IMAGE.size)
+        self._arguments = (ctypes.c_void_p * 1)(ctypes.addressof(self._image))
+        self._context = int(device.context)
+
+    def successor(self, width: int, height: int) -> DeviceMemory:
+        """Memory for images of another size, the next generation; errors as at first."""
+        last_seq = self.ring.newest.seq if self.ring.newest else self._last_seq
+        return DeviceMemory(
+            width,
+            height,
+            self._readers,
+            self._semantics,
+            self._device,
+            self._compiler,
+            self.generation + 1,
+            last_seq,
+        )
+
+    def writer(
+        self, color: Any, depth: Any, alpha: Any, depth_kind: DepthKind, stream: Any
+    ) -> Callable[[int, Set[str]], None]:
+        """What writes the wanted channels of an image into a slot, on the stream.
+
+        Returns once the GPU has been told; never waits for it.
+
+        Raises:
+            ValueError: as `source` says.
+            CudaError: the kernels cannot be compiled.
+        """
+        found = source(
+            color,
+            depth,
+            alpha,
+            depth_kind,
+            None if stream is None else handle(stream),
+            width=self.width,
+            height=self.height,
+            premultiplied=self._semantics.alpha == "premultiplied",
+            device=self._device.ordinal,
+        )
+        return lambda slot, wants: self._write(slot, found, wants)
+
+    def _write(self, slot: int, image: Source, wants: Set[str]) -> None:
+        foreign = int(api.cuCtxGetCurrent()[1]) != self._context
+        if foreign:
+            call(api.cuCtxPushCurrent, self._device.context)
+        try:
+            kernels = self._compiler.kernels(image.format)
+            if "depth" not in wants or not image.format.depth:
+                kernel = kernels.color_only
+            else:
+                kernel = kernels.color_depth if "color" in wants else kernels.depth_only
+            self._launch(kernel, slot, image, self._semantics.depth_empty)
+            if "legacy" in wants:
+                self._launch(kernels.legacy, len(self._places) - 1, image, math.inf)
+            if self._in_use:
+                self._let_go()
+            if image.owners:
+                self._in_use[slot] = image.owners
+        finally:
+            if foreign:
+                call(api.cuCtxPopCurrent)
+
+    def _launch(self, kernel: Any, slot: int, image: Source, empty: float) -> None:
+        """Fills a slot and records its event behind that [IMG-7, BUF-10]."""
+        stream, event = image.stream, self._events[slot]
+        if self._wrote[slot] != stream:  # what another stream still writes there comes first
+            call(api.cuStreamWaitEvent, stream, event, 0)
+            self._wrote[slot] = stream
+        _IMAGE.pack_into(
+            self._image, 0, *image.planes, *self._places[slot], self.width, self.height, empty
+        )
+        (status,) = api.cuLaunchKernel(
+            *(kernel, self._blocks, 1, 1, THREADS, 1, 1, 0),
+            *(stream, ctypes.addressof(self._arguments), 0),
+        )
+        if status:
+            raise refused("cuLaunchKernel", status)
+        call(api.cuEventRecord, event, stream)
+
+    def _let_go(self) -> None:
+        """Lets go of what kernels have read that are done by now."""
+        for slot in list(self._in_use):
+            if not api.cuEventQuery(self._events[slot])[0]:
+                del self._in_use[slot]
+
+    def close(self) -> None:
+        """Frees the memory, once what writes it is done; once is enough."""
+        if not self._events:
+            return
+        with self._device.current():
+            for event in self._events:
+                call(api.cuEventSynchronize, event)
+            call(api.cuMemFree, self._pointer)
+            for event in self._events:
+                call(api.cuEventDestroy, event)
+        self._events = []
+        self._in_use = {}
