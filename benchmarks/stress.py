@@ -39,8 +39,9 @@ def far_away(poses: int, steps: int) -> Any:
                 f" centre {row['worst_centre']:.2g}"
             )
     chosen = [far.deployed_at_its_worst(distance, poses) for distance in (1e4, 1e6)]
-    print(*chosen, sep="\n")
-    return {"rows": rows, "deployed_at_its_worst": chosen}
+    searched = [far.relative_at_its_worst(d, poses, 2 * poses) for d in (1.0, 1e6)]
+    print(*chosen, *searched, sep="\n")
+    return {"rows": rows, "deployed_at_its_worst": chosen, "relative_at_its_worst": searched}
 
 
 def drifting(poses: int, steps: int) -> Any:

@@ -166,6 +166,40 @@ def deployed_at_its_worst(distance: float, count: int, seed: int = 1) -> dict[st
     return worst
 
 
+def relative_at_its_worst(
+    distance: float, draws: int, climbs: int, seed: int = 1
+) -> dict[str, Any]:
+    """The largest error of `camera_relative` in pixels: of random situations, then by climbing."""
+
+    def error(pose: Pose, point: Reals) -> float:
+        seen, _ = camera_relative(pose, point, point)
+        right = exact(pose, point)
+        (u, v), found = pixels([right])[0], pixels([seen])[0]
+        inside = 0 <= u <= WIDTH and 0 <= v <= HEIGHT and 1 <= right[2] <= 10
+        return float(np.hypot(*(found - (u, v)))) if inside else 0.0
+
+    random = np.random.default_rng(seed)
+    worst, pose, point = max(
+        ((error(pose, point), pose, point) for pose, point, _ in situations(distance, draws)),
+        key=lambda found: found[0],
+    )
+    for _ in range(climbs):
+        step = 10.0 ** random.uniform(-9, -1)
+        x, y, z, w = np.array(pose.rotation) + step * random.normal(size=4)
+        norm = math.hypot(x, y, z, w)
+        near = Pose(pose.position, (x / norm, y / norm, z / norm, w / norm))
+        moved = point + step * random.normal(size=3) * 10
+        if (climbed := error(near, moved)) > worst:
+            worst, pose, point = climbed, near, moved
+    return {
+        "distance": distance,
+        "px": worst,
+        "position": pose.position,
+        "rotation": pose.rotation,
+        "point": point.tolist(),
+    }
+
+
 def measure(distances: list[float], count: int) -> list[dict[str, Any]]:
     """A row for each way and distance: worst and median pixel error, worst error of the centre."""
     rows = []

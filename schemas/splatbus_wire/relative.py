@@ -64,7 +64,7 @@ def camera_in_object(
 def object_to_camera(
     camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN
 ) -> Matrix4:
-    """Return [R | −R·eye], R = R_cameraᵀ·R_object, for points counted from `origin`.
+    """Return [R_cameraᵀ·R_object | R_cameraᵀ·(p − c + R_object·origin)], for such points.
 
     Rounded to single precision it misplaces a point X by about 2⁻²³·(‖X‖ + ‖eye‖): good for an
     object, or a tile of a scene, that is small and near the camera, however far both are from the
@@ -75,7 +75,32 @@ def object_to_camera(
         object_pose: object-to-world [CNV-2].
         origin: what points are counted from, in the axes of the object.
     """
-    return _seen_from(camera, object_pose, camera_in_object(camera, object_pose, origin))
+    a00, a01, a02, a10, a11, a12, a20, a21, a22 = rotation_matrix(camera.rotation)
+    b00, b01, b02, b10, b11, b12, b20, b21, b22 = rotation_matrix(object_pose.rotation)
+    x, y, z = object_pose.position
+    cx, cy, cz = camera.position
+    ox, oy, oz = origin
+    x = (x - cx) + (b00 * ox + b01 * oy + b02 * oz)
+    y = (y - cy) + (b10 * ox + b11 * oy + b12 * oz)
+    z = (z - cz) + (b20 * ox + b21 * oy + b22 * oz)
+    return (
+        a00 * b00 + a10 * b10 + a20 * b20,
+        a00 * b01 + a10 * b11 + a20 * b21,
+        a00 * b02 + a10 * b12 + a20 * b22,
+        a00 * x + a10 * y + a20 * z,
+        a01 * b00 + a11 * b10 + a21 * b20,
+        a01 * b01 + a11 * b11 + a21 * b21,
+        a01 * b02 + a11 * b12 + a21 * b22,
+        a01 * x + a11 * y + a21 * z,
+        a02 * b00 + a12 * b10 + a22 * b20,
+        a02 * b01 + a12 * b11 + a22 * b21,
+        a02 * b02 + a12 * b12 + a22 * b22,
+        a02 * x + a12 * y + a22 * z,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
 
 
 def relative_view(
@@ -111,7 +136,8 @@ def relative_view(
     eye = camera_in_object(camera, object_pose, origin)
     # Converted in small blocks inside the ufunc: no array of doubles is made.
     np.subtract(given, eye, out=moved, dtype=np.float64, casting="same_kind")
-    return RelativeView(moved, as_array(_seen_from(camera, object_pose, NO_ORIGIN), np.float32))
+    at_the_object = camera._replace(position=object_pose.position)
+    return RelativeView(moved, as_array(object_to_camera(at_the_object, object_pose), np.float32))
 
 
 def two_floats(eye: Vector) -> tuple[Float32Array, Float32Array]:
@@ -123,24 +149,3 @@ def two_floats(eye: Vector) -> tuple[Float32Array, Float32Array]:
     """
     high = np.array(eye, np.float32)
     return high, np.subtract(eye, high, dtype=np.float64).astype(np.float32)
-
-
-def _seen_from(camera: Pose, object_pose: Pose, eye: Vector) -> Matrix4:
-    a00, a01, a02, a10, a11, a12, a20, a21, a22 = rotation_matrix(camera.rotation)
-    b00, b01, b02, b10, b11, b12, b20, b21, b22 = rotation_matrix(object_pose.rotation)
-    r00 = a00 * b00 + a10 * b10 + a20 * b20
-    r01 = a00 * b01 + a10 * b11 + a20 * b21
-    r02 = a00 * b02 + a10 * b12 + a20 * b22
-    r10 = a01 * b00 + a11 * b10 + a21 * b20
-    r11 = a01 * b01 + a11 * b11 + a21 * b21
-    r12 = a01 * b02 + a11 * b12 + a21 * b22
-    r20 = a02 * b00 + a12 * b10 + a22 * b20
-    r21 = a02 * b01 + a12 * b11 + a22 * b21
-    r22 = a02 * b02 + a12 * b12 + a22 * b22
-    x, y, z = eye
-    return (
-        r00, r01, r02, -(r00 * x + r01 * y + r02 * z),
-        r10, r11, r12, -(r10 * x + r11 * y + r12 * z),
-        r20, r21, r22, -(r20 * x + r21 * y + r22 * z),
-        0.0, 0.0, 0.0, 1.0,
-    )  # fmt: skip

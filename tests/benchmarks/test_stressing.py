@@ -20,8 +20,17 @@ def at_a_million():
 
 def test_a_camera_a_million_units_away_sees_as_one_at_home(at_a_million):
     for way in ("camera-relative", "camera-relative, two floats a number"):
-        assert at_a_million[way]["worst_px"] < 1e-3
+        assert at_a_million[way]["worst_px"] < 5e-4
     assert at_a_million["camera-relative"]["worst_centre"] <= 3e-15 * 1e6  # ACC-5
+
+
+@pytest.mark.parametrize("distance", [1.0, 1e6])
+def test_the_worst_that_a_search_finds_is_a_two_thousandth_of_a_pixel(distance):
+    assert far.relative_at_its_worst(distance, 200, 1000)["px"] < 5e-4
+
+
+def test_a_pose_chosen_to_be_bad_throws_the_deployed_camera_far_off():
+    assert far.deployed_at_its_worst(1e6, 500)["centre"] > 404
 
 
 def test_origin_helps_every_renderer(at_a_million):

@@ -83,6 +83,7 @@ def test_what_plain_single_precision_loses_at_a_million_units():
     plain = as_array(view_matrix(camera), np.float32)
     plain_error = plain[:3, :3] @ point.astype(np.float32) + plain[:3, 3] - exact
     (moved,), matrix = relative_view(point[None], camera)
+    assert not matrix[:3, 3].any()
     relative_error = matrix[:3, :3] @ moved - exact
     assert np.linalg.norm(plain_error) > 1e-3
     assert np.linalg.norm(relative_error) < 1e-7
