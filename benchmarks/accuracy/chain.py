@@ -11,8 +11,8 @@ import numpy as np
 from splatbus_conformance import oracle
 from splatbus_conformance.oracle.rotations import Rows, Vector, apply, multiply, transpose
 from splatbus_server.control import Poses
-from splatbus_server.view import View, field_of_view
 from splatbus_wire.poses import as_array, view_matrix, world_matrix
+from splatbus_wire.relative import object_to_camera
 from splatbus_wire.rotations import rotation_matrix
 
 from benchmarks.accuracy import integers, search
@@ -24,30 +24,10 @@ from benchmarks.accuracy.view import deployed as deployed_view
 TIMED = 500
 FARTHEST = 6
 """The scene lies up to 10⁶ units from the origin, and the camera 1 to 10 units from it."""
-INTRINSICS = field_of_view(1920, 1080)
 
 
 def default(poses: Poses) -> Any:
-    view = View(poses, INTRINSICS, 1920, 1080, frozenset(("color",)), 1)
-    return view.object_to_camera
-
-
-def fused(poses: Poses) -> Any:
-    """Camera-relative in plain floats, the product written out."""
-    camera, points = poses
-    a, b, c, d, e, f, g, h, i = rotation_matrix(camera.rotation)
-    j, k, m, n, o, p, q, r, s = rotation_matrix(points.rotation)
-    x, y, z = points.position
-    u, v, w = camera.position
-    x -= u
-    y -= v
-    z -= w
-    return as_array((
-        a * j + d * n + g * q, a * k + d * o + g * r, a * m + d * p + g * s, a * x + d * y + g * z,
-        b * j + e * n + h * q, b * k + e * o + h * r, b * m + e * p + h * s, b * x + e * y + h * z,
-        c * j + f * n + i * q, c * k + f * o + i * r, c * m + f * p + i * s, c * x + f * y + i * z,
-        0.0, 0.0, 0.0, 1.0,
-    ))  # fmt: skip
+    return as_array(object_to_camera(*poses))
 
 
 def view_times_moved(poses: Poses) -> Any:
@@ -126,9 +106,8 @@ def unpacked(poses: Poses) -> Any:
 
 
 VARIANTS = (
-    Variant("default: camera-relative", default, "default"),
+    Variant("default: camera-relative, plain floats", default, "default"),
     Variant("camera-relative, NumPy", view_times_moved),
-    Variant("camera-relative, fused plain floats", fused),
     Variant("camera-relative, quaternion product", by_quaternions),
     Variant("camera-relative, then float32", relative_single),
     Variant("view · object", rigid),

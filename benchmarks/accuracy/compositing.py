@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,30 +13,27 @@ from splatbus_conformance.oracle.rounding import SINGLE, to_double, ulp
 from splatbus_wire.compositing import over_straight
 
 from benchmarks.accuracy import search
-from benchmarks.accuracy.images import HEIGHT, WIDTH, Doubles, Floats, blocks, column, ulps
+from benchmarks.accuracy.images import HEIGHT, WIDTH, Doubles, Floats, blocks, column, disc, ulps
 from benchmarks.accuracy.study import Measure, Part, Study, Variant, Worst
 
 SAMPLES = 400_000
-ROW_BYTES = 48 * WIDTH
 ONE = np.float32(1)
 
 
-def default(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    return over_straight(C, z, B, far)
+def whole(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
+    """Whole images in single precision, operation after operation."""
+    a = C[..., 3:]
+    in_front = (z > 0) & (z < far) & (a[..., 0] > 0)
+    with np.errstate(invalid="ignore"):
+        blended = a * C[..., :3] + (ONE - a) * B
+    return np.where(in_front[..., None], blended, B)
 
 
-def default_in_blocks(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    out = np.empty_like(B)
-    for rows in blocks(len(C), ROW_BYTES):
-        out[rows] = over_straight(C[rows], z[rows], B[rows], far[rows])
-    return out
-
-
-def by_channel(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    """The default's operations on planes: no inner loop over three channels."""
-    a = C[..., 3]
+def by_channel(dtype: Any, C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
+    """On planes: no inner loop over three channels."""
+    a = C[..., 3].astype(dtype)
     in_front = (z > 0) & (z < far) & (a > 0)
-    rest = ONE - a
+    rest = dtype(1) - a
     out = np.empty_like(B)
     with np.errstate(invalid="ignore"):
         for k in range(3):
@@ -44,11 +42,16 @@ def by_channel(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
     return out
 
 
-def by_channel_in_blocks(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    out = np.empty_like(B)
-    for rows in blocks(len(C), ROW_BYTES // 4):
-        out[rows] = by_channel(C[rows], z[rows], B[rows], far[rows])
-    return out
+def blockwise(compute: Any) -> Any:
+    """The same, for as many rows at a time as stay in the cache."""
+
+    def work(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
+        out = np.empty_like(B)
+        for rows in blocks(len(C), 8 * C.shape[1]):
+            out[rows] = compute(C[rows], z[rows], B[rows], far[rows])
+        return out
+
+    return work
 
 
 def weight(C: Floats, z: Floats, far: Floats) -> Floats:
@@ -62,15 +65,6 @@ def weighted(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
     a = weight(C, z, far)
     out = (ONE - a) * B
     out += a * C[..., :3]
-    return out
-
-
-def weighted_in_blocks(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    out = np.empty_like(B)
-    for rows in blocks(len(C), ROW_BYTES):
-        a = weight(C[rows], z[rows], far[rows])
-        np.multiply(ONE - a, B[rows], out=out[rows])
-        out[rows] += a * C[rows][..., :3]
     return out
 
 
@@ -92,34 +86,25 @@ def double(C: Any, z: Floats, B: Any, far: Floats) -> Floats:
     return result
 
 
-def double_in_blocks(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    out = np.empty_like(B)
-    for rows in blocks(len(C), 2 * ROW_BYTES):
-        out[rows] = double(C[rows], z[rows], B[rows], far[rows])
-    return out
-
-
 def taken_for_straight(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
-    """The formula for straight alpha on colour that is multiplied already."""
-    premultiplied = np.concatenate([C[..., :3] * C[..., 3:], C[..., 3:]], axis=-1)
-    return over_straight(premultiplied, z, B, far)
+    """The formula for straight alpha on a·C, which is what a rasteriser accumulates."""
+    a = C[..., 3:]
+    in_front = (z > 0) & (z < far) & (a[..., 0] > 0)
+    accumulated = a * C[..., :3]
+    return np.where(in_front[..., None], a * accumulated + (ONE - a) * B, B)
 
 
 HIDDEN = "NaN where a hidden colour is not finite"
+SINGLE_CHANNELS, DOUBLE_CHANNELS = partial(by_channel, np.float32), partial(by_channel, np.float64)
 VARIANTS = (
-    Variant("default: float32", default, "default"),
-    Variant("default, in blocks", default_in_blocks),
-    Variant("a channel at a time", by_channel),
-    Variant("a channel at a time, in blocks", by_channel_in_blocks),
-    Variant("alpha set to 0 behind", weighted, unlike=HIDDEN),
-    Variant(
-        "alpha 0 behind, in blocks",
-        weighted_in_blocks,
-        unlike=HIDDEN,
-    ),
-    Variant("B + a·(C − B)", between, unlike=HIDDEN),
-    Variant("float64, rounded once", double),
-    Variant("float64, in blocks", double_in_blocks),
+    Variant("default: over_straight", over_straight, "default"),
+    Variant("float32, whole images", whole),
+    Variant("float32, by channel", SINGLE_CHANNELS),
+    Variant("float32, by channel, in blocks", blockwise(SINGLE_CHANNELS)),
+    Variant("float64, whole images", double),
+    Variant("float64, by channel, in blocks", blockwise(DOUBLE_CHANNELS)),
+    Variant("float32, alpha 0 behind", weighted, unlike=HIDDEN),
+    Variant("float32, B + a·(C − B)", between, unlike=HIDDEN),
     Variant("deployed: premultiplied taken for straight", taken_for_straight, "deployed"),
 )
 
@@ -164,7 +149,9 @@ def study() -> Study:
     source = np.random.default_rng(search.SEED)
     C = source.random((HEIGHT, WIDTH, 4), np.float32)
     B = source.random((HEIGHT, WIDTH, 3), np.float32)
-    z, far = source.random((2, HEIGHT, WIDTH), np.float32)
+    z = source.uniform(1.0, 2.0, (HEIGHT, WIDTH)).astype(np.float32)
+    z[~disc()] = np.inf
+    far = np.broadcast_to(np.linspace(0.5, 4.0, WIDTH, dtype=np.float32), z.shape).copy()
     out = np.empty_like(B)
     part = Part(
         item="pixel",

@@ -13,7 +13,7 @@ from splatbus_server.publish import Publisher
 from splatbus_wire.depth import planar_depth
 
 from benchmarks.accuracy import search
-from benchmarks.accuracy.images import HEIGHT, WIDTH, Doubles, Floats, column, in_blocks, ulps
+from benchmarks.accuracy.images import HEIGHT, WIDTH, Doubles, Floats, column, disc, in_blocks, ulps
 from benchmarks.accuracy.study import Measure, Part, Study, Variant, Worst
 
 SAMPLES = 400_000
@@ -162,7 +162,7 @@ def _finite(example: dict[str, float] | None) -> dict[str, Any] | None:
 def study() -> Study:
     source = np.random.default_rng(search.SEED)
     A = source.random((HEIGHT, WIDTH), np.float32)
-    A[source.random(A.shape) < 0.2] = 0.0
+    A[~disc()] = 0.0
     d = A / source.uniform(1.0, 10.0, A.shape).astype(np.float32)
     out = np.empty_like(d)
     assert oracle.planar_depth(0.125, 0.5) == 4.0

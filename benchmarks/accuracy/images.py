@@ -33,6 +33,12 @@ def in_blocks(compute: Callable[..., Any], row_bytes: int) -> Callable[..., Any]
     return work
 
 
+def disc() -> NDArray[np.bool_]:
+    """What a scene covers: masks of real images hang together, and branches foresee them."""
+    y, x = np.mgrid[-1 : 1 : HEIGHT * 1j, -1 : 1 : WIDTH * 1j]
+    return np.asarray(x * x + y * y < 0.9)
+
+
 def ulps(got: Floats, exact: Doubles) -> Doubles:
     """|got − exact| in ULP of float32 at `exact`; `exact` must be finite."""
     _, exponent = np.frexp(exact)

@@ -1,4 +1,4 @@
-"""From the payload of a pose to its seven numbers [JSN-4, ACC-1]."""
+"""From the payload of a pose to its seven numbers [ACC-14]."""
 
 from __future__ import annotations
 
@@ -150,6 +150,6 @@ def study() -> Study:
         run=lambda compute: each(compute, items),
         worst=worst,
         variants=VARIANTS,
-        measures=(Measure("A number, against its exact value", "ULP of float64", 0.5, "ACC-1"),),
+        measures=(Measure("A number, against its exact value", "ULP of float64", 0.5, "ACC-14"),),
     )
     return Study("Payload of a pose to seven numbers", [part])

@@ -103,7 +103,16 @@ class Panel(NamedTuple):
         return [self.points[i] for i in self.named] if self.enlarged else self.points
 
     def scale(self) -> Scale:
-        return scale_of([point.error for point in self.shown()], self.about["budget"])
+        return scale_of([point.error for point in self.shown()], self.budget())
+
+    def budget(self) -> float | None:
+        """The budget, unless it is far from everything in an enlarged picture."""
+        budget: float | None = self.about["budget"]
+        if budget and self.enlarged:
+            errors = [point.error for point in self.shown()]
+            if not min(errors) / NEAR_ERROR <= budget <= max(errors) * NEAR_ERROR:
+                return None
+        return budget
 
     def span(self) -> tuple[float, float]:
         """The horizontal axis."""
@@ -123,8 +132,8 @@ class Panel(NamedTuple):
         for point in self.points:
             y = scale.place(point.error)
             lines.append(((point.low, y), (point.high, y)))
-        if self.about["budget"] is not None:
-            y = scale.place(self.about["budget"])
+        if (budget := self.budget()) is not None:
+            y = scale.place(budget)
             lines.append(((left, y), (right, y)))
         return lines
 
@@ -175,7 +184,7 @@ def fill(panel: Panel) -> None:
     ticks(axis, scale, left, right)
     if scale.zero is not None:
         zero_strip(axis, scale)
-    if about["budget"] is not None:
+    if panel.budget() is not None:
         budget(axis, scale, about)
     draw_stair(axis, scale, panel.stair())
     on = on_front(panel.part, panel.measure)
@@ -222,10 +231,13 @@ def scale_of(errors: list[float], allowed: float | None) -> Scale:
 def ticks(axis: Any, scale: Scale, left: float, right: float) -> None:
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
+    factors: tuple[float, ...] = (1,)
+    if right / left < 2000:
+        factors = (1, 2, 5) if right / left > 12 else (1, 1.2, 1.5, 2, 3, 4, 5, 7)
     decades = [
         factor * 10.0**exponent
         for exponent in range(math.floor(math.log10(left)), math.ceil(math.log10(right)) + 1)
-        for factor in ((1, 2, 5) if right / left < 2000 else (1,))
+        for factor in factors
     ]
     axis.xaxis.set_major_locator(FixedLocator([x for x in decades if left <= x <= right]))
     axis.xaxis.set_minor_locator(NullLocator())
@@ -233,8 +245,8 @@ def ticks(axis: Any, scale: Scale, left: float, right: float) -> None:
     bottom = scale.low if scale.zero is None else scale.zero**0.4 * scale.low**-0.4 * scale.zero
     first, last = math.ceil(math.log10(bottom)), math.floor(math.log10(scale.high))
     step = max(1, math.ceil((last - first) / 7))
-    factors = (1, 2, 5) if last - first < 2 else (1,)
-    places = [f * 10.0**e for e in range(first - 1, last + 1, step) for f in factors]
+    steps = (1, 2, 5) if last - first < 2 else (1,)
+    places = [f * 10.0**e for e in range(first - 1, last + 1, step) for f in steps]
     places = [y for y in places if bottom <= y <= scale.high]
     names = [_number(y) for y in places]
     if scale.zero is not None:

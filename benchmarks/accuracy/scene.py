@@ -228,7 +228,7 @@ def part(width: int, height: int) -> Part:
         run=lambda compute: lambda: compute(camera),
         worst=lambda variant, known: [worst(variant, width, height)],
         variants=VARIANTS + (ONLY_SMALL if (width, height) == SMALL else ()),
-        measures=(Measure("Colour, edges left out", "of full brightness", 1 / 255, "SCENE.md"),),
+        measures=(Measure("Colour, edges left out", "of full brightness", 1 / 255, "ACC-13"),),
     )
 
 
