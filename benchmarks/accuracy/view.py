@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from splatbus_conformance import oracle
 from splatbus_wire.poses import Pose, as_array, view_matrix, world_matrix
-from splatbus_wire.rotations import rotation_matrix
+from splatbus_wire.rotations import Matrix3, Quaternion, rotation_matrix
 
 from benchmarks.accuracy import integers, search
 from benchmarks.accuracy.rotation import deployed as deployed_rotation
-from benchmarks.accuracy.rotation import in_order as rotation_in_order
+from benchmarks.accuracy.rotation import in_order, in_pairs, textbook
 from benchmarks.accuracy.study import Measure, Part, Study, Variant, Worst
 from benchmarks.accuracy.timing import each
 
@@ -42,9 +43,9 @@ def summed_exactly(pose: Pose) -> Any:
     ))  # fmt: skip
 
 
-def norm_in_order(pose: Pose) -> Any:
-    """The default, but with ‖q‖² summed in order."""
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_in_order(pose.rotation)
+def by(rotation: Callable[[Quaternion], Matrix3], pose: Pose) -> Any:
+    """The default, but with another rotation matrix."""
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(pose.rotation)
     x, y, z = pose.position
     return as_array((
         r00, r10, r20, -(r00 * x + r10 * y + r20 * z),
@@ -106,7 +107,9 @@ VARIANTS = (
     Variant("default: rigid, plain floats", default, "default"),
     Variant("default, rounded once to float32", rounded_once),
     Variant("rigid, sums without rounding", summed_exactly),
-    Variant("rigid, ‖q‖² in order", norm_in_order),
+    Variant("rigid, ‖q‖² in order", partial(by, in_order)),
+    Variant("rigid, ‖q‖² in pairs", partial(by, in_pairs)),
+    Variant("rigid, 1 − s(y²+z²)", partial(by, textbook)),
     Variant("rigid, NumPy", rigid_numpy),
     Variant("rigid, NumPy, float32", rigid_single),
     Variant("general inverse", general),
