@@ -4,6 +4,19 @@ import math
 
 import numpy as np
 from hypothesis import strategies as st
+from hypothesis import target
+from splatbus_conformance.measurements import Measurements
+
+worst = Measurements()
+"""Of the test that runs; `conftest` tells them at the end."""
+
+
+def within(quantity: str, error: float, budget: float, unit: str, case: object) -> None:
+    """An error keeps its budget; the search climbs towards the largest, and the worst is told."""
+    worst.add(quantity, error, budget, unit, str(case))
+    target(error, label=quantity)
+    assert error <= budget, f"{quantity}: {error} {unit} of {budget} at {case}"
+
 
 components = st.floats(-1, 1) | st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, -0.5])
 norms = st.floats(0.9901, 1.0099) | st.just(1.0)

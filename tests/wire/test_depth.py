@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from splatbus_conformance import oracle
+from splatbus_conformance.oracle.rounding import SINGLE
 from splatbus_wire.depth import (
     COVERED_ALPHA_MIN,
     covered,
@@ -13,6 +14,8 @@ from splatbus_wire.depth import (
     planar_depth,
     surface_depth,
 )
+
+from tests.wire.stress import within
 
 singles = st.floats(width=32) | st.sampled_from([0.0, -0.0, 1e-45, 2e-6, 1e-6, math.nan, math.inf])
 alphas = st.floats(0, 1, width=32) | singles
@@ -66,6 +69,19 @@ def test_the_threshold_of_alpha_is_the_first_single_not_below_a_255th():
     below = np.nextafter(COVERED_ALPHA_MIN, np.float32(0))
     assert Fraction(float(below)) < Fraction(1, 255) <= Fraction(float(COVERED_ALPHA_MIN))
     assert covered(single(1, 1), np.array([below, COVERED_ALPHA_MIN])).tolist() == [False, True]
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.integers(1, 0x7F7FF000), st.integers(0x3B808081, 0x3F800000))
+def test_no_step_of_inverse_depth_is_out_of_order_or_more_than_half_an_ulp_off(bits, alpha_bits):
+    """Over 4,096 adjacent numbers from 1e-45 to 3e38, and every alpha that covers."""
+    d = np.arange(bits, bits + 4096, dtype=np.uint32).view(np.float32)
+    A = np.full_like(d, np.array(alpha_bits, np.uint32).view(np.float32))
+    depth = planar_depth(d, A)
+    assert (np.diff(depth) <= 0).all()  # ACC-12
+    if depth[0] < np.finfo(np.float32).max:
+        error = oracle.ulps(float(depth[0]), Fraction(float(A[0])) / Fraction(float(d[0])), SINGLE)
+        within("depth A/d", error, 0.5, "ULP", (float(d[0]), float(A[0])))  # ACC-8
 
 
 def test_depth_falls_as_inverse_depth_rises():
