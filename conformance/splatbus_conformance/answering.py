@@ -2,8 +2,9 @@
 
 from splatbus_conformance import messages
 from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.hard_numbers import unquoted
 from splatbus_conformance.messages import Json
-from splatbus_conformance.packets import Packet
+from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.stress import Pose
 from splatbus_conformance.values import whole
@@ -14,11 +15,13 @@ class Answering:
 
     Attributes:
         cameras: poses on the wire; index i asks for the one at i modulo their number (REQ-6).
+        position: texts of three numbers that stand for that of every camera, if there are any.
         holds: requests wait for `answer_all`.
     """
 
     def __init__(self, trial: ClientTrial) -> None:
         self.cameras = [Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))]
+        self.position: tuple[str, ...] = ()
         self.holds = False
         self.waiting: list[tuple[Connection, Json]] = []
         self._trial = trial
@@ -52,4 +55,6 @@ class Answering:
         if "position" in reply:
             camera = self.cameras[(whole(request.get("cam_idx")) or 0) % len(self.cameras)]
             reply |= {"position": list(camera.position), "rotation": list(camera.rotation)}
-        role.say(connection, reply)
+            if self.position:
+                reply["position"] = [f"<{text}>" for text in self.position]
+        connection.send(packet(unquoted(role.encode["msg"](reply))))

@@ -61,13 +61,20 @@ class Exact(NamedTuple):
         error = np.abs(np.nan_to_num(color, nan=np.inf) - self.color).max(axis=-1)
         return np.where(self.certain, error, 0.0)
 
+    def depth_error(self, depth: Numbers) -> Reals:
+        """(h, w): how far planar depths, +∞ where empty, lie beyond the exact ones around a pixel,
+        relative to them; 0 where uncertain.
+        """
+        with np.errstate(invalid="ignore"):
+            error = np.maximum(1.0 - depth / self.nearest, depth / self.farthest - 1.0)
+        empty = np.isinf(self.depth) & np.isinf(depth)
+        error = np.where(np.isnan(error), np.inf, np.maximum(error, 0.0))
+        error = np.where(np.isinf(self.depth) != np.isinf(depth), np.inf, error)
+        return np.where(empty | ~self.certain, 0.0, error)
+
     def depth_is_right(self, depth: Numbers) -> Where:
         """(h, w): planar depths, +∞ where empty, are right; all that are uncertain are."""
-        with np.errstate(invalid="ignore"):
-            within = (depth >= self.nearest * (1.0 - DEPTH_BUDGET)) & (
-                depth <= self.farthest * (1.0 + DEPTH_BUDGET)
-            )
-        return within | ~self.certain
+        return self.depth_error(depth) <= DEPTH_BUDGET
 
     def agreement(self, color: Numbers, depth: Numbers) -> float:
         """The share of the certain pixels that are right."""

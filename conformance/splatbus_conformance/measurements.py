@@ -44,9 +44,12 @@ class Measurements:
 
     def __init__(self) -> None:
         self._worst: dict[str, Measurement] = {}
+        self._newest: dict[str, float] = {}
 
     def add(self, quantity: str, error: float, budget: float | None, unit: str, input: str) -> None:
         """Take one more case."""
+        if budget is not None:
+            self._newest[quantity] = max(error, self._newest.get(quantity, error))
         former = self._worst.get(quantity)
         cases = 1 + (former.cases if former else 0)
         over = budget is not None and not error <= budget
@@ -54,6 +57,13 @@ class Measurements:
         if former and not error > former.worst:
             error, input = former.worst, former.input
         self._worst[quantity] = Measurement(quantity, error, budget, unit, input, cases, beyond)
+
+    def newest(self) -> dict[str, float]:
+        """The largest errors since this was asked last, of what has a budget: a search climbs on
+        them.
+        """
+        newest, self._newest = self._newest, {}
+        return newest
 
     def beyond(self) -> list[Measurement]:
         """What passed its budget."""

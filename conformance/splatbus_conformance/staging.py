@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.oracle import exact, norm, to_double
 from splatbus_conformance.oracle.rotations import product
 from splatbus_conformance.pinhole import rotation_matrix
-from splatbus_conformance.stress import NORM_SLACK, ROTATIONS, Pose
+from splatbus_conformance.stress import NORM_SLACK, ROTATIONS, Pose, Steered, steering
 
 
 class Stage(NamedTuple):
@@ -33,11 +33,11 @@ def hardest(salt: str, farthest: float) -> list[Stage]:
 def stages(salt: str, farthest: float) -> st.SearchStrategy[Stage]:
     """Cameras up to so far from the origin, turned in every way, before a scene that came along."""
 
-    def stage(turn: Callable[[random.Random], Sequence[float]], seed: int) -> Stage:
-        rng = random.Random(f"{salt} {seed}")
-        return _stage(turn(rng), rng, farthest)
+    def stage(turn: Callable[[random.Random], Sequence[float]], steered: Steered) -> Stage:
+        rng = steered.rng(salt)
+        return _stage(steered.turned(turn(rng)), rng, farthest)
 
-    return st.builds(stage, st.sampled_from(ROTATIONS), st.integers(0, 2**32 - 1))
+    return st.builds(stage, st.sampled_from(ROTATIONS), steering())
 
 
 def staged(camera: Pose, before: Pose) -> Stage:

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 NORM_SLACK = 0.0095
 """Short of the 0.01 of POS-3, so that rounding does not step over it."""
 HALF = math.sqrt(0.5)
+_HALF = 12
+"""Bits; Hypothesis draws integers of twice as many evenly, and larger ones not."""
 
 
 class Pose(NamedTuple):
@@ -35,12 +37,63 @@ class Pose(NamedTuple):
 
 def poses(salt: str, *, single: bool = False) -> st.SearchStrategy[Pose]:
     """Poses of every kind; others for another `salt`, exact in single precision if so asked."""
-    kinds = st.tuples(st.sampled_from(POSITIONS), st.sampled_from(ROTATIONS))
-    return st.builds(
-        lambda kind, seed: _pose(kind[0], kind[1], random.Random(f"{salt} {seed}"), single),
-        kinds,
-        st.integers(0, 2**32 - 1),
-    )
+    held = np.float32 if single else np.float64
+
+    def pose(
+        position: Callable[[random.Random], Sequence[float]],
+        rotation: Callable[[random.Random], Sequence[float]],
+        steered: Steered,
+    ) -> Pose:
+        rng = steered.rng(salt)
+        place, turn = position(rng), rotation(rng)
+        if position in _MAY_MOVE:
+            place = steered.moved(place, len(turn))
+        if rotation in _MAY_MOVE:
+            turn = steered.turned(turn)
+        return Pose(
+            tuple(float(held(number)) for number in place),
+            tuple(float(held(number)) for number in turn),
+        )
+
+    return st.builds(pose, st.sampled_from(POSITIONS), st.sampled_from(ROTATIONS), steering())
+
+
+class Steered(NamedTuple):
+    """What was drawn, so that a search can steer: each integer's high half has a say in everything
+    that is random, and its low half moves one number a little.
+    """
+
+    integers: tuple[int, ...]
+
+    def rng(self, salt: str) -> random.Random:
+        """Another one for each combination of high halves."""
+        return random.Random(f"{salt} {[number >> _HALF for number in self.integers]}")
+
+    def moved(self, numbers: Sequence[float], first: int = 0) -> list[float]:
+        """Up to seven numbers, each changed by up to an eighth of itself, in steps of 2⁻¹⁵ and, by
+        other integers, 2⁻³⁴ and 2⁻⁵³ of it.
+
+        Args:
+            numbers: to be changed.
+            first: how many that were changed before they follow, so that each moves by itself.
+        """
+        low = [(number & (2**_HALF - 1)) / 2**_HALF - 0.5 for number in self.integers[3 * first :]]
+        by = zip(low[0::3], low[1::3], low[2::3], strict=False)
+        return [
+            number * (1.0 + coarse * 2.0**-3 + fine * 2.0**-22 + finest * 2.0**-41)
+            for number, (coarse, fine, finest) in zip(numbers, by, strict=False)
+        ]
+
+    def turned(self, q: Sequence[float], first: int = 0) -> list[float]:
+        """A quaternion whose parts were moved, of the norm that it had."""
+        moved = self.moved(q, first)
+        scale = math.hypot(*q) / math.hypot(*moved)
+        return [part * scale for part in moved]
+
+
+def steering() -> st.SearchStrategy[Steered]:
+    """Three integers for each of seven numbers."""
+    return st.tuples(*21 * [st.integers(0, 2 ** (2 * _HALF) - 1)]).map(Steered)
 
 
 def simpler(numbers: list[list[float]]) -> list[list[list[float]]]:
@@ -51,19 +104,6 @@ def simpler(numbers: list[list[float]]) -> list[list[list[float]]]:
     position, rotation = numbers
     plain = [[1.0, 2.0, 3.0], rotation], [position, [0.2, 0.4, 0.4, 0.8]]
     return [case for case in plain if case != numbers]
-
-
-def _pose(
-    position: Callable[[random.Random], Sequence[float]],
-    rotation: Callable[[random.Random], Sequence[float]],
-    rng: random.Random,
-    single: bool,
-) -> Pose:
-    held = np.float32 if single else np.float64
-    return Pose(
-        tuple(float(held(number)) for number in position(rng)),
-        tuple(float(held(number)) for number in rotation(rng)),
-    )
 
 
 def _words(numbers: Sequence[float]) -> str:
@@ -133,3 +173,5 @@ def _axis(rng: random.Random) -> list[float]:
 
 
 ROTATIONS = (_any, _off_norm, _half_turn, _near_identity, _with_zeros)
+_MAY_MOVE = (*POSITIONS[:2], *ROTATIONS[:-1])
+"""The others are of numbers that were chosen to the last bit."""

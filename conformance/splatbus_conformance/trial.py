@@ -8,7 +8,7 @@ from hypothesis.strategies import SearchStrategy
 from splatbus_schemas import LIMITS
 from splatbus_schemas.requirements import Requirement
 
-from splatbus_conformance.drawing import draw
+from splatbus_conformance.drawing import climb, draw
 from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.script import Case, Cases
@@ -72,6 +72,7 @@ class Trial:
         quick: int = 0,
         full: int = 0,
         simpler: Callable[[T], Iterable[T]] = lambda case: (),
+        search: str = "",
     ) -> Iterator[T]:
         """Go through cases: those listed, then so many that Hypothesis draws in each profile.
 
@@ -84,6 +85,8 @@ class Trial:
             quick: how many to draw in the quick profile.
             full: how many to draw in the full one.
             simpler: what makes a drawn case simpler, and leaves it a case.
+            search: if given, half of the cases drawn climb towards the largest errors of what
+                `measured` is told to have a budget; another word draws other cases.
         """
         assert not self._going_through, "a check goes through cases while it goes through cases"
         number = len(self.went_through)
@@ -92,7 +95,8 @@ class Trial:
         self.simpler.append(simpler)
         self._going_through = True
         try:
-            chosen = self._chosen(number, listed, drawn, quick, full)
+            count = full if self.thorough else quick
+            chosen = self._chosen(number, listed, drawn, count, search)
             for place, (case, value) in enumerate(chosen):
                 if self.script is not None or self.affords(place):
                     noted.append(case)
@@ -113,8 +117,8 @@ class Trial:
         number: int,
         listed: Iterable[T],
         drawn: SearchStrategy[T] | None,
-        quick: int,
-        full: int,
+        count: int,
+        search: str,
     ) -> Iterator[tuple[Case, T]]:
         if self.script is not None:
             known = list(listed)
@@ -125,8 +129,14 @@ class Trial:
         for place, value in enumerate(listed):
             yield Case(False, place), value
         if drawn is not None:
-            for value in draw(drawn, full if self.thorough else quick, self.seed):
+            for value in self._drawn(drawn, count, search):
                 yield Case(True, value), value
+
+    def _drawn(self, drawn: SearchStrategy[T], count: int, search: str) -> Iterable[T]:
+        if not search:
+            return draw(drawn, count, self.seed)
+        self.measurements.newest()  # of cases before these
+        return climb(drawn, count, f"{search} {self.seed}", self.measurements.newest)
 
     def wait(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
         """Wait until the condition holds or the testee's process has ended; whether it holds."""

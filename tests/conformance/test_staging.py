@@ -28,7 +28,7 @@ def test_every_stage_is_a_pair_of_valid_poses_within_reach() -> None:
         assert abs(math.hypot(*scene.rotation) - 1.0) <= 1e-12
         assert max(map(abs, camera.position)) <= 100.0
         assert np.linalg.norm(rigid(*scene).sees(np.array(camera.position))) < 3.0
-    assert len(norms) > 10, "quaternions of many norms"
+    assert len(norms) > 5, "quaternions of many norms"
 
 
 def test_the_hardest_are_the_same_each_time_and_reach_both_ends_of_the_norm() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from splatbus_conformance.drawing import draw
-from splatbus_conformance.stress import poses
+from splatbus_conformance.stress import Steered, poses
 
 DOUBLE = draw(poses("a"), 600, 0)
 SINGLE = draw(poses("a", single=True), 600, 0)
@@ -44,5 +44,17 @@ def test_the_same_seed_draws_the_same_poses_and_another_salt_others():
     assert not {*draw(poses("b"), 50, 0)} & {*DOUBLE}
 
 
+def test_a_search_moves_one_number_by_much_or_by_little():
+    numbers, near = [1.0, 2.0, 3.0], Steered(21 * (5,))
+    before = near.moved(numbers)
+    for at, step in ((3, 2.0**-15), (4, 2.0**-34), (5, 2.0**-53)):
+        stepped = Steered((*near.integers[:at], 6, *near.integers[at + 1 :]))
+        assert stepped.rng("a").random() == near.rng("a").random()
+        changed = [a - b for a, b in zip(stepped.moved(numbers), before, strict=True)]
+        assert changed == pytest.approx([0.0, 2.0 * step, 0.0], rel=0.5, abs=0.0)
+    other = Steered((5 + 2**12, *near.integers[1:]))
+    assert other.rng("a").random() != near.rng("a").random()
+
+
 def test_most_poses_are_different():
-    assert len({str(pose) for pose in DOUBLE}) > 0.97 * len(DOUBLE)
+    assert len({str(pose) for pose in DOUBLE}) > 0.9 * len(DOUBLE)

@@ -2,12 +2,13 @@
 
 import contextlib
 import functools
+import json
 import os
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from splatbus_wire import decoding, encoding
+from splatbus_wire import decoding, encoding, json_text
 
 from splatbus_conformance.selftest.patching import Patch
 
@@ -58,6 +59,28 @@ def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
         return original(message)
 
     wrap(patch, decoding, "parse_init_packet", parse)
+
+
+def adding_up_digits(patch: Patch) -> None:
+    """Read fractions digit by digit, in double precision, as parsers written by hand do."""
+
+    def read(text: str) -> float:
+        digits, _, exponent = text.lower().partition("e")
+        whole, _, fraction = digits.lstrip("-").partition(".")
+        value = 0.0
+        for digit in whole + fraction:
+            value = 10.0 * value + int(digit)
+        value *= 10.0 ** (int(exponent or 0) - len(fraction))
+        return -value if text.startswith("-") else value
+
+    decoder = json.JSONDecoder(
+        object_pairs_hook=json_text._members,
+        parse_float=read,
+        parse_int=json_text._integer,
+        parse_constant=json_text._constant,
+    )
+    patch.setattr(json_text, "_STRICT", decoder)
+    patch.setattr(decoding, "plain_pose", lambda payload: None)
 
 
 def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:

@@ -5,11 +5,12 @@ Its own geometry is a plane of one colour at one depth; the oracle says what has
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from splatbus_conformance.adapter import AdapterBroken
@@ -22,6 +23,7 @@ from splatbus_conformance.oracle import composite, to_single, ulps
 from splatbus_conformance.oracle.rounding import SINGLE
 from splatbus_conformance.painting import Painting
 from splatbus_conformance.sound_packets import SEMANTICS
+from splatbus_conformance.stress import steering
 
 COMPOSES = ("hello:ipc", "capability:frames", "opens", "adapter:digest", "adapter:composite")
 OBSERVABLE = "colours of the image over a plane, told by the adapter, against the oracle's"
@@ -33,6 +35,13 @@ EVIDENT = 1e-2
 """A colour that is off by more is of something else; less is a matter of accuracy (ACC-10)."""
 BUDGET_ULP = 2.0
 """Of ACC-10."""
+STEPS = 5
+NEIGHBOURS = 60
+COLOURS = st.tuples(
+    steering().map(lambda it: it.moved([it.rng("splat").random() for _ in range(4)])),
+    steering().map(lambda it: it.moved([it.rng("behind").random() for _ in range(3)])),
+).map(lambda pair: [*pair[0], *pair[1]])
+"""Red, green, blue and alpha of a splat, and red, green and blue behind it."""
 Place = tuple[int, int]
 Colour = tuple[float, ...]
 
@@ -251,7 +260,8 @@ def _judge_what_was_understood(trial: ClientTrial, offered: Json, changes: Json)
 @check("ACC-10", observable=OBSERVABLE, needs=COMPOSES)
 def check_composes_within_two_ulp(trial: ClientTrial) -> None:
     """Images of every colour and alpha, straight and premultiplied, before and behind planes of
-    every colour.
+    every colour; then images of one colour and all that lie a few ULP from it, which climb towards
+    the largest error.
     """
     trial.role.offers_memory = False
     for alpha in ("straight", "premultiplied"):
@@ -264,19 +274,29 @@ def check_composes_within_two_ulp(trial: ClientTrial) -> None:
         lending = Lending(trial, connection)
         for number in range(4 if trial.thorough else 1):
             rng = np.random.default_rng((trial.seed, number, alpha == "straight"))
-            _measure(trial, lending, rng, offered["semantics"])
+            image = _any_image(rng, *lending.size, premultiplied=alpha == "premultiplied")
+            background = singles(*_edged(rng, 3))
+            most = 1000 if trial.thorough else 300
+            _measure(trial, lending, image, background, offered["semantics"], most)
+        for case in trial.each(drawn=COLOURS, quick=30, full=600, search=f"ACC-10 {alpha}"):
+            image = _around(case[:4], *lending.size, premultiplied=alpha == "premultiplied")
+            lending.shown.clear()
+            _measure(trial, lending, image, singles(*case[4:]), offered["semantics"], NEIGHBOURS)
     if not trial.delivered:
         trial.not_observable("the testee opened no such images")
     trial.expect_within_budgets()
 
 
 def _measure(
-    trial: ClientTrial, lending: Lending, rng: np.random.Generator, semantics: Json
+    trial: ClientTrial,
+    lending: Lending,
+    image: Painting,
+    background: Colour,
+    semantics: Json,
+    most: int,
 ) -> None:
-    image = _any_image(rng, *lending.size, premultiplied=semantics["alpha"] == "premultiplied")
-    background = singles(*_edged(rng, 3))
     lending.show(image)
-    places = places_of(lending, 1000 if trial.thorough else 300)
+    places = places_of(lending, most)
     for place, colour in zip(places, seen(trial, lending, places, background), strict=True):
         depth = float(image.depth[place[1], place[0]])
         right = expected(image, place, depth, background, PLANE, semantics)
@@ -286,6 +306,19 @@ def _measure(
         splat = image.color[place[1], place[0]].tolist()
         words = f"{semantics['alpha']} {splat} at depth {depth} over {background} at {PLANE}"
         trial.measured("colour", error, BUDGET_ULP, "ULP", words)
+
+
+def _around(colour: Sequence[float], width: int, height: int, *, premultiplied: bool) -> Painting:
+    """Before the plane: a colour and alpha, and what lies up to STEPS ULP above each of them."""
+    number = np.arange(width * height)
+    steps = np.stack([number // STEPS**place % STEPS for place in range(4)], -1)
+    bits = np.array(colour, np.float32).view(np.uint32) + steps.astype(np.uint32)
+    image = np.minimum(bits.view(np.float32), np.float32(1.0))
+    if premultiplied:
+        image[:, :3] *= image[:, 3:]
+    return Painting(
+        image.reshape(height, width, 4), np.full((height, width), PLANE / 2, np.float32)
+    )
 
 
 def _any_image(

@@ -42,11 +42,11 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tupl
     """Poses given to the engine, what came of each on the wire, and how far that is off."""
     greeting = trial.greeting
     engine, connection = engine_of(greeting, kind), trial.connection("msg")
-    salt = f"{trial.requirement.id} {kind}"
     if trial.facts.speaks_1_1("msg"):
         trial.wait(lambda: trial.role.with_(connection).welcome)
-    drawn = poses(salt, single=greeting.single).map(Pose.as_lists)
-    for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler):
+    search = f"{trial.requirement.id} {kind}"
+    drawn = poses(search, single=greeting.single).map(Pose.as_lists)
+    for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler, search=search):
         pose = Pose.of(case)
         p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
         size = trial.role.width, trial.role.height

@@ -9,6 +9,7 @@ from splatbus_conformance.adapter import AdapterBroken
 from splatbus_conformance.answering import Answering
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.hard_numbers import hard_numbers, nearest
 from splatbus_conformance.messages import Json
 from splatbus_conformance.posing import Off, engine_of, off, rotation_budget
 from splatbus_conformance.shrinking import without_one
@@ -110,10 +111,10 @@ def replied(trial: ClientTrial, quick: int, full: int) -> Iterator[tuple[Pose, J
     """Poses on the wire, in replies, and what the client made of each."""
     answering = Answering(trial)
     trial.connection("msg")
-    salt = f"{trial.requirement.id} replies"
-    pose = poses(salt, single=trial.greeting.single).map(Pose.as_lists)
+    search = f"{trial.requirement.id} replies"
+    pose = poses(search, single=trial.greeting.single).map(Pose.as_lists)
     together = st.lists(pose, min_size=TOGETHER, max_size=TOGETHER)
-    for case in trial.each(drawn=together, quick=quick, full=full, simpler=fewer):
+    for case in trial.each(drawn=together, quick=quick, full=full, simpler=fewer, search=search):
         answering.cameras = [Pose.of(camera) for camera in case]
         requests = [{"camera": index} for index in range(len(answering.cameras))]
         replies = asked(trial, requests)
@@ -145,4 +146,23 @@ def check_axes_change_exactly_on_the_way_in(trial: ClientTrial) -> None:
         trial.measured("position", found.position, float(engine.scale != 1) / 2, "ULP", words)
         trial.measured("quaternion", found.rotation, quaternions, "u", words)
         trial.measured("angle", found.angle, None, "rad", words)
+    trial.expect_within_budgets()
+
+
+@check("ACC-14", observable=OBSERVABLE, needs=("msg", "adapter:ask"))
+def check_numbers_are_read_to_the_last_bit(trial: ClientTrial) -> None:
+    """Cameras whose positions are decimals next to halfway between two doubles, exact, and of 17
+    digits; where the engine scales positions or holds them in single precision, after that.
+    """
+    answering = Answering(trial)
+    trial.connection("msg")
+    budget = 0.0 if engine_of(trial.greeting, "camera_pose").scale == 1 else 1.0
+    numbers = st.tuples(hard_numbers(), hard_numbers(), hard_numbers())
+    for texts in trial.each(drawn=numbers, quick=40, full=1000, search="ACC-14"):
+        answering.position = texts
+        wire = Pose(tuple(map(nearest, texts)), answering.cameras[0].rotation)
+        (reply,) = asked(trial, [{"camera": 0}])
+        found = understood(trial, reply, wire)
+        trial.measured("position", found.position, budget, "ULP", f"({', '.join(texts)})")
+        trial.delivered += 1
     trial.expect_within_budgets()

@@ -4,20 +4,25 @@ Spec 1.0 chapter 8. Its budgets are for double precision, and images are in sing
 an image can show is a breach that single precision does not explain, and that is what is judged.
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.closed_form import COLOR_BUDGET, NOTHING, Exact, render
+from splatbus_conformance.closed_form import COLOR_BUDGET, DEPTH_BUDGET, NOTHING, Exact, render
+from splatbus_conformance.hard_numbers import hard_numbers, nearest, spelled_as
+from splatbus_conformance.messages import camera_pose
 from splatbus_conformance.photographer import Photographer
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.pinhole import Reals, Rigid, rigid
 from splatbus_conformance.registration import Registration, register
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.staging import Stage, hardest, stages
+from splatbus_conformance.staging import Stage, hardest, staged, stages
+from splatbus_conformance.steering import Steering
 from splatbus_conformance.stress import Pose
 
 SCENE = ("1.1", "frames", "pixels", "scene")
@@ -32,6 +37,13 @@ SMALL = 12_000
 """Pixels of an image up to which there are as many cases as wanted, and fewer of larger ones."""
 WHOLE = 0.99
 """The share of the certain pixels that have to be right."""
+ORDERED = 1e-3
+"""How much farther, relative, a surface has to be to count as farther: less is lost by whoever
+renders in single precision, and then d itself is out of order."""
+
+
+AT_ORIGIN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+LOOKS_DOWN = (-math.sin(0.25), 0.0, 0.0, math.cos(0.25))
 
 
 class Shown(NamedTuple):
@@ -47,9 +59,9 @@ def shown(trial: ServerTrial, farthest: float, quick: int, full: int) -> Iterato
     """Cameras and scenes up to so far from the origin, and the image that came of each."""
     photographer = Photographer(trial)
     salt, (width, height) = trial.requirement.id, trial.facts.size
-    quick = max(1, min(quick, quick * SMALL // (width * height)))
+    quick = max(2, min(quick, quick * SMALL // (width * height)))  # the first one is simple
     listed, drawn = hardest(salt, farthest), stages(salt, farthest)
-    for camera, scene_ in trial.each(listed, drawn, quick=quick, full=full):
+    for camera, scene_ in trial.each(listed, drawn, quick=quick, full=full, search=salt):
         stage = Stage(Pose(*map(tuple, camera)), Pose(*map(tuple, scene_)))
         photograph, scene = photographer.take(*stage), rigid(*stage.scene)
         if not np.allclose(photograph.camera.pose.position, stage.camera.position, rtol=1e-5):
@@ -79,6 +91,49 @@ def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
                 f"the {what} of {1 - share:.1%} of the pixels is not what the camera at"
                 f" {stage.camera} sees of the scene at {stage.scene}",
             )
+
+
+@check("ACC-13", observable="every pixel of images of a known scene, far off", needs=SCENE)
+def check_every_pixel_is_what_single_precision_can_do(trial: ServerTrial) -> None:
+    """Cameras and scenes up to a million units from the origin: colour and depth of every pixel but
+    those next to an edge, a tie or a clipping plane.
+    """
+    for stage, photograph, exact, _ in shown(trial, 1e6, 4, 500):
+        errors = (
+            ("colour", exact.color_error(photograph.color), COLOR_BUDGET, ""),
+            ("depth", exact.depth_error(photograph.planar()), DEPTH_BUDGET, "of itself"),
+        )
+        for what, error, budget, unit in errors:
+            worst = float(error.max(initial=0.0))
+            trial.measured(what, worst, budget, unit, _where(stage, error, exact.certain))
+    trial.expect_within_budgets()
+
+
+@check("ACC-12", observable="depths of a known scene, from near to far", needs=SCENE)
+def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
+    """The scene from 1 to 50 units away, all of it opaque: no pixel may hold a smaller depth than
+    one whose surface is nearer.
+    """
+    photographer, compared = Photographer(trial), 0
+    for away in trial.each((1.0, 5.0, 15.0, 30.0, 50.0)):
+        stage = staged(AT_ORIGIN, Pose((0.0, -0.5 * away, -0.8 * away), LOOKS_DOWN))
+        photograph = photographer.take(*stage)
+        exact = render(photograph.camera, rigid(*stage.scene))
+        depth = photograph.planar()
+        both = exact.certain & np.isfinite(exact.depth) & np.isfinite(depth)
+        order = np.argsort(exact.farthest[both])
+        right, stored = exact.farthest[both][order], depth[both][order]
+        nearer = np.searchsorted(right, exact.nearest[both][order] * (1.0 - ORDERED))
+        greatest = np.maximum.accumulate(np.concatenate(([0.0], stored)))[nearer]
+        compared += int((nearer > 0).sum())
+        if (wrong := stored < greatest).any():
+            at = int(np.argmax(greatest - stored))
+            trial.violated(
+                f"the depth of {wrong.sum()} surfaces is less than that of a nearer one: at depth"
+                f" {right[at]:.6g} it is {stored[at]:.6g}, and {greatest[at]:.6g} nearer by"
+            )
+    if not compared:
+        trial.not_observable("no image showed surfaces at two depths")
 
 
 @check("BUF-2", observable="the colours of a known scene", needs=SCENE)
@@ -122,6 +177,28 @@ def registered(
         trial.not_observable("no image showed enough of the scene")
 
 
+@check("ACC-14", observable="the camera of a frame, to the last bit", needs=("frames",))
+def check_numbers_are_read_to_the_last_bit(trial: ServerTrial) -> None:
+    """Positions in decimals next to halfway between two doubles, exact ones, and of 17 digits. A
+    server may hold them in single precision, rounded once more.
+    """
+    steering, poser = Steering(trial), trial.dial("msg")
+    numbers = st.tuples(hard_numbers(), hard_numbers(), hard_numbers())
+    for texts in trial.each(drawn=numbers, quick=30, full=1000):
+        position = tuple(map(nearest, texts))
+        pose = camera_pose(position)
+        outcome = steering.takes(
+            poser, pose, spelled_as(pose, dict(zip("xyz", texts, strict=True)))
+        )
+        if outcome != "accepts":
+            trial.not_observable(f"no frame shows a camera at {', '.join(texts)} (JSN-6)")
+        for text, right, told in zip(texts, position, steering.now().position, strict=True):
+            trial.expect(
+                told in (right, float(np.float32(right))),
+                f"{text} was taken for {told!r}, and {right!r} is nearest to it",
+            )
+
+
 @check("ACC-2", observable=REGISTERED, needs=SCENE)
 def check_rotations_are_those_of_the_quaternion(trial: ServerTrial) -> None:
     """Quaternions of norms from 0.9905 to 1.0095, half-turns, and next to the identity."""
@@ -142,7 +219,7 @@ def check_rotations_do_not_shear(trial: ServerTrial) -> None:
 @check("ACC-4", observable=REGISTERED, needs=SCENE)
 def check_translations_are_exact(trial: ServerTrial) -> None:
     """t = −Rᵀ·c of the view, for cameras up to 1,000 units from the origin."""
-    for it, image, visible in registered(trial, 1e3, 2, 500):
+    for it, image, visible in registered(trial, 1e3, 3, 500):
         pose = it.photograph.camera.pose
         wanted = -pose.rotation.T @ pose.position
         # A rotation that is off would show here, too, by as much as the camera is far: ACC-2.
@@ -154,7 +231,7 @@ def check_translations_are_exact(trial: ServerTrial) -> None:
 @check("ACC-5", observable=REGISTERED, needs=SCENE)
 def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
     """The camera's centre, as the image has it, up to 10,000 units from the origin."""
-    for it, image, visible in registered(trial, 1e4, 2, 500):
+    for it, image, visible in registered(trial, 1e4, 3, 500):
         wanted = it.photograph.camera.pose.position
         _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
     trial.expect_within_budgets()
@@ -163,7 +240,7 @@ def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
 @check("ACC-6", observable=REGISTERED, needs=SCENE)
 def check_single_precision_is_rounded_once(trial: ServerTrial) -> None:
     """Cameras up to 100,000 units from the origin, where each digit that was lost is seen."""
-    for it, image, visible in registered(trial, 1e5, 2, 500):
+    for it, image, visible in registered(trial, 1e5, 3, 500):
         wanted = it.photograph.camera.pose.position
         _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
     trial.expect_within_budgets()

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
 from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
@@ -151,6 +152,25 @@ def one_too_many_poses(trial: ServerTrial) -> int:
     goes_on = outcome in ("ignores", "reports", "replies")
     trial.expect(goes_on or not codes, f"a second client: error {codes}, then nothing went on")
     return len(codes)
+
+
+@check("NEG-32", observable="the error that a rotation is answered with", needs=("1.1",))
+def check_reports_what_is_no_rotation(trial: ServerTrial) -> None:
+    """Poses whose quaternions have norms from 0 to 1e200, and none within 0.01 of 1."""
+    connection = trial.ready("msg")
+    for each in trial.each([it for it in broken_poses(camera_pose()) if it.requirement == "POS-3"]):
+        if connection.ended:
+            connection = trial.ready("msg")
+        before = len(trial.viewer.with_(connection).errors())
+        outcome = trial.outcome(connection, packet(each.payload))
+        codes = trial.viewer.with_(connection).errors()[before:]
+        told = f"a pose with {each.what}: {', '.join(codes) or 'no error'}"
+        trial.judge("reports" if codes == ["invalid_rotation"] else outcome_of(outcome), told)
+
+
+def outcome_of(outcome: str) -> str:
+    """The same, but of a server that did not report what it should have."""
+    return "ignores" if outcome == "reports" else outcome
 
 
 @check("NEG-29", observable="answers come in order, one each, after hello", needs=("1.1",))

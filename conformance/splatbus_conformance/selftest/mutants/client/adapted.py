@@ -26,7 +26,7 @@ from splatbus_wire.poses import Pose, view_matrix
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
-from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.surgery import Json, adding_up_digits, messages, of_type, wrap
 
 CAMERAS = "check_camera_poses_are_camera_to_world"
 DIGITS = "check_numbers_keep_their_digits"
@@ -135,6 +135,17 @@ def sends_sixteen_digits_of_positions(patch: Patch) -> None:
 def sends_single_precision(patch: Patch) -> None:
     """Has rotations in double precision, and prints them in single."""
     _spelled(patch, lambda number: float(np.float32(number)), "rotation")
+
+
+@mutant(
+    "ACC-14",
+    check="check_numbers_are_read_to_the_last_bit",
+    reason="position: worst",
+    axes="opencv",
+)
+def adds_up_digits(patch: Patch) -> None:
+    """Reads a number digit by digit, in double precision."""
+    adding_up_digits(patch)
 
 
 @mutant("ACC-7", check=OUT, reason="of 0.5 in", axes="unreal")

@@ -4,12 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_server import demo
+from splatbus_server import demo, scene
+from splatbus_server.raycast import Raycaster
 
-from splatbus_conformance.selftest.mutants.server.views import cameras
+from splatbus_conformance.selftest.mutants.server.views import cameras, depths
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.surgery import adding_up_digits, wrap
 
 
 @mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
@@ -82,3 +83,47 @@ def server_multiplies_in_tf32(patch: Patch) -> None:
         return replace(camera, position=tuple(centre.tolist()))
 
     cameras(patch, chained)
+
+
+@mutant("ACC-12", check="check_what_is_farther_has_no_smaller_depth", reason="of a nearer one")
+def server_cuts_inverse_depth(patch: Patch) -> None:
+    """Stores 5 where the inverse depth is below a cut, as deployed servers store 100."""
+    depths(patch, lambda depth, camera: np.where(depth > 20.0, 5.0, depth))
+
+
+@mutant(
+    "ACC-13",
+    check="check_every_pixel_is_what_single_precision_can_do",
+    reason="depth: worst",
+)
+def server_subtracts_in_single_precision(patch: Patch) -> None:
+    """Rounds positions to single precision before it subtracts them."""
+
+    def rounded(original: Any, a: Any, b: Any) -> Any:
+        single = np.subtract(np.array(a, np.float32), np.array(b, np.float32))
+        return tuple(single.astype(float).tolist())
+
+    wrap(patch, scene, "subtract", rounded)
+
+
+@mutant(
+    "ACC-13",
+    check="check_every_pixel_is_what_single_precision_can_do",
+    reason="colour: worst",
+)
+def server_has_a_dead_pixel(patch: Patch) -> None:
+    """Leaves the pixel in the middle black."""
+
+    def render(original: Any, *arguments: Any) -> Any:
+        image = original(*arguments)
+        height, width, _ = image.color.shape
+        image.color[height // 2, width // 2, :3] = 0.0
+        return image
+
+    wrap(patch, Raycaster, "render", render)
+
+
+@mutant("ACC-14", check="check_numbers_are_read_to_the_last_bit", reason="is nearest to it")
+def server_adds_up_digits(patch: Patch) -> None:
+    """Reads a number digit by digit, in double precision."""
+    adding_up_digits(patch)

@@ -141,3 +141,26 @@ def server_answers_the_last_first(patch: Patch) -> None:
 def server_answers_backwards(patch: Patch) -> None:
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)
+
+
+@mutant("NEG-32", check="check_reports_what_is_no_rotation", reason="no error")
+def server_keeps_quiet_about_rotations(patch: Patch) -> None:
+    """Drops a pose whose quaternion is no rotation without a word."""
+
+    def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
+        if code != "invalid_rotation":
+            original(self, code, *more)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-32", check="check_reports_what_is_no_rotation", reason="invalid_message")
+def server_calls_rotations_messages(patch: Patch) -> None:
+    """Reports `invalid_message` for whatever is wrong with a pose."""
+    messages(
+        patch,
+        of_type(
+            "error",
+            lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
+        ),
+    )
