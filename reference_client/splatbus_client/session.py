@@ -88,6 +88,7 @@ class Session:
         self._steering = Steering(hello._replace(capabilities=()))
         self._ipc = Channel("IPC", where.host, where.ipc_port, self._reading)
         self._message = Channel("message", where.host, where.message_port, self._steering)
+        self._awaited: list[tuple[socket.socket, int, Channel]] | None = None
         self._wakened, self._waker = socket.socketpair()
         self._wakened.setblocking(False)
         self._waker.setblocking(False)
@@ -311,13 +312,19 @@ class Session:
                 self._changed.notify_all()
 
     def _selector(self) -> selectors.BaseSelector:
-        # Made anew each time: it has no more than three sockets, and none that was closed since.
-        selector = _Selector()
-        selector.register(self._wakened, selectors.EVENT_READ)
-        for channel in (self._ipc, self._message):
-            if channel.socket is not None:
-                selector.register(channel.socket, channel.interest(), channel)
-        return selector
+        # Made anew for other sockets, of which it has three at most: none that was closed since.
+        wanted = [
+            (channel.socket, channel.interest(), channel)
+            for channel in (self._ipc, self._message)
+            if channel.socket is not None
+        ]
+        if wanted != self._awaited:
+            self._awaited = wanted
+            self._waiting = _Selector()
+            self._waiting.register(self._wakened, selectors.EVENT_READ)
+            for each in wanted:
+                self._waiting.register(*each)
+        return self._waiting
 
     def _next_deadline(self, now: float) -> float:
         # Waking now and then for nothing spares a wake for every request, whose time is long.

@@ -99,6 +99,7 @@ class Exchange:
             seq = memory.ring.publish(slot)
             self.newest = Image(memory, slot, seq, view, scene_time, now)
             self._shown = view
+            memory.ring.begin_write()  # now, not before the next image, which does not wait then
             is_awaited, self._is_awaited = self._is_awaited, False
         self._statistics.frames_published += 1
         return is_awaited

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 import threading
@@ -37,12 +38,13 @@ class Renderer:
             *SIZE, memory="cuda_ipc", ipc_port=0, message_port=0, **options
         )
         self.wanted: list[frozenset[str]] = []
+        self._device = Device(options.get("device", 0))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
     def _run(self) -> None:
-        with Device(0).current():
+        with self._device.current():
             while not self._stop.is_set():
                 view = self.bus.next_view(0.05, contents_changed=True)
                 if view is not None:
@@ -77,18 +79,20 @@ CORNERS = {
 
 
 @contextmanager
-def reader(what: str, bus: Any) -> Iterator[subprocess.Popen[str]]:
+def reader(what: str, bus: Any, **environment: str) -> Iterator[subprocess.Popen[str]]:
     ports = map(str, bus.address[1:])
     command = [sys.executable, "-m", "tests.gpu.reader", what, *ports]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=os.environ | environment
+    ) as process:
         try:
             yield process
         finally:
             process.kill()
 
 
-def answer(what: str, bus: Any) -> Any:
-    with reader(what, bus) as process:
+def answer(what: str, bus: Any, **environment: str) -> Any:
+    with reader(what, bus, **environment) as process:
         assert process.stdout
         return json.loads(process.stdout.readline() or "null")
 
@@ -138,6 +142,18 @@ def test_another_size_is_read_and_the_old_memory_freed():
         assert json.loads(process.stdout.readline()) == [16, 32, 4]
         assert json.loads(process.stdout.readline()) == [[48, 64, 4], [16, 32, 4]]
         assert not renderer.bus._exchange.replaced
+
+
+def test_the_device_is_found_by_its_uuid_whatever_its_number_is_here():
+    try:
+        Device(1)
+    except OSError:
+        pytest.skip("needs two GPUs")
+    with Renderer(device=1) as renderer:
+        found = answer("host", renderer.bus, CUDA_VISIBLE_DEVICES="1,0")
+        assert found["color"] == CORNERS["color"]
+        found = answer("host", renderer.bus, CUDA_VISIBLE_DEVICES="1")
+        assert found["color"] == CORNERS["color"]
 
 
 def test_two_clients_read_at_a_time():

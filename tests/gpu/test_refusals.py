@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -12,12 +13,13 @@ import pytest
 import splatbus_client
 import splatbus_server
 from splatbus_client.host_memory import CannotOpenError
-from splatbus_wire.init_packet import Semantics, parse_init_packet
+from splatbus_wire.init_packet import Semantics, init_packet_object, parse_init_packet
 
 from tests.gpu import require_gpu
 
 require_gpu()
 
+from splatbus_client.cuda.driver import CudaError  # noqa: E402, F401
 from splatbus_client.cuda.images import CudaImages  # noqa: E402
 from splatbus_client.cuda.opened import _opened  # noqa: E402
 
@@ -95,6 +97,45 @@ def test_memory_is_opened_once_however_many_read_it():
         assert other.close()
         assert not _opened
         process.kill()
+
+
+def test_a_client_that_sees_no_device_says_so():
+    packet, process = exported(ends=False)
+    program = f"""if True:
+        from splatbus_client.cuda.images import CudaImages
+        from splatbus_wire.init_packet import parse_init_packet
+        try:
+            CudaImages(parse_init_packet({init_packet_object(packet)!r}))
+        except Exception as problem:
+            print(problem)
+    """
+    with process:
+        environment = os.environ | {"CUDA_VISIBLE_DEVICES": ""}
+        said = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
+        process.kill()
+    assert "look at CUDA_VISIBLE_DEVICES" in said
+
+
+def test_a_server_that_dies_leaves_its_reader_alive():
+    """What the reader then reads is no matter: its connection has ended too [CHN-18]."""
+    program = """if True:
+        from tests.gpu.test_refusals import *
+        packet, process = exported(ends=False)
+        images = CudaImages(packet)
+        color = images.color(0)
+        process.kill()
+        process.wait()
+        try:
+            images.on_host("color", 0, color)
+        except CudaError as problem:
+            print(problem)
+        del color
+        print(images.close())
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, text=True, capture_output=True, timeout=60
+    )
+    assert done.stdout.endswith("True\n"), done
 
 
 def test_a_device_that_is_not_there_is_refused():

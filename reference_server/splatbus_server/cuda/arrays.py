@@ -13,14 +13,26 @@ LEGACY_STREAM = 1
 _BITS = {"<f4": 32, "<f2": 16}
 
 
+class Form(NamedTuple):
+    """How an array lies in memory: the same for each frame of most renderers.
+
+    Attributes:
+        shape: lengths of the axes.
+        strides: in numbers, not bytes.
+        bits: of a number: 32 or 16, 0 if it is none of ours.
+    """
+
+    shape: tuple[int, ...]
+    strides: tuple[int, ...]
+    bits: int
+
+
 class DeviceArray(NamedTuple):
     """Numbers on a GPU.
 
     Attributes:
         pointer: to the first.
-        shape: lengths of the axes.
-        strides: in numbers, not bytes.
-        bits: of a number: 32 or 16.
+        form: how the others lie.
         device: ordinal.
         stream: on which they are ready, a handle of the driver; 0 or 1 for the default one.
         owner: what keeps the memory alive for as long as it is read, where freeing it is not
@@ -28,9 +40,7 @@ class DeviceArray(NamedTuple):
     """
 
     pointer: int
-    shape: tuple[int, ...]
-    strides: tuple[int, ...]
-    bits: int
+    form: Form
     device: int
     stream: int
     owner: Any
@@ -58,7 +68,7 @@ def device_array(what: str, array: Any, stream: int | None) -> DeviceArray:
             f"{what} is in memory of the host, but the server's images are on a GPU: "
             "give it an array that is there too, such as a CUDA tensor"
         )
-    if not found.bits:
+    if not found.form.bits:
         raise ValueError(f"{what} is not of float32 or float16 numbers: convert it on the GPU")
     return found
 
@@ -91,9 +101,7 @@ def _of_tensor(tensor: Any, stream: int | None) -> DeviceArray | None:
         stream = _current_stream(device)
     return DeviceArray(
         tensor.data_ptr(),
-        tuple(tensor.shape),
-        tensor.stride(),
-        _tensor_bits(tensor.dtype),
+        Form(tensor.shape, tensor.stride(), _tensor_bits(tensor.dtype)),
         device,
         stream,
         None,
@@ -104,7 +112,8 @@ def _current_stream(device: int) -> int:
     """PyTorch's; by what Triton asks it too, in 0.2 µs, not 6."""
     torch = sys.modules["torch"]
     raw = getattr(torch._C, "_cuda_getCurrentRawStream", None)
-    return raw(device) if raw else torch.cuda.current_stream(device).cuda_stream
+    found: int = raw(device) if raw else torch.cuda.current_stream(device).cuda_stream
+    return found
 
 
 @lru_cache
@@ -134,9 +143,7 @@ def _of_interface(
     made_on = interface.get("stream") or 0
     return DeviceArray(
         interface["data"][0],
-        shape,
-        steps,
-        bits,
+        Form(shape, steps, bits),
         _ordinal(array),
         made_on if stream is None else stream,
         array,
@@ -157,6 +164,5 @@ def _of_dlpack(array: Any, stream: int | None) -> DeviceArray | None:
     ours = stream or LEGACY_STREAM
     found = dlpack.shared(array.__dlpack__(stream=ours))
     bits = found.bits if found.bits in (16, 32) else 0
-    return DeviceArray(
-        found.pointer, found.shape, found.strides, bits, found.device[1], ours, found.owner
-    )
+    form = Form(found.shape, found.strides, bits)
+    return DeviceArray(found.pointer, form, found.device[1], ours, found.owner)

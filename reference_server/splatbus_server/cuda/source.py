@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
-from splatbus_server.cuda.arrays import DeviceArray, device_array
+from splatbus_server.cuda.arrays import DeviceArray, Form, device_array
 from splatbus_server.cuda.kernels import Format
 
 DepthKind = Literal["linear", "inverse", "accumulated"]
 _RULES = {"linear": 1, "inverse": 2, "accumulated": 3}
-_NO_PLANE = (0, 0, 0)
 
 
 class Source(NamedTuple):
@@ -57,46 +57,80 @@ def source(
     Raises:
         ValueError: an array has another shape, other numbers, or is elsewhere; no such kind.
     """
-    if depth_kind not in _RULES:
-        raise ValueError(f"depth_kind {depth_kind!r} is none of {', '.join(_RULES)}")
     pixels = device_array("colour", color, stream)
     stream = pixels.stream if stream is None else stream
     depths = None if depth is None else device_array("depth", depth, stream)
     alphas = None if alpha is None else device_array("alpha", alpha, stream)
-    for what, array in ("colour", pixels), ("depth", depths), ("alpha", alphas):
-        if array is not None and array.device not in (device, -1):
-            raise ValueError(f"{what} is on device {array.device}, the server's on {device}")
-    channels, row, column, channel = _color_strides(pixels, width, height)
-    number = pixels.bits // 8
-    packed = (
-        (channels, channel) == (4, 1)
-        and pixels.pointer % (4 * number) == 0
-        and column % 4 == row % 4 == 0
+    layout = _layout(
+        pixels.form,
+        depths and depths.form,
+        alphas and alphas.form,
+        depth_kind,
+        width,
+        height,
+        premultiplied,
+        pixels.pointer % (pixels.form.bits // 2) == 0,
     )
-    return Source(
-        Format(
-            channels,
-            pixels.bits == 16,
-            packed,
-            0 if depths is None else _RULES[depth_kind],
-            depths is not None and depths.bits == 16,
-            alphas is not None,
-            alphas is not None and alphas.bits == 16,
-            premultiplied,
-        ),
-        (
-            *(pixels.pointer, row, column, channel),
-            *_plane("depth", depths, width, height),
-            *_plane("alpha", alphas, width, height),
-        ),
-        stream,
-        [a.owner for a in (pixels, depths, alphas) if a is not None and a.owner is not None],
+    planes: tuple[int, ...] = (pixels.pointer, *layout.color)
+    owners = [] if pixels.owner is None else [pixels.owner]
+    for what, array, strides in (
+        ("depth", depths, layout.depth),
+        ("alpha", alphas, layout.alpha),
+    ):
+        planes += (0 if array is None else array.pointer, *strides)
+        if array is not None:
+            if array.owner is not None:
+                owners.append(array.owner)
+            _check_device(what, array, device)
+    _check_device("colour", pixels, device)
+    return Source(layout.format, planes, stream, owners)
+
+
+class _Layout(NamedTuple):
+    """Strides in numbers: of colour row, column, channel; of depth and alpha row, column."""
+
+    format: Format
+    color: tuple[int, int, int]
+    depth: tuple[int, int]
+    alpha: tuple[int, int]
+
+
+@lru_cache(maxsize=64)
+def _layout(
+    color: Form,
+    depth: Form | None,
+    alpha: Form | None,
+    depth_kind: DepthKind,
+    width: int,
+    height: int,
+    premultiplied: bool,
+    is_aligned: bool,
+) -> _Layout:
+    """What follows from how the arrays lie, whatever their addresses are."""
+    if depth_kind not in _RULES:
+        raise ValueError(f"depth_kind {depth_kind!r} is none of {', '.join(_RULES)}")
+    channels, row, column, channel = _color_strides(color, width, height)
+    found = Format(
+        channels=channels,
+        color_half=color.bits == 16,
+        packed=is_aligned and (channels, channel, row % 4, column % 4) == (4, 1, 0, 0),
+        depth=0 if depth is None else _RULES[depth_kind],
+        depth_half=depth is not None and depth.bits == 16,
+        alpha=alpha is not None,
+        alpha_half=alpha is not None and alpha.bits == 16,
+        premultiplied=premultiplied,
+    )
+    return _Layout(
+        found,
+        (row, column, channel),
+        _plane_strides("depth", depth, width, height),
+        _plane_strides("alpha", alpha, width, height),
     )
 
 
-def _color_strides(color: DeviceArray, width: int, height: int) -> tuple[int, int, int, int]:
+def _color_strides(color: Form, width: int, height: int) -> tuple[int, int, int, int]:
     """How many channels there are, and the strides of row, column and channel."""
-    shape, strides = color.shape, color.strides
+    shape, strides = tuple(color.shape), color.strides
     if len(shape) == 3:
         if shape[:2] == (height, width) and shape[2] in (3, 4):
             return shape[2], strides[0], strides[1], strides[2]
@@ -108,13 +142,17 @@ def _color_strides(color: DeviceArray, width: int, height: int) -> tuple[int, in
     )
 
 
-def _plane(what: str, plane: DeviceArray | None, width: int, height: int) -> tuple[int, int, int]:
-    """Its pointer, and the strides of row and column."""
+def _plane_strides(what: str, plane: Form | None, width: int, height: int) -> tuple[int, int]:
     if plane is None:
-        return _NO_PLANE
-    shape, strides = plane.shape, plane.strides
+        return 0, 0
+    shape, strides = tuple(plane.shape), plane.strides
     if shape in ((height, width), (height, width, 1)):
-        return plane.pointer, strides[0], strides[1]
+        return strides[0], strides[1]
     if shape == (1, height, width):
-        return plane.pointer, strides[1], strides[2]
+        return strides[1], strides[2]
     raise ValueError(f"{what} of shape {shape} is not ({height}, {width})")
+
+
+def _check_device(what: str, array: DeviceArray, device: int) -> None:
+    if array.device not in (device, -1):
+        raise ValueError(f"{what} is on device {array.device}, the server's memory on {device}")
