@@ -24,19 +24,19 @@ from benchmarks.accuracy.timing import times
 STEPS = ("rotation", "view", "chain", "depth", "compositing", "printing", "parsing", "scene")
 
 
-def measured(part: Part, rounds: int, known: dict[str, list[Any]]) -> dict[str, Any]:
+def measured(part: Part, rounds: int, known: list[Any]) -> dict[str, Any]:
     """Times first, then errors: the search leaves a machine that is warm and a cache that is not.
 
     Args:
         part: of a study.
         rounds: of timing.
-        known: the worst inputs that were found before, by variant.
+        known: the worst inputs that were found before, for whichever variant.
     """
     works = [part.run(variant.compute) for variant in part.variants]
     timings = times(part.floor, works, part.items, rounds)
     variants = []
     for variant, timing in zip(part.variants, timings, strict=True):
-        found = part.worst(variant, known.get(variant.name, []))
+        found = part.worst(variant, known)
         variants.append(
             {
                 "name": variant.name,
@@ -64,7 +64,7 @@ def report(name: str, study: Study, effort: float) -> dict[str, Any]:
     parts = []
     for index, part in enumerate(study.parts):
         print(f"{study.title} {part.title}", flush=True)
-        parts.append(measured(part, rounds, known[index] if index < len(known) else {}))
+        parts.append(measured(part, rounds, known[index] if index < len(known) else []))
     return {
         "command": f"python -m benchmarks accuracy {name} --effort {effort:g}",
         "python": platform.python_version(),

@@ -29,15 +29,17 @@ def write(name: str, report: dict[str, Any]) -> None:
     path(name).write_text(text + "\n", "utf-8")
 
 
-def worst_inputs(name: str) -> list[dict[str, list[Any]]]:
-    """For each part, the worst inputs that were found before, by variant."""
+def worst_inputs(name: str) -> list[list[Any]]:
+    """For each part, the worst inputs that were found before, for whichever variant."""
     if not exists(name):
         return []
     return [
-        {
-            variant["name"]: [e["input"] for e in variant["errors"] if e["input"] is not None]
+        [
+            error["input"]
             for variant in part["variants"]
-        }
+            for error in variant["errors"]
+            if error["input"] is not None
+        ]
         for part in read(name)["parts"]
     ]
 

@@ -67,7 +67,7 @@ class Part:
         floor_title: what the floor does.
         floor: does it, for all items.
         run: a variant's function to a call that computes all items.
-        worst: a variant and the worst inputs known so far (by measure) to the worst by measure.
+        worst: a variant, and bad inputs that are known, to the worst by measure.
         variants: in the order of tables.
         measures: a panel for each.
     """
