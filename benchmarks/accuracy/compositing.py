@@ -95,14 +95,13 @@ def taken_for_straight(C: Floats, z: Floats, B: Floats, far: Floats) -> Floats:
 
 
 HIDDEN = "NaN where a hidden colour is not finite"
-SINGLE_CHANNELS, DOUBLE_CHANNELS = partial(by_channel, np.float32), partial(by_channel, np.float64)
+SINGLE_CHANNELS = partial(by_channel, np.float32)
 VARIANTS = (
-    Variant("default: over_straight", over_straight, "default"),
+    Variant("default: float64, by channel, in blocks", over_straight, "default"),
     Variant("float32, whole images", whole),
     Variant("float32, by channel", SINGLE_CHANNELS),
     Variant("float32, by channel, in blocks", blockwise(SINGLE_CHANNELS)),
     Variant("float64, whole images", double),
-    Variant("float64, by channel, in blocks", blockwise(DOUBLE_CHANNELS)),
     Variant("float32, alpha 0 behind", weighted, unlike=HIDDEN),
     Variant("float32, B + a·(C − B)", between, unlike=HIDDEN),
     Variant("deployed: premultiplied taken for straight", taken_for_straight, "deployed"),
@@ -161,6 +160,6 @@ def study() -> Study:
         run=lambda compute: lambda: compute(C, z, B, far),
         worst=worst,
         variants=VARIANTS,
-        measures=(Measure("A colour", "ULP of float32", 2.0, "ACC-10"),),
+        measures=(Measure("A colour", "ULP of float32", 3.0, "ACC-10"),),
     )
     return Study("Compositing over a client's own geometry (1920×1080)", [part], rounds=9)

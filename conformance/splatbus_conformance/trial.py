@@ -85,8 +85,9 @@ class Trial:
             quick: how many to draw in the quick profile.
             full: how many to draw in the full one.
             simpler: what makes a drawn case simpler, and leaves it a case.
-            search: if given, half of the cases drawn climb towards the largest errors of what
-                `measured` is told to have a budget; another word draws other cases.
+            search: if given, half of the cases that the full profile draws climb towards the
+                largest errors of what `measured` is told to have a budget; another word draws
+                other cases.
         """
         assert not self._going_through, "a check goes through cases while it goes through cases"
         number = len(self.went_through)
@@ -133,7 +134,7 @@ class Trial:
                 yield Case(True, value), value
 
     def _drawn(self, drawn: SearchStrategy[T], count: int, search: str) -> Iterable[T]:
-        if not search:
+        if not search or not self.thorough:  # so few cases reach farther at random
             return draw(drawn, count, self.seed)
         self.measurements.newest()  # of cases before these
         return climb(drawn, count, f"{search} {self.seed}", self.measurements.newest)

@@ -1,13 +1,16 @@
 """A rendered image over a client's own geometry [ACC-10, BUF-8, BUF-9].
 
-Single precision is enough: of the four roundings of a·C + (1 − a)·B, with everything in 0…1, the
-sum's costs ½ ULP and the other three together less than 1½.
+In single precision the four roundings of a·C + (1 − a)·B may come to 2½ ULP, and a search finds
+2.48. So each colour is computed in double precision and rounded once; a channel at a time, of as
+many pixels as stay in the cache, which takes less time than whole images in single precision.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 Float32Array = NDArray[np.float32]
+
+_BLOCK_PIXELS = 1 << 15
 
 
 def over_straight(
@@ -16,7 +19,7 @@ def over_straight(
     background: Float32Array,
     background_depth: Float32Array,
 ) -> Float32Array:
-    """Return a·C + (1 − a)·B where the splats are in front, B elsewhere, within 2 ULP.
+    """Return a·C + (1 − a)·B where the splats are in front, B elsewhere, correct to ½ ULP.
 
     Args:
         splats: (…, 4) float32, red, green, blue not multiplied by alpha [BUF-4], and alpha.
@@ -28,10 +31,7 @@ def over_straight(
     Returns:
         (…, 3) float32 colours.
     """
-    alpha = splats[..., 3:]
-    with np.errstate(invalid="ignore"):  # what an empty pixel holds may be infinite
-        premultiplied = alpha * splats[..., :3]
-    return _over(premultiplied, alpha, depth, background, background_depth)
+    return _over(splats, depth, background, background_depth, straight=True)
 
 
 def over_premultiplied(
@@ -40,21 +40,32 @@ def over_premultiplied(
     background: Float32Array,
     background_depth: Float32Array,
 ) -> Float32Array:
-    """Return C + (1 − a)·B where the splats are in front, B elsewhere, within 2 ULP.
+    """Return C + (1 − a)·B where the splats are in front, B elsewhere, correct to ½ ULP.
 
     As `over_straight`, but red, green and blue of `splats` are multiplied by alpha already.
     """
-    return _over(splats[..., :3], splats[..., 3:], depth, background, background_depth)
+    return _over(splats, depth, background, background_depth, straight=False)
 
 
 def _over(
-    premultiplied: Float32Array,
-    alpha: Float32Array,
+    splats: Float32Array,
     depth: Float32Array,
     background: Float32Array,
     background_depth: Float32Array,
+    *,
+    straight: bool,
 ) -> Float32Array:
-    in_front = (depth > 0) & (depth < background_depth) & (alpha[..., 0] > 0)
-    with np.errstate(invalid="ignore"):
-        blended = premultiplied + (np.float32(1) - alpha) * background
-    return np.where(in_front[..., np.newaxis], blended, background)
+    colour, under = splats.reshape(-1, 4), background.reshape(-1, 3)
+    z, far = depth.reshape(-1), background_depth.reshape(-1)
+    out = np.empty(under.shape, np.float32)
+    for start in range(0, len(z), _BLOCK_PIXELS):
+        some = slice(start, start + _BLOCK_PIXELS)
+        alpha = colour[some, 3].astype(np.float64)
+        rest = 1.0 - alpha
+        in_front = (z[some] > 0) & (z[some] < far[some]) & (alpha > 0)
+        for channel in range(3):
+            C, B = colour[some, channel], under[some, channel]
+            with np.errstate(invalid="ignore"):  # what an empty pixel holds may be infinite
+                blended = (alpha * C if straight else C) + rest * B
+                out[some, channel] = np.where(in_front, blended, B)
+    return out.reshape(background.shape)

@@ -4,7 +4,7 @@ import itertools
 import os
 from typing import Any
 
-from splatbus_client import channel, ipc_protocol, message_protocol, reading, session
+from splatbus_client import channel, ipc_protocol, message_protocol, reading
 from splatbus_client.channel import Channel
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
@@ -126,7 +126,7 @@ def closes_on_frames_of_unknown_memory(patch: Patch) -> None:
 @variation()
 def never_subscribes(patch: Patch) -> None:
     """Does not declare `subscribe`."""
-    patch.setattr(session, "CAPABILITIES", ("host_shm", "frames", "reinit"))
+    patch.setattr(reading, "CAPABILITIES", ("host_shm", "frames", "reinit"))
 
 
 @variation()
@@ -138,19 +138,19 @@ def subscribes_to_depth_alone(patch: Patch) -> None:
 @variation()
 def no_reinit(patch: Patch) -> None:
     """Does not declare `reinit`."""
-    patch.setattr(session, "CAPABILITIES", ("host_shm", "frames"))
+    patch.setattr(reading, "CAPABILITIES", ("host_shm", "frames"))
 
 
 @variation()
 def no_frames(patch: Patch) -> None:
     """Does not declare `frames`: opens the memory, and leaves it alone."""
-    patch.setattr(session, "CAPABILITIES", ("host_shm",))
+    patch.setattr(reading, "CAPABILITIES", ("host_shm",))
 
 
 @variation()
 def cuda_memory_alone(patch: Patch) -> None:
     """Can open CUDA memory, and none of the host."""
-    patch.setattr(session, "CAPABILITIES", ("cuda_ipc", "frames", "reinit"))
+    patch.setattr(reading, "CAPABILITIES", ("cuda_ipc", "frames", "reinit"))
 
     def images(_: Any, packet: Any) -> None:
         raise CannotOpenError("this client has CUDA memory alone")

@@ -347,7 +347,7 @@ def takes_negative_depths(patch: Patch) -> None:
     wrap(patch, display, "planar_depth", planar)
 
 
-@mutant("ACC-10", check="check_composes_within_two_ulp", reason="colour: worst", axes="opencv")
+@mutant("ACC-10", check="check_composes_within_three_ulp", reason="colour: worst", axes="opencv")
 def composes_in_eight_bits(patch: Patch) -> None:
     """Truncates the image to eight bits a channel before it blends it."""
 

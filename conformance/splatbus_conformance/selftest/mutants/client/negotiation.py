@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from splatbus_client import ipc_protocol, message_protocol, reading, session
+from splatbus_client import ipc_protocol, message_protocol, reading
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
@@ -253,7 +253,7 @@ def ids_as_strings(patch: Patch) -> None:
 @mutant("NEG-5", reason="frames, which welcome does not list", through="CHN-10")
 def releases_without_the_capability(patch: Patch) -> None:
     """Declares no `frames`, and releases a frame each time it has opened memory."""
-    patch.setattr(session, "CAPABILITIES", ("host_shm", "reinit"))
+    patch.setattr(reading, "CAPABILITIES", ("host_shm", "reinit"))
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
         original(self, packet)

@@ -148,8 +148,9 @@ def server_makes_room(patch: Patch) -> None:
     """Makes its memory larger for a client that could not open it."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        if isinstance(message, OpenFailed):
-            resizes(self._exchange.memory, 2)
+        memory = self._exchange.memory
+        if isinstance(message, OpenFailed) and isinstance(memory, Memory):
+            resizes(memory, 2)
         return original(self, connection, message)
 
     wrap(patch, Session, "_answered", answered)

@@ -4,6 +4,7 @@ from typing import Any
 
 from splatbus_server import api, memory, shared_memory
 from splatbus_server.connection import Connection, Refusal
+from splatbus_server.memory import Memory
 from splatbus_server.session import Session
 from splatbus_wire.messages import Closed, Opened
 
@@ -35,8 +36,10 @@ def server_reuses_memory_that_one_reader_closed(patch: Patch) -> None:
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         if isinstance(message, Closed):
-            for slot in range(self._exchange.memory.ring.slots):
-                self._exchange.memory.color(slot)[:] = 0.25
+            memory = self._exchange.memory
+            assert isinstance(memory, Memory)
+            for slot in range(memory.ring.slots):
+                memory.color(slot)[:] = 0.25
         return original(self, connection, message)
 
     wrap(patch, Session, "_answered", answered)
