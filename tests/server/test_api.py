@@ -239,3 +239,19 @@ def test_the_renderer_learns_that_nobody_serves_its_images(
     bus._service._stopping = True
     bus._service.run()
     bus.close()
+
+
+def test_a_kind_of_memory_that_is_not_known_is_refused() -> None:
+    with pytest.raises(ValueError, match="host_shm"):
+        splatbus_server.serve(4, 2, memory="vram", ipc_port=0, message_port=0)  # type: ignore[arg-type]
+
+
+def test_a_stream_is_nothing_to_memory_of_the_host(bus: splatbus_server.Bus) -> None:
+    with Reader(bus.address.ipc_port) as reader:
+        reader.open()
+        assert reader.frame()
+        view = bus.next_view(0, contents_changed=True)
+        assert view is not None
+        image = np.zeros((view.height, view.width, 3), np.float32)
+        with pytest.raises(ValueError, match="takes no stream"):
+            bus.publish(view, image, image[..., 0], stream=1)

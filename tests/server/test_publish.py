@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from splatbus_server.publish import Publisher
+from splatbus_server.publish import Publisher, source
 
 SHAPE = (3, 2)
 LARGEST = np.finfo(np.float32).max
@@ -176,3 +176,31 @@ def test_a_frame_needs_no_memory_of_its_own():
 def test_arrays_of_another_shape_or_type_are_refused(publish, problem):
     with pytest.raises(ValueError, match=problem):
         publish(publisher(), *slots())
+
+
+def test_accumulated_depth_is_divided_by_alpha_and_rounded_once():
+    color, depth = slots()
+    given = np.array([[1.0, 2.0], [0.0, np.nan], [3e38, 1e-45]], np.float32)
+    alpha = np.array([[0.5, 0.001], [1.0, 1.0], [0.01, 0.3]], np.float32)
+    publisher().accumulated_depth(given, depth, alpha)
+    largest = np.finfo(np.float32).max
+    expected = [[2.0, np.inf], [np.inf, np.inf], [largest, np.float32(1e-45) / np.float32(0.3)]]
+    np.testing.assert_array_equal(depth[::-1], np.array(expected, np.float32))
+
+
+@pytest.mark.parametrize("layout", ["HWC", "CHW"])
+@pytest.mark.parametrize("premultiplied", [False, True])
+def test_alpha_beside_premultiplied_rgb_is_its_own(layout, premultiplied):
+    alpha = np.array([[0.25, 0.5], [0.75, 1.0], [0.0, 0.1]], np.float32)
+    color = np.full((3, 2, 3) if layout == "HWC" else (3, 3, 2), 0.1, np.float32)
+    image = source(color, alpha, alpha, "linear", 2, 3, premultiplied)
+    assert image.color.shape[image.layout.index("C")] == (4 if premultiplied else 3)
+    slot, _ = slots()
+    publisher().color(image.color, slot, image.layout)
+    np.testing.assert_array_equal(slot[::-1, :, 3], alpha if premultiplied else np.ones((3, 2)))
+
+
+def test_a_kind_of_depth_that_is_not_known_is_refused():
+    color = np.zeros((3, 2, 3), np.float32)
+    with pytest.raises(ValueError, match="median"):
+        source(color, None, None, "median", 2, 3, False)

@@ -103,7 +103,7 @@ def server_without_alpha(patch: Patch) -> None:
     stored(patch, "color", fill)
 
 
-@variation()
+@variation(warns=("ACC-13",))
 def server_in_single_precision(patch: Patch) -> None:
     """Rounds its view matrix to single precision, once, as renderers want it."""
 
