@@ -205,6 +205,8 @@ class Reading:
 
 
 def _opened(packet: InitPacket) -> Images:
+    if packet.memory is None and cuda.usable():
+        raise CannotOpenError("it speaks 1.0 and lends no frames, and this client reads no others")
     if isinstance(packet.memory, CudaMemory) and cuda.usable():
         from splatbus_client.cuda.images import CudaImages  # it needs cuda-bindings
 

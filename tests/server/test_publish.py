@@ -179,7 +179,7 @@ def test_arrays_of_another_shape_or_type_are_refused(publish, problem):
 
 
 def test_accumulated_depth_is_divided_by_alpha_and_rounded_once():
-    color, depth = slots()
+    _, depth = slots()
     given = np.array([[1.0, 2.0], [0.0, np.nan], [3e38, 1e-45]], np.float32)
     alpha = np.array([[0.5, 0.001], [1.0, 1.0], [0.01, 0.3]], np.float32)
     publisher().accumulated_depth(given, depth, alpha)
