@@ -15,7 +15,7 @@ from splatbus_conformance.selftest import command, matrix, trials
 from splatbus_conformance.selftest.seeds import differences
 from splatbus_conformance.selftest.specimen import RULE, SIDES, Mutant
 from splatbus_conformance.selftest.trials import Cell, Fate, Row, fate_of
-from splatbus_conformance.selftest.zoo import mutants, variations
+from splatbus_conformance.selftest.zoo import mutants, specimen_named, variations
 from splatbus_schemas.requirements import requirements
 
 MUTANTS = {mutant.name: mutant for mutant in mutants()}
@@ -193,3 +193,8 @@ def test_seeds_that_disagree_are_told_apart():
         "FRM-4 rule: absent 1 times, pass 1 times",
     ]
     assert differences([found[0]] * 3) == []
+
+
+@pytest.mark.parametrize("specimen", [*mutants(), *variations()], ids=lambda it: it.name)
+def test_a_specimen_is_found_by_its_name(specimen):
+    assert specimen_named(specimen.name) is specimen

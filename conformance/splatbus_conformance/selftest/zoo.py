@@ -37,7 +37,8 @@ def specimen_named(name: str) -> Mutant | Variation | None:
                 inside = path.relative_to(folder).with_suffix("").parts
                 module = importlib.import_module(".".join((package.__name__, *inside)))
                 found: Specimens = (*_declared(module, Mutant), *_declared(module, Variation))
-                return next((it for it in found if it.name == name), None)
+                if named := [it for it in found if it.name == name]:
+                    return named[0]
     return None
 
 
