@@ -10,9 +10,10 @@ class Patch:
     `pytest.MonkeyPatch` does as much, but takes longer to import than the reference to start.
     """
 
-    def setattr(self, owner: object, name: str, value: object) -> None:
-        """Replace an attribute; AttributeError if there is none."""
-        getattr(owner, name)
+    def setattr(self, owner: object, name: str, value: object, raising: bool = True) -> None:
+        """Replace an attribute; AttributeError if there is none, unless that is expected."""
+        if raising:
+            getattr(owner, name)
         setattr(owner, name, value)
 
     def setitem(self, mapping: MutableMapping[str, Any], key: str, value: Any) -> None:

@@ -274,7 +274,7 @@ def reads_on_without_a_connection(patch: Patch) -> None:
         self._kept = image  # type: ignore[attr-defined]
 
     wrap(patch, mirror, "_copied", copied)
-    Mirror.newest = property(newest, keep)  # type: ignore[assignment]
+    patch.setattr(Mirror, "newest", property(newest, keep), raising=False)
 
 
 # What is shown
