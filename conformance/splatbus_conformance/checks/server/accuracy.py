@@ -16,7 +16,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.closed_form import COLOR_BUDGET, DEPTH_BUDGET, NOTHING, Exact, render
 from splatbus_conformance.hard_numbers import hard_numbers, nearest, spelled_as
 from splatbus_conformance.messages import camera_pose
-from splatbus_conformance.photographer import Photographer
+from splatbus_conformance.photographer import Photographer, aside
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.pinhole import Reals, Rigid, rigid
 from splatbus_conformance.registration import Registration, register
@@ -115,6 +115,7 @@ def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
     one whose surface is nearer.
     """
     photographer, compared = Photographer(trial), 0
+    photographer.take(aside(AT_ORIGIN))  # shows that no other connection has control any more
     for away in trial.each((1.0, 5.0, 15.0, 30.0, 50.0)):
         stage = staged(AT_ORIGIN, Pose((0.0, -0.5 * away, -0.8 * away), LOOKS_DOWN))
         photograph = photographer.take(*stage)
