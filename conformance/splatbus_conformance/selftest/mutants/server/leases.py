@@ -60,12 +60,33 @@ def server_closes_at_a_wrong_release(patch: Patch) -> None:
 def server_keeps_the_leases_of_the_dead(patch: Patch) -> None:
     """Waits for the release of an image although the connection that holds it has ended."""
     wrap(patch, Exchange, "forget", lambda original, *arguments: None)
-    wrap(patch, Ring, "lease", _of_any_number)
+    _lends_to_any_number(patch)
 
 
-def _of_any_number(original: Any, self: Ring, client: Any) -> Any:
-    self._clients = 1000
-    return original(self, client)
+def _lends_to_any_number(patch: Patch) -> None:
+    """Count no readers, and render nothing while every slot is lent."""
+
+    def lease(original: Any, self: Ring, client: Any) -> Any:
+        self._clients = 1000
+        return original(self, client)
+
+    def begin_write(original: Any, self: Ring) -> Any:
+        try:
+            return original(self)
+        except StopIteration:
+            return None
+
+    def next_view(original: Any, self: Exchange, *arguments: Any) -> Any:
+        with self._changed:
+            slot = self.memory.ring.begin_write()
+        if slot is not None:
+            return original(self, *arguments)
+        time.sleep(0.01)
+        return None
+
+    wrap(patch, Ring, "lease", lease)
+    wrap(patch, Ring, "begin_write", begin_write)
+    wrap(patch, Exchange, "next_view", next_view)
 
 
 @mutant("IMG-18", check=REFUSES, reason="was told nothing")
@@ -97,4 +118,4 @@ def server_takes_more_readers_than_slots(patch: Patch) -> None:
         original(self, exchange, cameras, 1000, more[-1])
 
     wrap(patch, Session, "__init__", init)
-    wrap(patch, Ring, "lease", _of_any_number)
+    _lends_to_any_number(patch)
