@@ -101,8 +101,9 @@ def test_one_matrix_a_tile_is_as_good_as_the_tile_is_small_and_near(camera, poin
     scale = float(np.linalg.norm(point) + np.linalg.norm(eye))
     tiny = float(np.finfo(np.float32).smallest_subnormal)
     assert error <= 2 * U32 * scale + tiny
+    far = sum(map(np.linalg.norm, (camera.position, points.position, origin)))
     np.testing.assert_allclose(
-        matrix[:3] @ x, matrix[:3, :3] @ (point - eye), atol=1e-15 * (1 + 4 * scale)
+        matrix[:3] @ x, matrix[:3, :3] @ (point - eye), atol=1e-15 * (1 + 4 * scale + 2 * far)
     )
 
 
