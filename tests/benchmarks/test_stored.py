@@ -9,9 +9,6 @@ from benchmarks.accuracy import page, stored
 from benchmarks.accuracy.__main__ import STEPS
 from benchmarks.accuracy.picture import on_front
 
-BEATEN: dict[str, str] = {}
-OVER: dict[str, str] = {}
-
 
 def panels(name):
     return [
@@ -26,22 +23,13 @@ def default(part):
     return index
 
 
-def marked(known):
-    return [
-        pytest.param(name, marks=pytest.mark.xfail(reason=known[name], strict=True))
-        if name in known
-        else name
-        for name in STEPS
-    ]
-
-
-@pytest.mark.parametrize("name", marked(BEATEN))
+@pytest.mark.parametrize("name", STEPS)
 def test_the_default_is_on_the_front(name):
     for part, measure in panels(name):
         assert default(part) in on_front(part, measure), part["measures"][measure]["title"]
 
 
-@pytest.mark.parametrize("name", marked(OVER))
+@pytest.mark.parametrize("name", STEPS)
 def test_the_default_keeps_the_budget(name):
     for part, measure in panels(name):
         budget = part["measures"][measure]["budget"]

@@ -7,7 +7,8 @@ from splatbus_conformance import oracle
 from splatbus_wire.errors import FramingError, ProtocolError
 from splatbus_wire.rotations import check_quaternion, quaternion_from_matrix, rotation_matrix
 
-from tests.wire.stress import NEAR_HALF_TURNS, quaternions, within
+from benchmarks.accuracy.search import HALF_TURNS
+from tests.wire.stress import quaternions, within
 
 
 def rows(flat):
@@ -19,7 +20,7 @@ searching = settings(deadline=None, max_examples=600)
 
 
 def stress(test):
-    for q in NEAR_HALF_TURNS:
+    for q in HALF_TURNS:
         test = example(q)(test)
     return searching(given(quaternions())(test))
 

@@ -25,6 +25,19 @@ POSES = {
 }
 
 
+POSE_TOLERANCES: Json = {
+    "position": exactly("Correctly rounded where it is scaled; 0.0 and −0.0 are equal.", "ACC-7"),
+    "rotation": within(
+        "component",
+        5 * U,
+        "ACC-7",
+        "4u, and 1u for the rounding of what is expected; q and −q are equal.",
+        up_to_sign=True,
+    ),
+}
+"""Of a pose in other axes."""
+
+
 def document() -> Json:
     """Return the whole file."""
     return {
@@ -35,18 +48,7 @@ def document() -> Json:
         " `to_wire` from it. `engines` states each change on matrices: p' = scale·world·p and"
         " R' = world·R·cameraᵀ, both lists of rows.",
         "requirements": ["CNV-3", "CNV-4", "CNV-5", "CNV-6", "CNV-7", "ACC-7"],
-        "tolerances": {
-            "position": exactly(
-                "Correctly rounded where it is scaled; 0.0 and −0.0 are equal.", "ACC-7"
-            ),
-            "rotation": within(
-                "component",
-                5 * U,
-                "ACC-7",
-                "4u, and 1u for the rounding of what is expected; q and −q are equal.",
-                up_to_sign=True,
-            ),
-        },
+        "tolerances": POSE_TOLERANCES,
         "engines": {
             name: {"requirement": REQUIREMENTS[name], **change_of_axes(engine)}
             for name, engine in ENGINES.items()

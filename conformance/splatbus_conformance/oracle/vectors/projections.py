@@ -14,9 +14,13 @@ from splatbus_conformance.oracle.rotations import (
     transpose,
 )
 from splatbus_conformance.oracle.rounding import Real, exact, to_single
-from splatbus_conformance.oracle.vectors.conventions import REQUIREMENTS, change_of_axes
+from splatbus_conformance.oracle.vectors.conventions import (
+    POSE_TOLERANCES,
+    REQUIREMENTS,
+    change_of_axes,
+)
 from splatbus_conformance.oracle.vectors.intrinsics import EXAMPLE, OFF_CENTRE, stated
-from splatbus_conformance.oracle.vectors.layout import Json, both, exactly, pose, within
+from splatbus_conformance.oracle.vectors.layout import Json, both, pose, within
 from splatbus_conformance.oracle.vectors.poses import HALF, IDENTITY, WORKED
 
 _SAME = ENGINES["opengl_camera"].world
@@ -90,16 +94,7 @@ def document() -> Json:
         " the point is not in front of the camera (z ≤ 0). `engines` is as in conventions.json.",
         "requirements": [*("CNV-1", "CNV-2", "CNV-4", "CNV-5", "CNV-6", "CNV-7"), "ACC-7", "IMG-1"],
         "tolerances": {
-            "position": exactly(
-                "Correctly rounded where it is scaled; 0.0 and −0.0 are equal.", "ACC-7"
-            ),
-            "rotation": within(
-                "component",
-                5 * U,
-                "ACC-7",
-                "4u, and 1u for the rounding of what is expected; q and −q are equal.",
-                up_to_sign=True,
-            ),
+            **POSE_TOLERANCES,
             "world": within(
                 "norm",
                 32 * U,
