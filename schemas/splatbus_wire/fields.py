@@ -99,6 +99,21 @@ class Field(NamedTuple):
             raise self.refused(f"is {brief(self.value)}, not a positive number")
         return number
 
+    def single(self) -> float:
+        """This number; `invalid_number` if single precision cannot hold it [CAM-4]."""
+        number = self.number()
+        if not abs(number) <= _MAX_POSITION:
+            raise self.refused(f"is {brief(self.value)}, beyond single precision", "invalid_number")
+        return number
+
+    def positive_single(self) -> float:
+        """This positive number; `invalid_number` if no normal single-precision one [CAM-4]."""
+        self.positive()
+        number = self.single()
+        if number < LIMITS["min_normal_single"]:
+            raise self.refused(f"is {brief(self.value)}, below single precision", "invalid_number")
+        return number
+
     def number(self, *, or_string: bool = False) -> float:
         """This number; `or_string` also takes a string that spells one [JSN-11].
 
@@ -122,6 +137,24 @@ class Field(NamedTuple):
                 f"is {brief(self.value)}, beyond single precision", "invalid_number"
             )
         return number
+
+    def vector(self) -> Vector:
+        """This array of 3 coordinates."""
+        x, y, z = (item.coordinate() for item in self.items(3, 3))
+        return x, y, z
+
+    def id(self) -> int | None:
+        """The member `id` of this object, if it has one."""
+        identifier = self.optional("id")
+        return None if identifier is None else identifier.integer(0, MAX_SAFE_INTEGER)
+
+    def generation(self) -> int:
+        """The member `generation` of this object."""
+        return self.member("generation").integer(1, MAX_SAFE_INTEGER)
+
+    def seq(self) -> int:
+        """The member `seq` of this object."""
+        return self.member("seq").integer(0, MAX_SAFE_INTEGER)
 
     def _expect(self, kind: type, wanted: str) -> Any:
         if not isinstance(self.value, kind):
@@ -147,9 +180,9 @@ def array_pose(message: Field) -> Pose:
     Raises as `object_pose`.
     """
     rotation = message.member("rotation")
-    x, y, z = (item.coordinate() for item in message.member("position").items(3, 3))
+    position = message.member("position").vector()
     q = tuple(item.number() for item in rotation.items(4, 4))
-    return _pose((x, y, z), q, rotation)
+    return _pose(position, q, rotation)
 
 
 def _pose(position: Vector, q: tuple[float, ...], rotation: Field) -> Pose:

@@ -1,16 +1,41 @@
-"""The messages of both channels as plain values (1.0 chapter 6; 1.1 chapters 2, 4 and 5)."""
+"""The messages of both channels as plain values (1.0 chapter 6; 1.1)."""
 
 from typing import NamedTuple
 
 from splatbus_wire.init_packet import InitPacket
-from splatbus_wire.poses import Pose
+from splatbus_wire.poses import Pose, Vector
+
+DEFAULT_OBJECT = "default"
+"""The object that `point_cloud_pose` moves [OBJ-2]."""
+
+
+class Intrinsics(NamedTuple):
+    """A lens, in pixels of an image of `width` by `height`; clipping planes in scene units [CAM-4].
+
+    Pixel centres are at half-integers: (0.5, 0.5) is the centre of the top-left pixel.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    near: float
+    far: float
 
 
 class CameraPose(NamedTuple):
-    """Where the camera is [POS-1]; `timestamp` in seconds of the client's choice [POS-8]."""
+    """Where the camera is [POS-1]; `timestamp` in seconds of the client's choice [POS-8].
+
+    `tag` comes back with the first image that was rendered with it [CAM-2]; without `intrinsics`
+    those before stay in force [CAM-7].
+    """
 
     pose: Pose
     timestamp: float | None = None
+    tag: str | None = None
+    intrinsics: Intrinsics | None = None
 
 
 class PointCloudPose(NamedTuple):
@@ -18,6 +43,21 @@ class PointCloudPose(NamedTuple):
 
     pose: Pose
     timestamp: float | None = None
+
+
+class ObjectPose(NamedTuple):
+    """Where an object is, and how large: X_world = scale · R · X + position [OBJ-1]."""
+
+    object: str
+    pose: Pose
+    scale: float = 1.0
+    timestamp: float | None = None
+
+
+class SetTime(NamedTuple):
+    """The time in the scene, in seconds, that images are to be rendered at [TIM-1]."""
+
+    time: float
 
 
 class GetViewportSize(NamedTuple):
@@ -35,8 +75,32 @@ class GetCameraPose(NamedTuple):
     timestamp: float | None = None
 
 
+class GetScene(NamedTuple):
+    """Asks what the scene consists of [SCN-1]."""
+
+    id: int | None = None
+
+
+class SetViewport(NamedTuple):
+    """Asks for images of this size, in pixels [VPT-1]."""
+
+    width: int
+    height: int
+    id: int | None = None
+
+
+class Ping(NamedTuple):
+    """Asks for the server's clock; `t` in seconds on the client's own [PNG-1]."""
+
+    t: float
+    id: int | None = None
+
+
 class ViewportSize(NamedTuple):
-    """Answers GetViewportSize, in pixels; 0 by 0 while the server has no image [REQ-3, REQ-4]."""
+    """Answers GetViewportSize and SetViewport, in pixels [REQ-3, VPT-2].
+
+    0 by 0 while the server has no image [REQ-4].
+    """
 
     width: int
     height: int
@@ -44,10 +108,85 @@ class ViewportSize(NamedTuple):
 
 
 class CameraReply(NamedTuple):
-    """Answers GetCameraPose, camera-to-world [REQ-5]."""
+    """Answers GetCameraPose, camera-to-world [REQ-5]; `intrinsics` where agreed upon [CAM-8]."""
 
     pose: Pose
     id: int | None = None
+    intrinsics: Intrinsics | None = None
+
+
+class Box(NamedTuple):
+    """An axis-aligned box, both ends included."""
+
+    min: Vector
+    max: Vector
+
+
+class SceneObject(NamedTuple):
+    """An object of a scene: `bounds` of the centres of its Gaussians, in its own axes, if known."""
+
+    id: str
+    name: str
+    gaussians: int
+    bounds: Box | None = None
+
+
+class Scene(NamedTuple):
+    """Answers GetScene [SCN-2]; `time_range` in seconds, None where nothing moves by itself."""
+
+    objects: tuple[SceneObject, ...]
+    time_range: tuple[float, float] | None
+    cameras: int
+    origin: Vector
+    id: int | None = None
+
+
+class Pong(NamedTuple):
+    """Answers Ping [PNG-2]; `server_time` in seconds on the clock of `Frame.rendered_at`."""
+
+    t: float
+    server_time: float
+    id: int | None = None
+
+
+class Scalar(NamedTuple):
+    """A series of telemetry whose value is a number (1.1 annex A)."""
+
+    name: str
+    value: float
+    unit: str | None = None
+
+
+class Histogram(NamedTuple):
+    """A series of telemetry; one count fewer than edges, which ascend (1.1 annex A)."""
+
+    name: str
+    edges: tuple[float, ...]
+    counts: tuple[int, ...]
+
+
+class Text(NamedTuple):
+    """A series of telemetry whose value is a text (1.1 annex A)."""
+
+    name: str
+    value: str
+
+
+Series = Scalar | Histogram | Text
+
+
+class SubscribeTelemetry(NamedTuple):
+    """Which series to send from now on; None for all [TEL-1]."""
+
+    names: frozenset[str] | None
+
+
+class Telemetry(NamedTuple):
+    """Figures from the renderer; `time` in seconds on the clock of `Frame.rendered_at` [TEL-2]."""
+
+    seq: int
+    time: float
+    series: tuple[Series, ...]
 
 
 class Program(NamedTuple):
@@ -139,12 +278,36 @@ class FrameCamera(NamedTuple):
     height: int
     near: float
     far: float
+    tag: str | None = None
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The lens by itself."""
+        return Intrinsics(
+            self.fx,
+            self.fy,
+            self.cx,
+            self.cy,
+            self.width,
+            self.height,
+            self.near,
+            self.far,
+        )
+
+
+class Placement(NamedTuple):
+    """Where an object was in an image, and how large [OBJ-7]."""
+
+    object: str
+    pose: Pose
+    scale: float = 1.0
 
 
 class Frame(NamedTuple):
     """An image that is whole, and lent until it is released [IMG-1].
 
-    `time` is in seconds of the scene, `rendered_at` in seconds of the server's monotonic clock.
+    `time` is in seconds of the scene, `rendered_at` in seconds of the server's monotonic clock. An
+    object that `objects` does not list was at the identity, with scale 1.
     """
 
     generation: int
@@ -153,13 +316,15 @@ class Frame(NamedTuple):
     camera: FrameCamera
     time: float
     rendered_at: float
+    objects: tuple[Placement, ...] = ()
 
 
-Request = GetViewportSize | GetCameraPose
-Reply = ViewportSize | CameraReply
+Steering = CameraPose | PointCloudPose | ObjectPose | SetTime
+"""What belongs to control of the scene (1.1 section 6.3)."""
+Request = GetViewportSize | GetCameraPose | GetScene | SetViewport | Ping
+Reply = ViewportSize | CameraReply | Scene | Pong
 ClientMessage = (
-    CameraPose
-    | PointCloudPose
+    Steering
     | Request
     | Hello
     | Opened
@@ -167,6 +332,7 @@ ClientMessage = (
     | Closed
     | Release
     | Subscribe
+    | SubscribeTelemetry
 )
-ServerMessage = InitPacket | Reply | Welcome | Frame | ErrorMessage
+ServerMessage = InitPacket | Reply | Welcome | Frame | Telemetry | ErrorMessage
 Message = ClientMessage | ServerMessage

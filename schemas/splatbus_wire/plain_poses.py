@@ -15,10 +15,6 @@ from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import NORM_TOLERANCE
 
 _MAX_POSITION: float = LIMITS["max_position"]
-_MESSAGES: dict[bytes, type[CameraPose] | type[PointCloudPose]] = {
-    b"camera_pose": CameraPose,
-    b"point_cloud_pose": PointCloudPose,
-}
 
 # Possessive throughout, so that a hostile text costs time linear in its length.
 _NUMBER = rb"(-?+(?>0|[1-9][0-9]*+)(?:\.[0-9]++)?+(?:[eE][+-]?+[0-9]++)?+)"
@@ -47,7 +43,10 @@ _POSE = re.compile(
         b"(?:" + _spaced(_member(b"timestamp", _NUMBER), b",", b"") + b")?+"
         + _member(b"position", _vector(b"x", b"y", b"z")),
         b",",
-        _member(b"rotation", _vector(b"x", b"y", b"z", b"w")),
+        _member(b"rotation", _vector(b"x", b"y", b"z", b"w"))
+        + rb"(?:"
+        + _spaced(b"", b",", _member(b"tag", rb'"([ !#-\[\]-~]{1,%d}+)"' % LIMITS["max_tag_chars"]))
+        + b")?+",
         rb"\}",
         b"",
     )
@@ -55,11 +54,14 @@ _POSE = re.compile(
 
 
 def plain_pose(payload: bytes) -> CameraPose | PointCloudPose | None:
-    """Return the pose in a payload that is plainly valid [POS-1, POS-2, POS-3, POS-8], or None."""
+    """Return the pose in a payload that is plainly valid [POS-1 to POS-3, POS-8, CAM-1], or None.
+
+    A `tag` of plain ASCII is taken; that of the Gaussians has no meaning [JSN-7].
+    """
     found = _POSE.fullmatch(payload)
     if found is None:
         return None
-    kind, seconds, x, y, z, i, j, k, w = found.groups()
+    kind, seconds, x, y, z, i, j, k, w, tag = found.groups()
     position = px, py, pz = float(x), float(y), float(z)
     rotation = float(i), float(j), float(k), float(w)
     timestamp = None if seconds is None else float(seconds)
@@ -71,5 +73,8 @@ def plain_pose(payload: bytes) -> CameraPose | PointCloudPose | None:
         and abs(math.hypot(*rotation) - 1.0) <= NORM_TOLERANCE
         and (timestamp is None or math.isfinite(timestamp))
     ):
-        return _MESSAGES[kind](Pose(position, rotation), timestamp)
+        pose = Pose(position, rotation)
+        if kind == b"point_cloud_pose":
+            return PointCloudPose(pose, timestamp)
+        return CameraPose(pose, timestamp, None if tag is None else tag.decode())
     return None
