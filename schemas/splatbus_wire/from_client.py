@@ -101,7 +101,7 @@ def hello(message: Field) -> Hello:
     """The first message of a connection, on either channel [NEG-2]."""
     token = message.optional("token")
     return Hello(
-        tuple(map(version, message.member("versions").items(1, LIMITS["maxversions"]))),
+        tuple(map(version, message.member("versions").items(1, LIMITS["max_versions"]))),
         program(message.member("client")),
         capabilities(message.member("capabilities")),
         None if token is None else token.string(1, LIMITS["max_token_chars"]),
