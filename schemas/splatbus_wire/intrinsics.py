@@ -29,8 +29,7 @@ class Pinhole(NamedTuple):
     def scaled_to(self, width: int, height: int) -> "Pinhole":
         """Return the same camera for an image of another size, within 2 ULP.
 
-        Each axis is scaled on its own; whether another aspect ratio is wanted is the caller's
-        to say.
+        Each axis is scaled on its own [CAM-5]; see `has_shape_of`.
         """
         return Pinhole(
             self.fx * width / self.width,
@@ -40,6 +39,15 @@ class Pinhole(NamedTuple):
             width,
             height,
         )
+
+    def has_shape_of(self, width: int, height: int) -> bool:
+        """Whether an image of this size has the same aspect ratio, but for rounding [CAM-6].
+
+        A side of the smaller image that was rounded to a whole pixel is rounding: 854 by 480 has
+        the shape of 1920 by 1080.
+        """
+        largest = max(self.width, self.height, width, height)
+        return abs(self.height * width - self.width * height) < largest
 
     def project(self, points: ArrayLike) -> Float64Array:
         """Return the image points (…, 2) of points (…, 3) in camera axes; NaN where z is not > 0.

@@ -136,6 +136,12 @@ def test_the_wire_scales_intrinsics(case):
     assert is_near("intrinsics", "scaled", got, expected)
 
 
+@cases("intrinsics", quantity="shape")
+def test_the_wire_tells_another_shape_from_rounding(case):
+    given = Pinhole(1.0, 1.0, 0.0, 0.0, *case["given"])
+    assert given.has_shape_of(*case["to"]) is case["expected"]["accepted"]
+
+
 @cases("intrinsics", quantity="calibration")
 def test_the_wire_reads_calibrations(case):
     got = from_opencv(**intrinsics(case["opencv"]))
@@ -252,9 +258,11 @@ def in_world(case, point, placed):
 
 def on_wire_axes(case, point):
     """A point of the engine's world, or of the object's own axes, in those of the wire."""
-    row = case["object"]["engine"] if case["object"] else case["engine"]
+    placed = case["object"] or {}
+    row = placed.get("engine", case["engine"])
+    size = float(doubles(placed["scale"])) if "scale" in placed else 1.0
     if row == "wire":
-        return point
+        return size * point
     engine = ENGINES[row]
-    change = np.reshape(engine.camera if case["object"] else engine.world, (3, 3))
-    return change.T @ point / engine.scale
+    change = np.reshape(engine.camera if placed else engine.world, (3, 3))
+    return size * (change.T @ point / engine.scale)

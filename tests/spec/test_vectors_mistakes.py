@@ -273,6 +273,24 @@ def test_scaled_principal_points_tell(mistake):
     assert not all(answers)
 
 
+SHAPES = {
+    "no rounding": lambda w, h, W, H: w * H == h * W,
+    "a percent": lambda w, h, W, H: abs(w * H / (h * W) - 1) < 0.01,
+    "the width of one image": lambda w, h, W, H: abs(w * H - h * W) < w,
+    "the width of both": lambda w, h, W, H: abs(w * H - h * W) < max(w, W),
+    "any shape": lambda w, h, W, H: True,
+    "a pixel of either": lambda w, h, W, H: abs(w * H - h * W) <= max(w, h, W, H),
+}
+
+
+@pytest.mark.parametrize("mistake", SHAPES)
+def test_shapes_tell(mistake):
+    assert not all(
+        SHAPES[mistake](*case["given"], *case["to"]) is case["expected"]["accepted"]
+        for case in chosen("intrinsics", quantity="shape")
+    )
+
+
 @pytest.mark.parametrize("added", [0.0, 0.5])
 def test_a_calibration_tells_where_half_a_pixel_is_added(added):
     """Left out, or added after scaling."""
@@ -338,6 +356,33 @@ def test_projections_tell_an_object_whose_scale_is_left_out():
             for point, seen in zip(case["points"], case["expected"]["points"], strict=True):
                 got = R @ change.T @ doubles(point) + c
                 assert not is_near("projections", "world", got, doubles(seen["world"]))
+
+
+SCALES = {
+    "left out": lambda s, R, p, c: R @ p + c,
+    "taken twice": lambda s, R, p, c: s * s * (R @ p) + c,
+    "the whole place is scaled": lambda s, R, p, c: s * (R @ p + c),
+    "divided by": lambda s, R, p, c: (R @ p) / s + c,
+}
+
+
+@pytest.mark.parametrize("mistake", SCALES)
+def test_projections_tell_the_scale_of_an_object(mistake):
+    for case in chosen("projections", engine="wire", requirement="OBJ-5"):
+        placed, points = (
+            case["object"],
+            zip(case["points"], case["expected"]["points"], strict=True),
+        )
+        R, c = right(doubles(placed["rotation"])), doubles(placed["position"])
+        assert not all(
+            is_near(
+                "projections",
+                "world",
+                SCALES[mistake](float(doubles(placed["scale"])), R, doubles(point), c),
+                doubles(seen["world"]),
+            )
+            for point, seen in points
+        )
 
 
 def test_projections_tell_single_precision():

@@ -27,6 +27,11 @@ class Intrinsics(NamedTuple):
         fx, fy, cx, cy = exact(self[:4])
         return Intrinsics(fx * across, fy * down, cx * across, cy * down, width, height)
 
+    def has_shape_of(self, width: int, height: int) -> bool:
+        """Return whether these intrinsics may be scaled to an image of this size (CAM-6)."""
+        largest = max(self.width, self.height, width, height)
+        return abs(self.height * width - self.width * height) < largest
+
     def image_point(self, point: Sequence[Real]) -> Vector | None:
         """Return (u, v) of a point in camera axes, None where it is not in front (z ≤ 0)."""
         x, y, z = exact(point)

@@ -28,6 +28,29 @@ SCALED = {
     "a calibration, once half a pixel is added": (from_opencv(CALIBRATED), (1280, 960)),
 }
 
+SHAPES = {
+    "the same size": ((1920, 1080), (1920, 1080)),
+    "half the size": ((1920, 1080), (960, 540)),
+    "rounded up to a whole pixel": ((1920, 1080), (854, 480)),
+    "rounded down to a whole pixel": ((1920, 1080), (853, 480)),
+    "the images the larger ones": ((854, 480), (1920, 1080)),
+    "as wide as rounding makes it": ((1920, 1080), (855, 480)),
+    "wider": ((1920, 1080), (856, 480)),
+    "as narrow as rounding makes it": ((1920, 1080), (852, 480)),
+    "narrower": ((1920, 1080), (851, 480)),
+    "upright, rounded up to a whole pixel": ((1080, 1920), (361, 641)),
+    "upright, wider": ((1080, 1920), (362, 640)),
+    "a row too many, of the same width": ((640, 480), (640, 481)),
+    "a column too many, of the same height": ((640, 480), (641, 480)),
+    "16:9 for 4:3": ((640, 480), (1920, 1080)),
+    "upright for lying": ((1080, 1920), (1920, 1080)),
+    "the largest": ((32768, 32768), (32768, 32768)),
+    "the largest, a row less": ((32768, 32768), (32768, 32767)),
+    "a single pixel for a square": ((1, 1), (512, 512)),
+    "a single pixel for twice as high": ((1, 1), (512, 1024)),
+    "a whole pixel is no rounding": ((2, 2), (2, 4)),
+}
+
 CALIBRATIONS = {
     "the middle of 640x480": CALIBRATED,
     "beside the middle": Intrinsics(1111.25, 1109.5, 970.8, 533.2, 1920, 1080),
@@ -89,16 +112,19 @@ def document() -> Json:
         "version": "1.1",
         "description": "Image points (u, v) are in pixels from the upper left corner of the image,"
         " u to the right and v down; the centre of the top-left pixel is (0.5, 0.5). `scaled`:"
-        " intrinsics for one size of image to the same camera's for the size `to`. `calibration`:"
+        " intrinsics for one size of image to the same camera's for the size `to`. `shape`: whether"
+        " intrinsics for an image of the size `given` may be scaled to images of the size `to`,"
+        " which have the same shape but for rounding. `calibration`:"
         " from what OpenCV says, whose pixel centres are whole numbers, to what the wire says."
         " `pixel`: from [column, row], both from 0, rows from the top, to the centre of the pixel,"
         " to the direction in which it looks in camera axes, and to OpenGL's normalised device"
         " coordinates. `image_point`: to the [column, row] of the pixel around it, null outside of"
         " the image. `ray_distance`: from the distance along the ray of a pixel's centre to planar"
         " depth.",
-        "requirements": ["IMG-1", "MEM-13"],
+        "requirements": ["IMG-1", "MEM-13", "CAM-5", "CAM-6"],
         "tolerances": {
             "scaled": _reached("ulp_double", 2),
+            "shape": exactly("Whole numbers only."),
             "calibration": exactly("One sum, correctly rounded."),
             "image_point": exactly("The centre of a pixel is a number of halves."),
             "ray": _reached("ulp_double", 2),
@@ -110,6 +136,7 @@ def document() -> Json:
         },
         "cases": [
             *[_scaled(name, *given) for name, given in SCALED.items()],
+            *[_shape(name, *given) for name, given in SHAPES.items()],
             *[_calibration(name, given) for name, given in CALIBRATIONS.items()],
             *[_pixel(name, *given) for name, given in PIXELS.items()],
             *[_image_point(name, *given) for name, given in IMAGE_POINTS.items()],
@@ -142,9 +169,17 @@ def _scaled(name: str, camera: Intrinsics, size: tuple[int, int]) -> Json:
     return _case(
         "scaled",
         name,
+        "CAM-5",
         intrinsics=stated(camera),
         to=list(size),
         expected=stated(camera.scaled(*size)),
+    )
+
+
+def _shape(name: str, given: tuple[int, int], to: tuple[int, int]) -> Json:
+    accepted = EXAMPLE._replace(width=given[0], height=given[1]).has_shape_of(*to)
+    return _case(
+        "shape", name, "CAM-6", given=list(given), to=list(to), expected={"accepted": accepted}
     )
 
 

@@ -54,6 +54,8 @@ class View(NamedTuple):
     """Points in camera axes, roughly: they are rounded once they are in the engine's."""
     placed: Pose | None = None
     """An object, in whose axes the points are then given."""
+    size: float | None = None
+    """The object's scale, where it is said."""
 
 
 AROUND = [(0.0, 0.0, 4.0), (1.0, -0.75, 3.0), (-2.0, 1.5, 10.0), (30.0, 4.0, 5.0)]
@@ -76,6 +78,12 @@ VIEWS = {
     "an object, and the camera turned": View(
         Pose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND, OBJECT
     ),
+    "an object at a third of its size": View(
+        Pose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND, OBJECT, to_single(Fraction(1, 3))
+    ),
+    "an object a thousand times its size": View(
+        Pose((1.0, -2.0, 5.0), WORKED), EXAMPLE, AROUND, OBJECT, 1000.0
+    ),
 }
 
 
@@ -87,12 +95,16 @@ def document() -> Json:
         "version": "1.1",
         "description": "From an engine's camera to places on an image. `camera` is a pose in the"
         " axes and units of the row `engine`; `points` are in the engine's world, or, where there"
-        " is an `object`, in the object's own axes, of the row `object.engine`; `intrinsics` are"
+        " is an `object`, in the object's own axes, of the row `object.engine`; its `scale` is 1 if"
+        " absent; `intrinsics` are"
         " those of the frame. All these numbers are single-precision ones, but for the"
         " intrinsics. `expected` are the poses on the wire, and of each point its place in the"
         " world and in camera axes, both those of the wire, and its image point (u, v), null where"
         " the point is not in front of the camera (z ≤ 0). `engines` is as in conventions.json.",
-        "requirements": [*("CNV-1", "CNV-2", "CNV-4", "CNV-5", "CNV-6", "CNV-7"), "ACC-7", "IMG-1"],
+        "requirements": [
+            *("CNV-1", "CNV-2", "CNV-4", "CNV-5", "CNV-6", "CNV-7"),
+            *("ACC-7", "IMG-1", "OBJ-5"),
+        ],
         "tolerances": {
             **POSE_TOLERANCES,
             "world": within(
@@ -127,22 +139,24 @@ def _case(name: str, engine: str, view: View) -> Json:
     placed = None if view.placed is None else _in_engine(object_row, view.placed)
     on_wire = _on_wire(row, camera)
     object_on_wire = None if placed is None else _on_wire(object_row, placed)
+    size = Fraction(1 if view.size is None else view.size)
     points = [
-        _point_in_engine(point, on_wire, row, object_on_wire, object_row) for point in view.seen
+        _point_in_engine(point, on_wire, row, object_on_wire, object_row, size)
+        for point in view.seen
     ]
     return {
         "name": name,
-        "requirement": REQUIREMENTS.get(engine, "CNV-1"),
+        "requirement": REQUIREMENTS.get(engine, "CNV-1") if view.size is None else "OBJ-5",
         "engine": engine,
         "camera": pose(*camera),
-        "object": placed and {"engine": OBJECT_ROWS[engine], **pose(*placed)},
+        "object": placed and {"engine": OBJECT_ROWS[engine], **pose(*placed), **_size(view.size)},
         "intrinsics": stated(view.intrinsics),
         "points": [both(point) for point in points],
         "expected": {
             "camera": pose(*on_wire),
             "object": object_on_wire and pose(*object_on_wire),
             "points": [
-                _seen(point, row, on_wire, object_row, object_on_wire, view.intrinsics)
+                _seen(point, row, on_wire, object_row, object_on_wire, size, view.intrinsics)
                 for point in points
             ],
         },
@@ -150,6 +164,10 @@ def _case(name: str, engine: str, view: View) -> Json:
 
 
 Exactly = tuple[Vector, Vector]
+
+
+def _size(size: float | None) -> Json:
+    return {} if size is None else {"scale": both(size)}
 
 
 def _in_engine(row: Engine, wire: Pose) -> Pose:
@@ -186,11 +204,13 @@ def _point_in_engine(
     row: Engine,
     placed: Exactly | None,
     object_row: Engine,
+    size: Fraction,
 ) -> tuple[float, ...]:
     world = _place(camera, point)
     if placed is None:
         return _singles(row.position_from_wire(world))
-    return _singles(_own_from_wire(object_row, _into(placed, world)))
+    inside = tuple(a / size for a in _into(placed, world))
+    return _singles(_own_from_wire(object_row, inside))
 
 
 def _own_from_wire(row: Engine, point: Vector) -> Vector:
@@ -208,12 +228,13 @@ def _seen(
     camera: Exactly,
     object_row: Engine,
     placed: Exactly | None,
+    size: Fraction,
     intrinsics: Intrinsics,
 ) -> Json:
     if placed is None:
         world = row.position_to_wire(point)
     else:
-        world = _place(placed, _own_to_wire(object_row, exact(point)))
+        world = _place(placed, [size * a for a in _own_to_wire(object_row, exact(point))])
     before = _into(camera, world)
     image_point = intrinsics.image_point(before)
     return {
