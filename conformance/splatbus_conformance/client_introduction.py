@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from splatbus_conformance.adapter import Greeting
+from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict
@@ -37,6 +38,8 @@ class ClientFacts:
     """What the adapter beside it says of itself, where there is one."""
     device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
     """Why nothing is seen of what it does with device memory; None if it is seen."""
+    device: str = ""
+    """Where device memory for it lies: a GPU, or the stand-in; nothing if there is none."""
     returns: set[Channel] = field(default_factory=set)
     """Channels that it connects to again after its connection was closed."""
 
@@ -62,6 +65,8 @@ class ClientFacts:
             return f"the testee says no hello on the {of} channel: 1.1 is not claimed"
         if kind == "stand-in":
             return self.device_unseen
+        if kind == "device":
+            return why_no_device(self.device, self.device_unseen)
         if kind == "returns":
             known, why = of in self.returns, f"does not connect to the {of} channel again"
         elif kind == "capability":

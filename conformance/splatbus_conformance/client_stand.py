@@ -7,7 +7,8 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.adapter import Adapted
 from splatbus_conformance.client_introduction import ClientFacts, introduce
 from splatbus_conformance.client_trial import ClientTrial
-from splatbus_conformance.device_introduction import stand_in_for, why_unseen
+from splatbus_conformance.device_introduction import device_for, stand_in_for, why_unseen
+from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.host_memory import HostMemory, sweep
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Peer
@@ -25,6 +26,7 @@ class ClientStand:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.stand_in = stand_in_for(plan)
+        self.device = device_for(plan, self.stand_in)
         self.peer = _listening(plan)
         device = self.stand_in.environment() if self.stand_in else {}
         self.testee = self._testee(self.peer.environment() | device)
@@ -39,6 +41,8 @@ class ClientStand:
         self.facts = introduce(self.peer, self._role(), self.testee, self.plan.patience)
         if isinstance(self.testee, Adapted):
             self.facts.adapter = self.testee.greeting
+        if self.device:
+            self.facts.device = STAND_IN if self.stand_in else self.device.uuid
         if self.stand_in:
             self.facts.device_unseen = why_unseen(
                 self.peer, self._role(), self.testee, self.stand_in
@@ -56,6 +60,7 @@ class ClientStand:
             self.facts,
             self.plan.patience,
             self.stand_in,
+            self.device,
         )
 
     def close(self) -> None:
@@ -63,6 +68,8 @@ class ClientStand:
         self.testee.close()
         self.peer.close()
         self._memory.close()
+        if self.device:
+            self.device.close()
         if self.stand_in:
             self.stand_in.close()
 

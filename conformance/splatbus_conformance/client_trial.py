@@ -6,6 +6,7 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.client_introduction import ClientFacts
+from splatbus_conformance.device_memory import Device
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
@@ -33,9 +34,11 @@ class ClientTrial(Trial):
         facts: ClientFacts,
         patience: float,
         stand_in: StandIn | None = None,
+        device: Device | None = None,
     ) -> None:
         super().__init__(requirement, peer, testee, patience)
         self.stand_in = stand_in
+        self.device = device
         self._calls_before = len(stand_in.calls()) if stand_in else 0
         self.role = role
         self.facts = facts

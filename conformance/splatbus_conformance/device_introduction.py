@@ -1,8 +1,10 @@
-"""The first meeting over device memory: does the testee come to the stand-in at all?"""
+"""Which device the harness has; the first meeting over the stand-in: does the testee load it?"""
 
+from splatbus_conformance.device_memory import Device
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan, Usage
+from splatbus_conformance.real_device.device import find
 from splatbus_conformance.role import Role
 from splatbus_conformance.stand_in.building import NotAvailable
 from splatbus_conformance.stand_in.image import DeviceImage
@@ -22,6 +24,11 @@ def stand_in_for(plan: Plan) -> StandIn | None:
         return StandIn() if plan.stand_in_cuda else None
     except NotAvailable as error:
         raise Usage(str(error)) from None
+
+
+def device_for(plan: Plan, stand_in: StandIn | None) -> Device | None:
+    """The stand-in's device if that was asked for, else a GPU, if there is one that can be used."""
+    return stand_in.device if stand_in else find()
 
 
 def why_server_unseen(announced: Json | None, stand_in: StandIn) -> str | None:

@@ -23,6 +23,8 @@ class Traffic:
     testee: str = ""
     version: str = "1.0"
     """Of the specification, by which the testee is judged."""
+    device: str = ""
+    """Where device memory lay, if there was a device."""
     delivered: int = 0
     """Cases delivered and followed by something that proves it."""
     busy_seconds: float = 0.0
@@ -37,6 +39,7 @@ class Traffic:
         """Count what happened elsewhere as well."""
         self.testee = self.testee or other.testee
         self.version = max(self.version, other.version)
+        self.device = self.device or other.device
         self.delivered += other.delivered
         self.busy_seconds += other.busy_seconds
         self.waiting_seconds += other.waiting_seconds
@@ -62,6 +65,8 @@ class Traffic:
                 f"; each took {1000 * self.busy_seconds / self.delivered:.2f} ms of the harness"
                 f" and {1000 * self.waiting_seconds / self.delivered:.2f} ms of waiting"
             )
+        if self.device:
+            text += f"; device memory: {self.device}"
         return text
 
     def judged(self, side: str) -> dict[str, Requirement]:

@@ -37,10 +37,15 @@ class Lending:
 
     def lend(self, image: Painting) -> int:
         """Lend an image, and do not wait; its number."""
-        seq = self._role.with_(self.connection).frames + 1
-        self.shown[seq] = image
+        seq = self.announced(image)
         self.paint(image, seq)
         return self._role.lend(self.connection)
+
+    def announced(self, image: Painting) -> int:
+        """Know an image as the one to be lent next; its number."""
+        seq = self._role.with_(self.connection).frames + 1
+        self.shown[seq] = image
+        return seq
 
     def show(self, image: Painting) -> int:
         """Lend an image, and wait until the client has read it; its number.

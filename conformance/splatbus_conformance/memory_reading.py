@@ -53,12 +53,12 @@ class Opened:
     def color(self, slot: int) -> Pixels:
         """A copy of the colour in a slot: (h, w, 4) float32, rows top-down (BUF-1)."""
         at = self.layout.color_offset + slot * self.layout.color_stride
-        return self._copy(at, 4)
+        return self._copy(slot, at, 4)
 
     def depth(self, slot: int) -> Pixels:
         """A copy of the depth in a slot: (h, w) float32, rows top-down."""
         at = self.layout.depth_offset + slot * self.layout.depth_stride
-        return self._copy(at, 1)[:, :, 0]
+        return self._copy(slot, at, 1)[:, :, 0]
 
     def size(self) -> int | None:
         """How many bytes the memory has now, where that is shown."""
@@ -75,12 +75,13 @@ class Opened:
             os.close(self._file)
             self._file = None
 
-    def _copy(self, offset: int, numbers: int) -> Pixels:
+    def _copy(self, slot: int, offset: int, numbers: int) -> Pixels:
         width, height = self.layout.width, self.layout.height
-        flat = np.frombuffer(self._read(offset, 4 * numbers * width * height), np.dtype("<f4"))
+        data = self._read(slot, offset, 4 * numbers * width * height)
+        flat = np.frombuffer(data, np.dtype("<f4"))
         return flat.reshape(height, width, numbers)[::-1]
 
-    def _read(self, offset: int, size: int) -> bytes:
+    def _read(self, slot: int, offset: int, size: int) -> bytes:
         return self._view[offset : offset + size]
 
 

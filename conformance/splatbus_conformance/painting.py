@@ -2,12 +2,11 @@
 
 import hashlib
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import init_packet_1_1
 
 Floats = NDArray[np.float32]
@@ -15,6 +14,13 @@ STEP = 2.0**-15
 """Of the colours that tell where a pixel lies: 32,768 of them fit into 0…1, all exact."""
 SPOILT_COLOR, SPOILT_DEPTH = (0.875, 0.625, 0.375, 0.125), 12345.0
 """What a slot holds that nobody may read."""
+
+
+class Writable(Protocol):
+    """Memory of the host or of a device."""
+
+    def write(self, offset: int, data: bytes) -> None:
+        """Write bytes."""
 
 
 class Painting(NamedTuple):
@@ -54,7 +60,7 @@ def spoilt(width: int, height: int) -> Painting:
     return Painting(color, np.full((height, width), SPOILT_DEPTH, np.float32))
 
 
-def write(memory: HostMemory, painting: Painting, slot: int, slots: int) -> None:
+def write(memory: Writable, painting: Painting, slot: int, slots: int) -> None:
     """Write an image to a slot of the ring of `init_packet_1_1`, rows bottom-up (BUF-1, BUF-2)."""
     height, width = painting.depth.shape
     ring = init_packet_1_1("", 0, width, height, slots)["ring"]

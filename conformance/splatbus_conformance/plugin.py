@@ -93,7 +93,8 @@ class CheckPlugin:
         self._keep(request.node.stash[PLACE], request.node.name)
 
     def _nothing_yet(self) -> Traffic:
-        return Traffic(self.stand.testee.name, self.stand.facts.version())
+        facts = self.stand.facts
+        return Traffic(self.stand.testee.name, facts.version(), facts.device)
 
     def _keep(self, place: int, name: str) -> None:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""

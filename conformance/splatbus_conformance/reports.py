@@ -48,7 +48,11 @@ def json_report(
         "profile": profile,
         "seeds": list(seeds),
         "complaints": list(complaints),
-        "environment": {"python": platform.python_version(), "platform": sys.platform},
+        "environment": {
+            "python": platform.python_version(),
+            "platform": sys.platform,
+            "device": traffic.device,
+        },
         "requirements": [
             {
                 "id": requirement.id,

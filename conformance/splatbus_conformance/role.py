@@ -4,12 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from splatbus_conformance import messages
+from splatbus_conformance.device_memory import Allocation
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.stand_in.ring import DeviceRing
 from splatbus_conformance.values import whole
 
 
@@ -42,7 +44,9 @@ class Role:
     """
 
     def __init__(self, memory: HostMemory, width: int, height: int, slots: int = 3) -> None:
-        self.memory = memory
+        self.memory: HostMemory | Allocation = memory
+        self.ring: DeviceRing | None = None
+        """What is offered in place of memory of the host: see `offer_on_device`."""
         self.width, self.height, self.slots = width, height, slots
         self.speaks = "1.1"
         """`1.0` plays a server that knows no `hello`."""
@@ -96,10 +100,19 @@ class Role:
         """Send `welcome`, with members changed as named, and the memory that goes with it."""
         dealings = self.with_(connection)
         offered = (dealings.hello or {}).get("capabilities", [])
-        dealings.welcome = messages.welcome(connection.channel, offered) | changes
+        dealings.welcome = messages.welcome(connection.channel, offered)
+        kind = "cuda_ipc" if self.ring else "host_shm"
+        if connection.channel == "ipc" and self.ring:
+            others = [it for it in dealings.welcome["capabilities"] if it != "host_shm"]
+            dealings.welcome["capabilities"] = [kind, *others] if kind in offered else others
+        dealings.welcome |= changes
         self.say(connection, dealings.welcome)
-        if connection.channel == "ipc" and self.offers_memory and "host_shm" in offered:
+        if connection.channel == "ipc" and self.offers_memory and kind in offered:
             self.offer(connection, self.init_packet(connection))
+
+    def offer_on_device(self, ring: DeviceRing) -> None:
+        """Offer this ring, and write images there, from now on."""
+        self.ring, self.memory = ring, ring.memory
 
     def legacy_init_packet(self) -> Json:
         """A 1.0 init packet: of device memory if there is any, else of this server's size."""
@@ -109,6 +122,8 @@ class Role:
         """A good 1.1 init packet with the next generation of this connection."""
         dealings = self.with_(connection)
         dealings.generation += 1
+        if self.ring:
+            return self.ring.init_packet(dealings.generation)
         return messages.init_packet_1_1(
             self.memory.name, dealings.generation, self.width, self.height, self.slots
         )

@@ -5,6 +5,7 @@ Checks ask no more of it than it has shown here.
 
 from dataclasses import dataclass, field
 
+from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
@@ -46,6 +47,8 @@ class ServerFacts:
     unauthorized: bool = False
     """It requires a token that it was not given."""
     size: tuple[int, int] = (0, 0)
+    device: str = ""
+    """On which its CUDA memory is read: a GPU, or the stand-in; nothing if there is none."""
 
     device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
     """Why nothing is seen of what it does with device memory, or None."""
@@ -66,6 +69,8 @@ class ServerFacts:
             return None if self.version() == "1.1" else "the server speaks 1.0 only"
         if kind == "stand-in":
             return self.device_unseen
+        if kind == "device":
+            return why_no_device(self.device, self.device_unseen)
         if kind == "capability":
             known, why = of in self.capabilities(), f"does not grant the capability {of}"
         elif kind == "opens":

@@ -5,7 +5,8 @@ import socket
 
 from splatbus_schemas.requirements import Requirement
 
-from splatbus_conformance.device_introduction import stand_in_for, why_server_unseen
+from splatbus_conformance.device_introduction import device_for, stand_in_for, why_server_unseen
+from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_introduction import ServerFacts, introduce
@@ -23,6 +24,7 @@ class ServerStand:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.stand_in = stand_in_for(plan)
+        self.device = device_for(plan, self.stand_in)
         ports = [port or _free_port(plan.host) for port in plan.ports]
         self.peer = Peer(plan.host, dict(zip(CHANNELS, ports, strict=True)), plays="client")
         device = self.stand_in.environment() if self.stand_in else {}
@@ -32,13 +34,14 @@ class ServerStand:
             else Awaited(f"the server at {plan.host}")
         )
         self.facts = ServerFacts()
-        self._device = self.stand_in.device if self.stand_in else None
         self._token = os.environ.get(TOKEN_VARIABLE) or None
-        self._viewer = Viewer(self._token, self._device)
+        self._viewer = Viewer(self._token, self.device)
 
     def introduce(self) -> None:
         """Meet the server for the first time. Raises NoVerdict."""
         self.facts = introduce(self.peer, self._new_viewer(), self.testee, self.plan.patience)
+        if self.device:
+            self.facts.device = STAND_IN if self.stand_in else self.device.uuid
         if self.stand_in:
             self.facts.device_unseen = why_server_unseen(self.facts.init_packet, self.stand_in)
 
@@ -52,6 +55,7 @@ class ServerStand:
             self.facts,
             self.plan.patience,
             self.stand_in,
+            self.device,
         )
 
     def close(self) -> None:
@@ -59,12 +63,14 @@ class ServerStand:
         self._viewer.close()
         self.testee.close()
         self.peer.close()
+        if self.device:
+            self.device.close()
         if self.stand_in:
             self.stand_in.close()
 
     def _new_viewer(self) -> Viewer:
         self._viewer.close()
-        self._viewer = Viewer(self._token, self._device)
+        self._viewer = Viewer(self._token, self.device)
         return self._viewer
 
 

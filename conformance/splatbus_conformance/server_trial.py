@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.device_memory import Device
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.memory_reading import Pixels
 from splatbus_conformance.messages import Json, camera_pose
@@ -53,11 +54,13 @@ class ServerTrial(Trial):
         facts: ServerFacts,
         patience: float,
         stand_in: StandIn | None = None,
+        device: Device | None = None,
     ) -> None:
         super().__init__(requirement, peer, testee, patience)
         self.viewer = viewer
         self.facts = facts
         self.stand_in = stand_in
+        self.device = device
         peer.on_open = viewer.on_open
         peer.on_packet = viewer.on_packet
         self._mover: Connection | None = None

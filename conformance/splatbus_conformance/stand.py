@@ -15,6 +15,9 @@ from splatbus_conformance.trial import Trial
 class Facts(Protocol):
     """What the testee showed of itself when it was first met."""
 
+    device: str
+    """Where device memory lies: a GPU, or the stand-in; nothing if there is none."""
+
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
 

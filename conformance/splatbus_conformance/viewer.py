@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from splatbus_conformance import messages
+from splatbus_conformance.device_memory import Device
 from splatbus_conformance.device_reading import open_on_device
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.memory_reading import CannotOpen, Opened, open_memory
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.stand_in.device import Device
 from splatbus_conformance.values import whole
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -121,12 +122,20 @@ def checks_in(*modules: ModuleType) -> dict[str, Any]:
     }
 
 
-def judged(side: Side, program: Path, checks: Mapping[str, Any]) -> dict[str, str]:
-    """What each of these checks finds in a program: an empty text for a pass."""
+def judged(
+    side: Side, program: Path, checks: Mapping[str, Any], *, adapter: bool = False
+) -> dict[str, str]:
+    """What each of these checks finds in a program with the stand-in."""
     library()
     command = shlex.join([sys.executable, str(program)])
     size = (64, 48) if side == "client" else (0, 0)
-    stand = set_up(Plan(side, command, "127.0.0.1", (0, 0), size, 10.0, stand_in_cuda=True))
+    plan = Plan(side, command, "127.0.0.1", (0, 0), size, 10.0, stand_in_cuda=True)
+    return findings_of(replace(plan, launch=None, adapter=command) if adapter else plan, checks)
+
+
+def findings_of(plan: Plan, checks: Mapping[str, Any]) -> dict[str, str]:
+    """What each of these checks finds: an empty text for a pass."""
+    stand = set_up(plan)
     found = {}
     try:
         stand.introduce()

@@ -26,8 +26,8 @@ WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
 
 
 def by_miniatures(side):
-    """Checks of device memory: broken miniatures fail them (test_stand_in_checks, …_servers)."""
-    return {f for f in check_functions(side) if "stand-in" in f.check.needs}
+    """Checks of device memory: broken miniatures fail them (test_stand_in_…, test_device_…)."""
+    return {f for f in check_functions(side) if {"device", "stand-in"} & set(f.check.needs)}
 
 
 def judged_by(mutant: Mutant) -> set[str]:

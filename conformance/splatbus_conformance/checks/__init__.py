@@ -25,9 +25,10 @@ class Check:
     needs: tuple[str, ...]
     """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
     `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter
-    beside it, `adapter:pixels`, and its engine, `axes:unity`; or `stand-in`, that it opens device
-    memory of the stand-in CUDA runtime. Of a server: `opens`, `frames`, `cuda`, `pixels`, that its
-    images can be read here, and `scene`, that they are of the scene of `conformance/SCENE.md`."""
+    beside it, `adapter:pixels`, and its engine, `axes:unity`; or `device`, that there is a GPU or
+    the stand-in CUDA runtime to show it memory of; or `stand-in`, that its calls are seen there. Of
+    a server: `opens`, `frames`, `cuda`, `pixels`, that its images can be read here, and `scene`,
+    that they are of the scene of `conformance/SCENE.md`."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
@@ -36,7 +37,7 @@ class Check:
     @property
     def level(self) -> str:
         """The assurance of its verdict."""
-        if "stand-in" in self.needs or "pixels" in self.needs:
+        if {"device", "stand-in", "pixels"} & set(self.needs):
             return "L3"
         return "L2" if any(need.startswith("adapter:") for need in self.needs) else "L1"
 

@@ -19,6 +19,7 @@ POISON = b"\xff"
 """What memory holds that nobody wrote, or that was freed; four of them are a NaN."""
 HANDLE = re.compile(rb"splatbus-stand-in (memory|event) (\d{10}) ([0-9a-f]{16})\0*")
 HANDLE_BYTES = 64
+DEVICE_UUID = "GPU-00000000-0000-4000-8000-000000000000"
 PROGRESS = struct.Struct("=QQ")
 """Of an event: count of its records, and the last of them that is complete."""
 
@@ -106,11 +107,17 @@ class Event(Shared):
 class Device:
     """A folder of device memory; everything in it is gone when it is closed."""
 
+    uuid, ordinal = DEVICE_UUID, 0
+
     def __init__(self) -> None:
         _sweep()
         parent = PARENT if PARENT.is_dir() else None
         self.folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=parent))
         self._shared: list[Shared] = []
+
+    def named(self, uuid: object) -> "Device":
+        """This one: a server cannot ask the stand-in's library for a UUID."""
+        return self
 
     def allocate(self, size: int) -> Allocation:
         """Device memory; OSError if there is no room."""
@@ -122,8 +129,11 @@ class Device:
         self._shared.append(event := Event(self.folder))
         return event
 
-    def read(self, handle: bytes, offset: int, size: int) -> bytes:
-        """Bytes of the memory that this handle names, whoever exported it; ValueError if none."""
+    def read(self, handle: bytes, offset: int, size: int, after: bytes | None = None) -> bytes:
+        """Bytes of the memory that this handle names, whoever exported it; ValueError if none.
+
+        Work is done at once here, so there is no event to wait for.
+        """
         named = named_by(handle)
         if named is None or named.kind != "memory":
             raise ValueError("no handle of memory of the stand-in CUDA runtime")
@@ -136,6 +146,9 @@ class Device:
         if len(data) < size:
             raise ValueError(f"the memory ends before byte {offset + size}")
         return data
+
+    def forget(self, handle: bytes) -> None:
+        """Nothing to let go of: each read opens what it reads."""
 
     def close(self) -> None:
         """Free everything."""

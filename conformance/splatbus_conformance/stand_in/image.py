@@ -1,4 +1,4 @@
-"""Images that the harness keeps in device memory of the stand-in, as a server of 1.0 does."""
+"""Images that the harness keeps in device memory, as a server of 1.0 does."""
 
 import base64
 import zlib
@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from splatbus_conformance.device_memory import Allocation, Device
 from splatbus_conformance.messages import Json, init_packet_1_0
-from splatbus_conformance.stand_in.device import Allocation, Device
+from splatbus_conformance.painting import Painting
 from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.stand_in.usage import is_read
 
@@ -40,6 +41,7 @@ class DeviceImage:
     ) -> None:
         self.width, self.height = width, height
         self._layout = layout or Layout(0, 16 * width * height, apart=False)
+        self._ordinal = device.ordinal
         self.event = device.event()
         pixels = width * height
         ends = {
@@ -70,8 +72,9 @@ class DeviceImage:
             self.planes[what].memory.write(self.planes[what].begin, data)
 
     def init_packet(self) -> Json:
-        """The init packet of 1.0 that names it, on device 0."""
+        """The init packet of 1.0 that names it."""
         offered = init_packet_1_0(self.width, self.height)
+        offered["meta"]["device"] = self._ordinal
         for what, plane in self.planes.items():
             offset = getattr(self._layout, what.lower())
             offered[f"mem_{what.lower()}"] = text_of(plane.memory.handle)
@@ -80,6 +83,12 @@ class DeviceImage:
             else:
                 offered["meta"][f"offset{what}"] = offset
         return offered | {"evt_done": text_of(self.event.handle)}
+
+    def painting(self) -> Painting:
+        """The image that was drawn last."""
+        color, depth = (np.frombuffer(self.drawn[what], "<f4") for what in PIXEL_BYTES)
+        size = self.height, self.width
+        return Painting(color.reshape(*size, 4)[::-1], depth.reshape(size)[::-1])
 
     def opened(self, calls: Iterable[Call]) -> bool:
         """Whether any of its memory was opened."""

@@ -1,20 +1,20 @@
-"""Slots for whole images in device memory of the stand-in, as a server of 1.1 lends them."""
+"""Slots for whole images in device memory, as a server of 1.1 lends them."""
 
 from collections.abc import Iterable
 
+from splatbus_conformance.device_memory import Device
 from splatbus_conformance.messages import Json, init_packet_1_1
-from splatbus_conformance.stand_in.device import POISON, Device
+from splatbus_conformance.stand_in.device import POISON
 from splatbus_conformance.stand_in.image import DeviceImage, text_of
 from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.stand_in.usage import is_read
-
-DEVICE_UUID = "GPU-00000000-0000-4000-8000-000000000000"
 
 
 class DeviceRing:
     """Slots in one allocation, an event for each, and the legacy slot beside them."""
 
     def __init__(self, device: Device, width: int, height: int, slots: int) -> None:
+        self._uuid = device.uuid
         self.legacy = DeviceImage(device, width, height)
         self.legacy.draw(0)
         self._packet = init_packet_1_1("", 0, width, height, slots)
@@ -28,7 +28,7 @@ class DeviceRing:
         legacy, memory = self.legacy.init_packet(), self._packet["memory"]
         announced = {
             "kind": "cuda_ipc",
-            "deviceUuid": DEVICE_UUID,
+            "deviceUuid": self._uuid,
             "handle": text_of(self.memory.handle),
             "bytes": memory["bytes"],
         }

@@ -8,6 +8,7 @@ from cuda_client import (
     LAZY_PEER_ACCESS,
     POINTER,
     SIZE,
+    Bad,
     Image,
     ctypes,
     cuda,
@@ -30,6 +31,7 @@ class Ring:
 
     def __init__(self, packet):
         meta, self.ring = packet["meta"], packet["ring"]
+        self.height = int(meta["h"])
         self.pixels = int(meta["w"]) * int(meta["h"])
         cuda("SetDevice", int(meta.get("device", 0)))
         self.stream = made("StreamCreateWithFlags", 1)
@@ -38,11 +40,15 @@ class Ring:
 
     def read(self, slot):
         cuda("StreamWaitEvent", self.stream, self.events[slot], 0)
+        found = {}
         for what, size in (("color", 16 * self.pixels), ("depth", 4 * self.pixels)):
             begin = self.ring[f"{what}Offset"] + slot * self.ring[f"{what}Stride"]
-            place = ctypes.create_string_buffer(size), POINTER(self.memory.value + begin)
+            found[what] = ctypes.create_string_buffer(size)
+            place = found[what], POINTER(self.memory.value + begin)
             cuda("MemcpyAsync", *place, SIZE(size), DEVICE_TO_HOST, self.stream)
         cuda("StreamSynchronize", self.stream)
+
+        return {what: data.raw for what, data in found.items()}
 
     def close(self):
         cuda("IpcCloseMemHandle", self.memory)
@@ -58,11 +64,12 @@ def ipc(sock):
         for message in packets(sock):
             if message is None:
                 if isinstance(reader, Image):
-                    reader.read()
+                    cuda_client.saw(None, reader.read(), reader.height)
             elif message.get("type") == "welcome":
                 granted = message["capabilities"]
             elif message.get("type") == "frame" and reader:
-                reader.read(message["slot"])
+                read = reader.read(message["slot"])
+                cuda_client.saw(message["seq"], read, reader.height)
                 release = {"generation": message["generation"], "seq": message["seq"]}
                 send(sock, {"type": "release", **release})
             elif "meta" in message and "version" not in message:
@@ -70,8 +77,13 @@ def ipc(sock):
             elif "meta" in message and message["memory"]["kind"] == "cuda_ipc":
                 offered = message
             if offered and granted and not reader:
-                reader = Ring(offered)
-                send(sock, {"type": "opened", "generation": offered["generation"]})
+                answer = {"type": "opened", "generation": offered["generation"]}
+                try:
+                    reader = Ring(offered)
+                except Bad as bad:
+                    answer |= {"type": "open_failed", "reason": str(bad)}
+                offered = None
+                send(sock, answer)
     finally:
         if reader:
             reader.close()

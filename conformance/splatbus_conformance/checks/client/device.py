@@ -31,8 +31,8 @@ def image_of(
 
     In the end it is freed, after the connections that may know of it (CUD-4).
     """
-    assert trial.stand_in is not None, "a check of device memory needs the stand-in"
-    image = DeviceImage(trial.stand_in.device, width, height, layout)
+    assert trial.device is not None, "a check of device memory needs a device"
+    image = DeviceImage(trial.device, width, height, layout)
     try:
         image.draw(1)
         image.event.begin()

@@ -19,10 +19,10 @@ FRAMES = 12
 @contextmanager
 def ring_of(trial: ClientTrial) -> Iterator[tuple[DeviceRing, Connection]]:
     """A ring in device memory, and the connection on which the testee has opened it."""
-    assert trial.stand_in is not None, "a check of device memory needs the stand-in"
+    assert trial.device is not None, "a check of device memory needs a device"
     role = trial.role
     role.welcomes = role.offers_memory = role.lends_frames = False
-    ring = DeviceRing(trial.stand_in.device, role.width, role.height, role.slots)
+    ring = DeviceRing(trial.device, role.width, role.height, role.slots)
     try:
         connection = trial.connection("ipc")
         dealings = role.with_(connection)

@@ -1,6 +1,6 @@
 """Checks on what a server of 1.0 stores in its images (spec 1.0 chapter 5).
 
-They are read through the handles of its init packets, in the memory of the stand-in CUDA runtime.
+They are read through the handles of its init packets, on a GPU or in the stand-in's memory.
 """
 
 import base64
@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.server.device import SHOWN, announced
-from splatbus_conformance.memory_reading import Pixels
+from splatbus_conformance.device_memory import Device
+from splatbus_conformance.memory_reading import MOST_PIXELS, Pixels
+from splatbus_conformance.messages import Json
 from splatbus_conformance.photographs import LEGACY_EMPTY
+from splatbus_conformance.rules.init_packets import layout
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.stand_in import publishing
 from splatbus_conformance.trial import EFFECT_SECONDS
@@ -22,7 +24,9 @@ SMALLEST = float(np.finfo(np.float32).tiny)
 MOST = 0.5
 """With fewer sensible numbers than this an image is read in the wrong order of bytes, if the other
 order makes sense of them all."""
-PLACES = {"colour": ("mem_color", 4), "depth": ("mem_depth", 1)}
+MEMBERS = {"mem_color": ("offsetColor", 4), "mem_depth": ("offsetDepth", 1)}
+"""Where each plane is named and begins, and how many numbers of it are a pixel's."""
+SHOWN = ("cuda", "device")
 
 
 class Stored(NamedTuple):
@@ -36,31 +40,61 @@ class Stored(NamedTuple):
 
 def stored(trial: ServerTrial) -> list[Stored]:
     """Images while the camera moves, once the server has drawn one."""
-    shown = announced(trial)
-    planes = publishing.legacy_planes(shown.packet)
-    if len(planes) < len(PLACES) or trial.stand_in is None:
-        trial.not_observable("its handles are none of the stand-in")
-    device, meta = trial.stand_in.device, shown.packet["meta"]
-    width, height = int(meta["w"]), int(meta["h"])
+    packet = init_packet_of(trial)
+    handles = {name: base64.b64decode(packet[name]) for name in (*MEMBERS, "evt_done")}
+    width, height = int(packet["meta"]["w"]), int(packet["meta"]["h"])
+    device = device_of(trial, packet)
 
-    def plane(what: str) -> Pixels:
-        member, numbers = PLACES[what]
-        span, handle = planes[what], base64.b64decode(shown.packet[member])
+    def plane(member: str) -> Pixels:
+        offset, numbers = MEMBERS[member]
+        begin, size = int(packet["meta"].get(offset, 0)), 4 * numbers * width * height
         try:
-            data = device.read(handle, span.begin, span.end - span.begin)
+            data = device.read(handles[member], begin, size, handles["evt_done"])
         except ValueError as error:
-            trial.not_observable(f"its {what} cannot be read: {error}")
+            trial.not_observable(f"what {member} names cannot be read: {error}")
         return np.frombuffer(data, np.dtype("<f4")).reshape(height, width, numbers)[::-1]
 
-    if not trial.wait(lambda: all(drawn(plane(what)) for what in PLACES)):
-        trial.not_observable(f"in {EFFECT_SECONDS:g} s it wrote no image")
-    found = []
-    for _ in range(IMAGES):
-        trial.move()
-        trial.rest(PAUSE_SECONDS)
-        found.append(Stored(plane("colour"), plane("depth")[..., 0]))
+    def both() -> Stored:
+        return Stored(plane("mem_color"), plane("mem_depth")[..., 0])
+
+    try:
+        if not trial.wait(lambda: all(map(drawn, both()))):
+            trial.not_observable(f"in {EFFECT_SECONDS:g} s it wrote no image")
+        found = []
+        for _ in range(IMAGES):
+            trial.move()
+            trial.rest(PAUSE_SECONDS)
+            found.append(both())
+    finally:
+        for handle in handles.values():
+            device.forget(handle)
     trial.delivered += len(found)
     return found
+
+
+def init_packet_of(trial: ServerTrial) -> Json:
+    """The init packet of a new connection, if it names an image as 1.0 says."""
+    connection = trial.dial("ipc")
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.init_packets or connection.ended)
+    if not dealings.init_packets:
+        trial.not_observable("the server sent no init packet")
+    packet = dealings.init_packets[0]
+    broken = [found for found in layout(packet) if found.breach]
+    if broken or packet["meta"]["w"] * packet["meta"]["h"] > MOST_PIXELS:
+        why = broken[0].breach if broken else "its images are too large"
+        trial.not_observable(f"its init packet is none to read images by: {why}")
+    return packet
+
+
+def device_of(trial: ServerTrial, packet: Json) -> Device:
+    """Where its images lie: the server's count of devices need not be that of the harness."""
+    assert trial.device is not None, "a check of device memory needs a device"
+    uuid = publishing.member(packet, "memory", "deviceUuid")
+    try:
+        return trial.device if uuid is None else trial.device.named(uuid)
+    except ValueError as error:
+        trial.not_observable(str(error))
 
 
 def drawn(pixels: Pixels) -> bool:

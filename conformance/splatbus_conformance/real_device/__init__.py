@@ -1,0 +1,1 @@
+"""A GPU as a device of the harness: real handles for clients, and its own opener for servers'."""
