@@ -150,7 +150,7 @@ def test_a_message_that_cannot_be_read_is_none_before_hello() -> None:
 
 def test_what_a_client_sends_before_the_reply_arrives_shows_no_fallback() -> None:
     piped = msg(client(hello()), client(ASK_SIZE), client({**ASK_CAMERA, "id": 1}), server(SIZE))
-    assert breaches(piped) == {}
+    assert breaches(piped) == {("client", "NEG-5"): 1}
 
 
 def test_a_welcome_that_comes_too_late_is_the_server_s_fault_alone() -> None:
