@@ -15,7 +15,8 @@ from splatbus_wire.rotations import rotation_matrix
 from splatbus_client.channel import ChannelStatus
 from splatbus_client.lease import FrameLease
 from splatbus_client.questions import Questions
-from splatbus_client.session import Session, Status
+from splatbus_client.session import Session
+from splatbus_client.status import Status
 
 ORBIT_SECONDS = 8.0
 ORBIT_RADIUS = 0.25
