@@ -139,8 +139,8 @@ class Field(NamedTuple):
         return number
 
     def vector(self) -> Vector:
-        """This array of 3 coordinates."""
-        x, y, z = (item.coordinate() for item in self.items(3, 3))
+        """This array of 3 numbers."""
+        x, y, z = (item.number() for item in self.items(3, 3))
         return x, y, z
 
     def id(self) -> int | None:
@@ -180,9 +180,9 @@ def array_pose(message: Field) -> Pose:
     Raises as `object_pose`.
     """
     rotation = message.member("rotation")
-    position = message.member("position").vector()
+    x, y, z = (item.coordinate() for item in message.member("position").items(3, 3))
     q = tuple(item.number() for item in rotation.items(4, 4))
-    return _pose(position, q, rotation)
+    return _pose((x, y, z), q, rotation)
 
 
 def _pose(position: Vector, q: tuple[float, ...], rotation: Field) -> Pose:

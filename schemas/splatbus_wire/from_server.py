@@ -186,7 +186,7 @@ def _time_range(array: Field) -> tuple[float, float]:
 
 def _series(item: Field) -> Series | None:
     name = item.member("name").string(1, MAX_NAME_CHARS)
-    match item.member("kind").string(1, MAX_NAME_CHARS):
+    match item.member("kind").string(0, MAX_SAFE_INTEGER):
         case "scalar":
             unit = item.optional("unit")
             return Scalar(
