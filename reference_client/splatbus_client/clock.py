@@ -13,7 +13,7 @@ class Sample(NamedTuple):
     """One ping and its pong.
 
     Attributes:
-        sent: seconds on the client's clock, when the ping was.
+        sent: seconds on the client's clock, `time.perf_counter()`, when the ping was.
         server_time: seconds on the server's clock, that of `rendered_at`.
         received: seconds on the client's clock, when the pong was.
     """
@@ -36,6 +36,10 @@ class Sample(NamedTuple):
     def error(self) -> float:
         """By how much `ahead` may be wrong at most, seconds."""
         return self.round_trip / 2
+
+    def here(self, server_time: float) -> float:
+        """Return when, on the client's clock, the server's showed that; `rendered_at`, say."""
+        return server_time - self.ahead
 
 
 def best(samples: Iterable[Sample]) -> Sample:
