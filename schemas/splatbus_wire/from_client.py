@@ -121,14 +121,11 @@ def timestamp(message: Field, *, or_string: bool = False) -> float | None:
 
 
 def _camera_pose(message: Field) -> CameraPose:
-    tag, lens = (
-        message.under("CAM-1").optional("tag"),
-        message.under("CAM-4").optional("intrinsics"),
-    )
+    tag, lens = message.optional("tag"), message.optional("intrinsics")
     return CameraPose(
         *pose_and_timestamp(message),
-        None if tag is None else tag.string(1, LIMITS["max_tag_chars"]),
-        None if lens is None else intrinsics(lens),
+        None if tag is None else tag.under("CAM-1").string(1, LIMITS["max_tag_chars"]),
+        None if lens is None else intrinsics(lens.under("CAM-4")),
     )
 
 

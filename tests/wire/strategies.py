@@ -124,7 +124,7 @@ requests = (
 
 vectors = st.tuples(floats, floats, floats)
 boxes = st.tuples(vectors, vectors).map(
-    lambda pair: Box(tuple(map(min, zip(*pair))), tuple(map(max, zip(*pair))))
+    lambda pair: Box(*(tuple(map(end, *pair)) for end in (min, max)))
 )
 scenes = st.builds(
     Scene,
