@@ -7,12 +7,15 @@ from splatbus_conformance.recording import Channel, Entry
 
 from tests.conformance.talk import (
     ALL,
+    ALL_MSG,
     ASK_CAMERA,
     ASK_SIZE,
     CAMERA,
     GREETING,
     HOST_INIT,
     INIT,
+    INTRINSICS,
+    OBJECT_POSE,
     OPENED,
     POSE,
     SIZE,
@@ -131,6 +134,38 @@ def test_neg_5_wants_the_capability(message: dict, needed: str) -> None:
     others = [name for name in ALL if name != needed]
     opened = session(client(message), capabilities=others)
     assert breaches(opened) == {("client", "NEG-5"): 1}
+
+
+@pytest.mark.parametrize(
+    ("message", "needed"),
+    [
+        ({**POSE, "intrinsics": INTRINSICS}, "intrinsics"),
+        (OBJECT_POSE, "objects"),
+        ({"type": "get_scene"}, "scene"),
+        ({"type": "set_viewport", "width": 64, "height": 48}, "viewport"),
+        ({"type": "set_time", "time": 0.5}, "time"),
+        ({"type": "ping", "t": 0.5}, "ping"),
+        ({"type": "subscribe_telemetry", "names": None}, "telemetry"),
+    ],
+)
+def test_neg_5_wants_the_capability_of_the_message_channel(message: dict, needed: str) -> None:
+    others = [name for name in ALL_MSG if name != needed]
+    assert breaches(msg(*greeting(*ALL_MSG), client(message))) == {}
+    assert breaches(msg(*greeting(*others), client(message))) == {("client", "NEG-5"): 1}
+    assert breaches(msg(client(hello(*ALL_MSG)), client(message))) == {("client", "NEG-5"): 1}
+
+
+@pytest.mark.parametrize("member", [{"tag": "a"}, {"intrinsics": INTRINSICS}])
+def test_members_of_1_1_wait_for_welcome(member: dict) -> None:
+    pose = client({**POSE, **member})
+    early = msg(client(hello(*ALL_MSG)), pose, server(welcome(*ALL_MSG)), pose)
+    assert breaches(early) == {("client", "NEG-5"): 1}
+    assert breaches(msg(*FALLEN_BACK, pose)) == {("client", "NEG-13"): 1}
+    assert breaches(msg(pose)) == {}
+
+
+def test_a_tag_needs_no_capability() -> None:
+    assert breaches(msg(*GREETING, client({**POSE, "tag": "a"}))) == {}
 
 
 @pytest.mark.parametrize("channel", ["ipc", "msg"])
