@@ -9,27 +9,41 @@ from splatbus_server.connection import Connection, Refusal, Terms
 from splatbus_server.control import Poses
 from splatbus_server.exchange import Exchange
 from splatbus_server.memory import Memory
-from splatbus_server.session import CAPABILITIES, Session
+from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
 from splatbus_server.statistics import Statistics
+from splatbus_server.telemetry import Readings
 from splatbus_server.view import View, field_of_view
 from splatbus_wire.init_packet import Semantics
-from splatbus_wire.messages import Program
+from splatbus_wire.messages import Program, Scene, SceneObject
 from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.server.raw_client import camera_pose, hello, packet
 
-TERMS = Terms(Program("s", "1"), {"ipc": CAPABILITIES, "message": ()})
+SCENE = Scene((SceneObject("default", "", 0),), (0.0, 2.0), 3, (0.0, 0.0, 0.0))
+TERMS = Terms(Program("s", "1"), {"ipc": CAPABILITIES, "message": MESSAGE_CAPABILITIES})
 READERS = 2
 
 
 class Stage:
     """A session and its renderer, without sockets and threads."""
 
-    def __init__(self) -> None:
-        self.memory = Memory(4, 2, READERS, Semantics())
+    def __init__(self, memory: Memory | None = None) -> None:
+        self.memory = memory or Memory(4, 2, READERS, Semantics())
         self.statistics = Statistics()
+        self.readings = Readings(self.statistics)
         self.exchange = Exchange(self.memory, field_of_view(4, 2), Poses(IDENTITY), self.statistics)
-        self.session = Session(self.exchange, CAMERAS, READERS, self.statistics)
+        self.session = Session(
+            self.exchange, CAMERAS, READERS, self.statistics, SCENE, self.readings
+        )
+
+    def catch_up(self, now: float = 0.0) -> None:
+        """What the service does after each turn, with the chores done at once."""
+        self.session.has_news = True
+        while self.session.has_news or self.session.viewport.chores:
+            self.session.catch_up(now)
+            while self.session.viewport.chores:
+                self.session.viewport.chores.pop(0)()
+                self.session.has_news = True
 
     def connect(self, *capabilities: str, **other: Any) -> Client:
         client = Client(self, Connection("ipc", TERMS, 0.0))
@@ -50,13 +64,12 @@ class Stage:
         view = view or self.view()
         assert view is not None
         self.exchange.publish(view, 0.0, lambda slot: None)
-        self.session.catch_up(0.0)
+        self.catch_up()
 
     def resize(self, width: int, height: int) -> Memory:
-        self.exchange.replace(
-            self.exchange.memory.successor(width, height), field_of_view(width, height)
-        )
-        self.session.catch_up(0.0)
+        former = self.exchange.memory
+        assert self.exchange.replace(former, former.successor(width, height))
+        self.catch_up()
         return self.exchange.memory
 
 
@@ -74,7 +87,7 @@ class Client:
                 event = self.stage.session.handle(self.connection, event, 0.0)
             if event is not None:
                 refused.append(event)
-        self.stage.session.catch_up(0.0)
+        self.stage.catch_up()
         return refused
 
     def hear(self) -> list[dict[str, Any]]:
@@ -96,7 +109,7 @@ class Client:
 
     def leave(self) -> None:
         self.stage.session.leave(self.connection)
-        self.stage.session.catch_up(0.0)
+        self.stage.catch_up()
 
 
 CAMERAS = [Pose((float(index), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)]
