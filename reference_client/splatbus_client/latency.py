@@ -74,11 +74,10 @@ def histogram(seconds: Sequence[float]) -> list[str]:
 
 
 def _edges(least: float, most: float) -> list[float]:
-    """Round numbers, about √2 apart, of which the first is at most `least`, the last above."""
+    """0 or round numbers, about √2 apart; the first is at most `least`, the last above `most`."""
     decade = math.floor(math.log10(max(least, 1e-3)))
-    rounds: list[float] = []
-    while not rounds or rounds[-1] <= most:
+    rounds = [0.0]
+    while rounds[-1] <= most:
         rounds += [float(f"{step * 10.0**decade:.3g}") for step in _STEPS]
         decade += 1
-    first = max(bisect_right(rounds, least) - 1, 0)
-    return rounds[first : bisect_right(rounds, most) + 1]
+    return rounds[bisect_right(rounds, least) - 1 : bisect_right(rounds, most) + 1]

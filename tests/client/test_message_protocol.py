@@ -23,15 +23,26 @@ from splatbus_wire.messages import (
     GetCameraPose,
     GetViewportSize,
     Hello,
+    Intrinsics,
     ObjectPose,
     Pose,
     Program,
     ViewportSize,
 )
 
-from tests.client.fake_server import CAMERA_REPLY, POSITION, ROTATION, packet, packets, welcome
+from tests.client.fake_server import (
+    CAMERA_REPLY,
+    LENS,
+    MESSAGE_CAPABILITIES,
+    POSITION,
+    ROTATION,
+    packet,
+    packets,
+    welcome,
+)
 
-HELLO = Hello(("1.1", "1.0"), Program("test", "0"), ())
+HELLO = Hello(("1.1", "1.0"), Program("test", "0"), MESSAGE_CAPABILITIES)
+INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)
 SIZE = {"viewport_size": [320, 240]}
 BROKEN = [
@@ -66,10 +77,10 @@ def machine_of_1_0():
     return machine
 
 
-def machine_of_1_1():
+def machine_of_1_1(*capabilities):
     machine = MessageProtocol(HELLO)
     machine.data_to_send(0.0)
-    receive(machine, packet(welcome()), 0.0)
+    receive(machine, packet(welcome(*capabilities)), 0.0)
     receive(machine, packet({"type": "viewport_size"} | SIZE), 0.0)
     return machine
 
