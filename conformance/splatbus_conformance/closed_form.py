@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.pinhole import Camera, Placed, Reals
+from splatbus_conformance.pinhole import STILL, Camera, Placed, Reals
 
 Whats = NDArray[np.int64]
 Where = NDArray[np.bool_]
@@ -46,7 +46,7 @@ _AROUND = ((0.0, 0.0), (-EDGE, -EDGE), (-EDGE, EDGE), (EDGE, -EDGE), (EDGE, EDGE
 class Setting(NamedTuple):
     """Where the objects of the scene lie, and when."""
 
-    default: Placed = Placed()
+    default: Placed = STILL
     ball: Placed | None = None
     """None where all spheres belong to `default`."""
     time: float = 0.0

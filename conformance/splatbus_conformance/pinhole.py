@@ -46,6 +46,9 @@ class Placed(NamedTuple):
         return self.pose.place(self.scale * points)
 
 
+STILL = Placed()
+
+
 class Camera(NamedTuple):
     """A pose in the world, camera-to-world, and intrinsics in pixels; pixel centres at halves."""
 

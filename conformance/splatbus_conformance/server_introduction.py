@@ -10,7 +10,7 @@ from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
-from splatbus_conformance.pinhole import Placed
+from splatbus_conformance.pinhole import STILL, Placed
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
@@ -75,13 +75,13 @@ class ServerFacts:
     def time_range(self) -> tuple[float, float] | None:
         """First and last time of the scene, if it is animated."""
         told = (self.scene or {}).get("timeRange")
-        return (float(told[0]), float(told[1])) if numbers(told, 2) else None
+        return (float(told[0]), float(told[1])) if told and numbers(told, 2) else None
 
     def setting(
         self,
         frame: Json,
-        default: Placed = Placed(),
-        ball: Placed = Placed(),  # noqa: B008 - frozen
+        default: Placed = STILL,
+        ball: Placed = STILL,
     ) -> Setting:
         """How the known scene is to look in an image with its objects here."""
         time: Any = frame.get("time")
