@@ -69,7 +69,8 @@ def histogram(seconds: Sequence[float]) -> list[str]:
     ]
     for index, (least, end) in enumerate(pairwise(edges)):
         share = counts[index] / most
-        lines.append(f"{least:8g} to {end:<5g} ms {bar(share, _BAR_LETTERS)} {counts[index]}")
+        row = f"{f'{least:g} to {end:g} ms':>16} {bar(share, _BAR_LETTERS)}".rstrip()
+        lines.append(f"{row} {counts[index]}")
     return lines
 
 

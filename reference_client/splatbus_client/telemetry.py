@@ -102,7 +102,7 @@ def _cells(series: Series, course: Iterable[float] = ()) -> tuple[str, str, str]
             return name, f"{value:.6g} {printable(unit or '')}".rstrip(), _curve(list(course))
         case Histogram(_, edges, counts):
             shape = columns(_fewer(counts), 0, max(_fewer(counts)))
-            return name, f"{sum(counts)} counted", f"{edges[0]:.4g} {shape} {edges[-1]:.4g}"
+            return name, f"{sum(counts)} counted", f"{edges[0]:.4g} |{shape}| {edges[-1]:.4g}"
         case Text(_, value):
             return name, "", printable(value)
 
@@ -111,7 +111,10 @@ def _curve(course: list[float]) -> str:
     if len(course) < 2:
         return ""
     least, most = min(course), max(course)
-    return f"{columns(course, least, most)} {least:.4g} to {most:.4g}"
+    if least == most:
+        return f"{columns(course, least - 1, most + 1)} {least:.4g}"
+    visible = least - (most - least) / 8
+    return f"{columns(course, visible, most)} {least:.4g} to {most:.4g}"
 
 
 def _fewer(counts: tuple[int, ...]) -> list[int]:

@@ -14,9 +14,10 @@ def printable(text: str) -> str:
 
 
 def columns(numbers: Sequence[float], least: float, most: float) -> str:
-    """Return one bar for each number, standing: empty at `least`, full at `most`."""
+    """Return one bar for each number, standing: full at `most`, and empty only at `least`."""
     span = most - least if most > least else 1.0
-    return "".join(_EIGHTHS[round(8 * (number - least) / span)] for number in numbers)
+    eighths = (max(round(8 * (n - least) / span), 1 if n > least else 0) for n in numbers)
+    return "".join(_EIGHTHS[eighth] for eighth in eighths)
 
 
 def bar(share: float, width: int) -> str:

@@ -19,6 +19,7 @@ def test_a_stranger_s_text_moves_no_cursor_and_begins_no_line():
 def test_columns_are_empty_at_the_least_and_full_at_the_most():
     assert columns([0, 1, 2, 3, 4], 0, 4) == " ▂▄▆█"
     assert columns([7, 7], 7, 7) == "  "
+    assert columns([0, 1, 1000], 0, 1000) == " ▁█", "what is not nothing is seen"
 
 
 @pytest.mark.parametrize(("share", "text"), [(0, ""), (1, "████"), (0.5, "██"), (1 / 32, "▏")])
