@@ -99,19 +99,11 @@ class Field(NamedTuple):
             raise self.refused(f"is {brief(self.value)}, not a positive number")
         return number
 
-    def single(self) -> float:
-        """This number; `invalid_number` if single precision cannot hold it [CAM-4]."""
+    def between(self, least: float, most: float) -> float:
+        """This number from `least` to `most`."""
         number = self.number()
-        if not abs(number) <= _MAX_POSITION:
-            raise self.refused(f"is {brief(self.value)}, beyond single precision", "invalid_number")
-        return number
-
-    def positive_single(self) -> float:
-        """This positive number; `invalid_number` if no normal single-precision one [CAM-4]."""
-        self.positive()
-        number = self.single()
-        if number < LIMITS["min_normal_single"]:
-            raise self.refused(f"is {brief(self.value)}, below single precision", "invalid_number")
+        if not least <= number <= most:
+            raise self.refused(f"is {brief(self.value)}, not from {least:g} to {most:g}")
         return number
 
     def number(self, *, or_string: bool = False) -> float:

@@ -36,6 +36,7 @@ from splatbus_wire.parts import (
 from splatbus_wire.poses import Pose
 
 _CHANNELS = ("color", "depth")
+_SCALES: tuple[float, float] = LIMITS["min_scale"], LIMITS["max_scale"]
 
 
 def pose_of_1_0(kind: str, message: Field) -> CameraPose | PointCloudPose:
@@ -134,16 +135,11 @@ def _object_pose(message: Field) -> ObjectPose:
     name, scale = described.member("object"), described.optional("scale")
     pose, when = pose_and_timestamp(message)
     return ObjectPose(
-        name.string(1, MAX_NAME_CHARS), pose, 1.0 if scale is None else _scale(scale), when
+        name.string(1, MAX_NAME_CHARS),
+        pose,
+        1.0 if scale is None else scale.between(*_SCALES),
+        when,
     )
-
-
-def _scale(scale: Field) -> float:
-    number = scale.number()
-    least, most = LIMITS["min_scale"], LIMITS["max_scale"]
-    if not least <= number <= most:
-        raise scale.refused(f"is {number!r}, not from {least} to {most}")
-    return number
 
 
 def _set_viewport(message: Field) -> SetViewport:

@@ -92,13 +92,13 @@ def planes(number: st.SearchStrategy[float]) -> st.SearchStrategy[list[float]]:
     return st.lists(number, min_size=2, max_size=2, unique=True).map(sorted)
 
 
-singles = st.floats(-FARTHEST, FARTHEST)
-positive_singles = st.floats(LIMITS["min_normal_single"], FARTHEST)
+lengths = st.floats(LIMITS["min_lens"], LIMITS["max_lens"])
+principal_points = st.floats(-LIMITS["max_lens"], LIMITS["max_lens"])
 tags = st.none() | text(1, LIMITS["max_tag_chars"])
 intrinsics = st.builds(
     lambda near_and_far, *others: Intrinsics(*others, *near_and_far),
-    planes(positive_singles),
-    *(positive_singles, positive_singles, singles, singles, sizes(1), sizes(1)),
+    planes(lengths),
+    *(lengths, lengths, principal_points, principal_points, sizes(1), sizes(1)),
 )
 labels = text(1, LIMITS["max_name_chars"])
 scales = st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
