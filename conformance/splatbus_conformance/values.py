@@ -88,7 +88,7 @@ def as_double(value: Any) -> float:
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(math.inf, value)
+        return math.inf if value > 0 else -math.inf
 
 
 def strings(value: object) -> list[str] | None:

@@ -91,10 +91,10 @@ BAD_LENSES = [
     ("/intrinsics", [1500.0]),
     ("/intrinsics/fx", ...),
     ("/intrinsics/fx", -1500.0),
-    ("/intrinsics/fy", 1e-38),
-    ("/intrinsics/fy", 3.5e38),
+    ("/intrinsics/fy", 0.9e-6),
+    ("/intrinsics/fy", 1.1e9),
     ("/intrinsics/cx", None),
-    ("/intrinsics/cy", -3.5e38),
+    ("/intrinsics/cy", -1.1e9),
     ("/intrinsics/width", 0),
     ("/intrinsics/width", 1920.5),
     ("/intrinsics/height", 32769),
@@ -128,6 +128,11 @@ def test_what_1_0_does_not_know_is_not_judged_there() -> None:
 def test_cam_8_wants_the_size_of_the_images() -> None:
     broken = answered(changed(REPLY, "/intrinsics/width", 65))
     assert breaches(broken) == {("server", "CAM-8"): 1}
+
+
+def test_cam_8_waits_until_the_size_is_known() -> None:
+    plain = changed(REPLY, "/intrinsics")
+    assert breaches(msg(client(ASK_CAMERA), server(plain))) == {}
 
 
 def test_cam_8_asks_for_nothing_where_intrinsics_were_not_agreed() -> None:

@@ -151,6 +151,11 @@ def test_a_lease_ends_with_its_memory(kind: str) -> None:
     assert not any(peer == "server" for peer, _ in found)
 
 
+def test_a_frame_that_crossed_closed_lends_nothing() -> None:
+    crossing = (ANNOUNCED, OPENED_2, CLOSED, FIRST, server(frame(2, 2)))
+    assert breaches(session(*crossing)) == {}
+
+
 @pytest.mark.parametrize("member", ["seq", "generation"])
 def test_img_12_wants_both_members(member: str) -> None:
     incomplete = changed(about_generation("release", seq=1), f"/{member}")

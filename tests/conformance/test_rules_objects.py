@@ -94,6 +94,7 @@ def test_tim_1_wants_a_number(time: Any) -> None:
         ("/objects", None),
         ("/objects", {}),
         ("/objects", PLACED["objects"] * 257),
+        ("/objects", PLACED["objects"] * 2),
         ("/objects/0", "chair"),
         ("/objects/0/object", ...),
         ("/objects/0/object", ""),

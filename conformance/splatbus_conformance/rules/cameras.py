@@ -21,8 +21,8 @@ from splatbus_conformance.values import (
 )
 
 Json = dict[str, Any]
-MAX_NUMBER: float = LIMITS["max_position"]
-MIN_NORMAL: float = LIMITS["min_normal_single"]
+MIN_LENS: float = LIMITS["min_lens"]
+MAX_LENS: float = LIMITS["max_lens"]
 MAX_SIZE: int = LIMITS["max_image_size"]
 MAX_TAG: int = LIMITS["max_tag_chars"]
 
@@ -48,13 +48,15 @@ def cameras_have_a_lens(conversation: Conversation) -> Iterator[Sighting]:
         value = answer.value or {}
         if not (welcomed and question.kind == "get_camera_pose" and answer.kind == "camera"):
             continue
+        known, allowed = sizes_at(announced, question.packet.ended)
         if "intrinsics" not in value:
-            yield about(conversation, answer, "CAM-8", "the reply has no intrinsics", "/intrinsics")
+            if known:
+                text = "the reply has no intrinsics"
+                yield about(conversation, answer, "CAM-8", text, "/intrinsics")
             continue
         given = value["intrinsics"]
         yield from judged(conversation, answer, lens(given))
         told = {name: given.get(name) for name in ("width", "height")} if _is_object(given) else {}
-        known, allowed = sizes_at(announced, question.packet.ended)
         size = tuple(map(whole, told.values()))
         wrong = None
         if told and None not in size and known and size not in allowed:
@@ -135,9 +137,9 @@ def lens(given: object) -> Iterator[Judgement]:
         yield Judgement("CAM-4", f"intrinsics is {show(given)}, no object", "/intrinsics")
         return
     for name in ("fx", "fy", "cx", "cy", "near", "far"):
-        low = -MAX_NUMBER if name in ("cx", "cy") else MIN_NORMAL
-        if not number_in(given.get(name), low, MAX_NUMBER):
-            text = f"{name} is {_has(given, name)}, no number from {low} to {MAX_NUMBER}"
+        low = -MAX_LENS if name in ("cx", "cy") else MIN_LENS
+        if not number_in(given.get(name), low, MAX_LENS):
+            text = f"{name} is {_has(given, name)}, no number from {low} to {MAX_LENS}"
             yield Judgement("CAM-4", text, f"/intrinsics/{name}")
     for name in ("width", "height"):
         if not integer_in(given.get(name), 1, MAX_SIZE):

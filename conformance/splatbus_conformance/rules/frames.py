@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, placed
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.rules.memory import announced, capabilities
@@ -56,16 +56,21 @@ def well_formed_frame(conversation: Conversation) -> Iterator[Sighting]:
 def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-2: a `frame` comes after `opened` for its generation and `release` of the one before.
 
-    A lease also ends with `closed` or `open_failed` for its generation (OPN-14).
+    A lease also ends with `closed` or `open_failed` for its generation (OPN-14). A frame that comes
+    later may have crossed that on its way, and lends nothing (IMG-15).
     """
     opened: set[int | None] = set()
+    given_up: set[int | None] = set()
     lent: Image | None = None
     for message, hello, _ in placed(conversation):
         value = message.value or {}
         generation = whole(value.get("generation"))
         if message.kind == "opened":
             opened.add(generation)
-        elif _ends(message, lent):
+        elif message.kind in ("closed", "open_failed"):
+            given_up.add(generation)
+            lent = None if lent and lent[0] == generation else lent
+        elif message.kind == "release" and lent == (generation, whole(value.get("seq"))):
             lent = None
         elif message.kind == "frame" and hello is not None:
             wrong = None
@@ -74,16 +79,7 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
             elif lent is not None and None not in lent:
                 wrong = f"image {lent[1]} of generation {lent[0]} has not been released"
             yield about(conversation, message, "IMG-2", wrong)
-            lent = (generation, whole(value.get("seq")))
-
-
-def _ends(message: Message, lent: Image | None) -> bool:
-    """Whether a client's message ends this lease."""
-    value = message.value or {}
-    generation, seq = whole(value.get("generation")), whole(value.get("seq"))
-    if message.kind == "release":
-        return lent == (generation, seq)
-    return message.kind in ("closed", "open_failed") and lent is not None and lent[0] == generation
+            lent = None if generation in given_up else (generation, whole(value.get("seq")))
 
 
 @rule("IMG-23")

@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.conversation import Conversation, placed
 from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
-from splatbus_conformance.rules.parts import named, number, vector
+from splatbus_conformance.rules.parts import each_once, named, number, vector
 from splatbus_conformance.rules.poses import magnitudes, placement, typed, unit_norm
 from splatbus_conformance.values import number_in, numbers, positive, show
 
@@ -60,6 +60,7 @@ def _placements(listed: object) -> Iterator[Judgement]:
         yield Judgement("OBJ-7", text, "/objects")
         return
     yield Judgement("OBJ-7")
+    yield from each_once(listed, "object", "OBJ-7", "/objects")
     for i, item in enumerate(listed):
         pointer = f"/objects/{i}"
         if not isinstance(item, dict):

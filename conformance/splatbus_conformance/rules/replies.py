@@ -18,6 +18,7 @@ from splatbus_conformance.kinds import (
 )
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import Extra, exchanges, valid_request
+from splatbus_conformance.rules.greetings import hello
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.rules.objects import STEERING
 from splatbus_conformance.rules.poses import magnitudes, pose, unit_norm
@@ -31,6 +32,8 @@ from splatbus_conformance.values import (
 )
 
 MAX_SIZE: int = LIMITS["max_image_size"]
+JUDGED = {**STEERING, "hello": hello}
+"""What other messages show, which a server may close on."""
 
 
 class Size(NamedTuple):
@@ -306,8 +309,8 @@ def _sound(message: Message) -> bool:
         return all(judgement.breach is None for judgement in pose(message.value or {}))
     if message.kind in REQUESTS:
         return valid_request(message)
-    if message.kind in STEERING:
-        return not any(j.breach for j in STEERING[message.kind](message.value))
+    if message.kind in JUDGED:
+        return not any(j.breach for j in JUDGED[message.kind](message.value))
     return message.kind in CLIENT_1_0 or message.kind in CLIENT_1_1
 
 

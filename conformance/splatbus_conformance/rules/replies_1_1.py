@@ -131,12 +131,15 @@ def _promised(
 
 def _scene(value: Json, _: Json) -> Iterator[Judgement]:
     objects, times = value.get("objects"), value.get("timeRange", "missing")
-    if isinstance(objects, list) and len(objects) <= MAX_OBJECTS:
+    if isinstance(objects, list) and 1 <= len(objects) <= MAX_OBJECTS:
         for i, item in enumerate(objects):
             yield from _object(item, f"/objects/{i}")
         yield from each_once(objects, "id", "SCN-2", "/objects")
+        ids = [item.get("id") for item in objects if isinstance(item, dict)]
+        text = 'no object has the id "default"'
+        yield Judgement("SCN-2", None if "default" in ids else text, "/objects")
     else:
-        text = f"objects is {show(objects)}, no array of up to {MAX_OBJECTS} objects"
+        text = f"objects is {show(objects)}, no array of 1 to {MAX_OBJECTS} objects"
         yield Judgement("SCN-2", text, "/objects")
     if times is not None:
         wrong = None if ascending(times, 2) else f"timeRange is {show(times)}, no two times"
