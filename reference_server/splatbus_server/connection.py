@@ -112,7 +112,7 @@ class Connection:
         elif self.ending is None:
             starts_afresh = not self._decoder.incomplete
             self._decoder.receive(data)
-            if starts_afresh:
+            if starts_afresh and not self.is_held:
                 self._packet_by = now + LIMITS["packet_completion_seconds"]
 
     def next_event(self, now: float) -> Event | None:

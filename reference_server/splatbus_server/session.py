@@ -163,7 +163,9 @@ class Session:
         if self._control.poses is not self._exchange.poses:
             self._exchange.move(self._control.poses, self._moves)
             self._moves = Counter()
-        self.viewport.settle(self._hindrance, now)
+        refusal = self.viewport.settle(self._hindrance, now)
+        if refusal is not None:
+            self._statistics.refused[refusal.code] += 1
         memory = self._exchange.memory
         for connection, reader in self._readers.items():
             if reader.told < memory.generation and connection.ending is None:

@@ -72,8 +72,10 @@ class Viewport:
         self.chores.append(self._change.allocate)
         asker.hold()
 
-    def settle(self, hindrance: Callable[[Connection], Refusal | None], now: float) -> None:
-        """Replies once the memory has been had, or could not be [VPT-2].
+    def settle(
+        self, hindrance: Callable[[Connection], Refusal | None], now: float
+    ) -> Refusal | None:
+        """Replies once the memory has been had, or could not be [VPT-2]; returns an error sent.
 
         Args:
             hindrance: why a client's wish cannot be granted, which may have changed meanwhile.
@@ -81,7 +83,7 @@ class Viewport:
         """
         change = self._change
         if change is None or change.outcome is None:
-            return
+            return None
         self._change = None
         refusal = hindrance(change.asker) or self._replace(change)
         if refusal is None:
@@ -91,6 +93,7 @@ class Viewport:
             log.warning("%d×%d refused: %s", *change.request[:2], refusal.reason)
             self._discard(change)
         change.asker.go_on(now)
+        return refusal
 
     def close(self) -> None:
         """Frees what was made for a reply that will not be sent any more."""
@@ -101,8 +104,8 @@ class Viewport:
 
     def _replace(self, change: Change) -> Refusal | None:
         made = change.outcome
-        if isinstance(made, ValueError | OSError):
-            return Refusal("unsupported", str(made))
+        if isinstance(made, OSError):
+            return Refusal("unsupported", made.strerror or str(made))
         if isinstance(made, Exception):
             log.error("a defect of this server", exc_info=made)
             return Refusal("internal", "a defect of this server")

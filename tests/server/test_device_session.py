@@ -12,7 +12,7 @@ from splatbus_wire.init_packet import CudaMemory, LegacyBuffers, Semantics
 from splatbus_wire.messages import Program
 
 from tests.server.raw_client import hello
-from tests.server.test_session import READERS, TERMS, Client, Stage
+from tests.server.stage import READERS, TERMS, Client, Stage
 
 CAPABILITIES = ("cuda_ipc", "frames", "reinit", "subscribe")
 HANDLE = bytes(64)
