@@ -1,8 +1,8 @@
 """Requests of a client, answered as a check wants it: late, and with cameras of its choice."""
 
-from splatbus_conformance import messages
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.hard_numbers import unquoted
+from splatbus_conformance.kinds import REQUESTS
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import Connection
@@ -41,15 +41,14 @@ class Answering:
         before = len(heard)
         self._former(connection, arrived)
         for message in heard[before:]:
-            if connection.channel == "msg" and str(message.get("type")).startswith("get_"):
+            if connection.channel == "msg" and message.get("type") in REQUESTS:
                 self.waiting.append((connection, message))
         if not self.holds:
             self.answer_all()
 
     def _answer(self, connection: Connection, request: Json) -> None:
         role = self._trial.role
-        typed = role.with_(connection).welcome is not None
-        reply = messages.reply(request, typed=typed, width=role.width, height=role.height)
+        reply = role.answer(connection, request)
         if reply is None:
             return
         if "position" in reply:

@@ -8,6 +8,7 @@ from typing import Any
 
 from splatbus_conformance.adapter import Greeting
 from splatbus_conformance.device_memory import why_no_device
+from splatbus_conformance.kinds import POSES, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict
@@ -18,8 +19,6 @@ from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 
 SETTLE_SECONDS = 1.0
 RETURN_SECONDS = 5.0
-REQUESTS = 2
-"""Kinds of request that there are."""
 
 
 @dataclass
@@ -30,6 +29,8 @@ class ClientFacts:
     connects: set[Channel] = field(default_factory=set)
     asks: set[str] = field(default_factory=set)
     """Types of the requests that it makes when it connects."""
+    says: set[str] = field(default_factory=set)
+    """Types of all that it sends when it connects."""
     poses: bool = False
     """It sends poses unasked."""
     opens: bool = False
@@ -75,6 +76,8 @@ class ClientFacts:
             known, why = kind in self.connects, f"makes no connection on the {kind} channel"
         elif kind == "asks":
             known, why = bool(self.asks), "makes no request when it connects"
+        elif kind == "says":
+            known, why = of in self.says, f"sends no {of} when it connects"
         elif kind == "poses":
             known, why = self.poses, "sends no poses unasked"
         elif kind in ("adapter", "axes"):
@@ -127,17 +130,16 @@ def _shown(peer: Peer, role: Role) -> ClientFacts:
         facts.connects.add(connection.channel)
         facts.hello[connection.channel] = facts.hello[connection.channel] or dealings.hello
         for message in dealings.heard:
-            kind = str(message.get("type"))
-            if kind.startswith("get_"):
-                facts.asks.add(kind)
-            facts.poses = facts.poses or kind in ("camera_pose", "point_cloud_pose")
+            facts.says.add(str(message.get("type")))
         facts.opens = facts.opens or bool(dealings.opened)
+    facts.asks = facts.says & set(REQUESTS)
+    facts.poses = bool(facts.says & set(POSES))
     return facts
 
 
 def _everything(facts: ClientFacts) -> bool:
     """There is nothing more to wait for."""
-    shown = all(facts.hello.values()) and len(facts.asks) == REQUESTS and facts.poses
+    shown = all(facts.hello.values()) and facts.asks >= set(REQUESTS_1_0) and facts.poses
     return shown and (facts.opens or "host_shm" not in facts.capabilities())
 
 

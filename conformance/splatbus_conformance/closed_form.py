@@ -3,13 +3,13 @@
 Written from that page alone, in double precision.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.pinhole import Camera, Reals, Rigid
+from splatbus_conformance.pinhole import STILL, Camera, Placed, Reals
 
 Whats = NDArray[np.int64]
 Where = NDArray[np.bool_]
@@ -26,6 +26,9 @@ SPHERES = (
 FLOOR_Y, FLOOR_EXTENT = 1.05, 8.0
 EVEN, ODD = (0.85, 0.85, 0.8), (0.25, 0.25, 0.3)
 LIGHT = np.array((-2.0, -6.0, -3.0)) / 7.0
+BOBS, BALL = 1, 2
+"""The sphere that moves with time, and the one that is an object of its own, counted from 0."""
+RISE, QUARTER = 0.25, np.pi / 2.0
 
 NOTHING, FLOOR = -1, 2 * len(SPHERES)
 """What a pixel shows: 2·k for the first solution on sphere k, 2·k + 1 for the second, then the two
@@ -38,6 +41,33 @@ DEPTH_BUDGET = 1e-6
 KNOWN = 0.99
 """The share of pixels that are right, from which an image is taken to show the scene."""
 _AROUND = ((0.0, 0.0), (-EDGE, -EDGE), (-EDGE, EDGE), (EDGE, -EDGE), (EDGE, EDGE))
+
+
+class Setting(NamedTuple):
+    """Where the objects of the scene lie, and when."""
+
+    default: Placed = STILL
+    ball: Placed | None = None
+    """None where all spheres belong to `default`."""
+    time: float = 0.0
+
+    def centers(self) -> Reals:
+        """(spheres, 3), each in the axes of its object."""
+        found = np.array([center for center, _, _ in SPHERES])
+        found[BOBS, 1] -= RISE * (1.0 - np.cos(QUARTER * self.time))
+        return found
+
+    def parts(self) -> Iterator[tuple[Placed, tuple[int, ...], bool]]:
+        """Each object: where it is, its spheres, and whether it has the square."""
+        everything = tuple(range(len(SPHERES)))
+        if self.ball is None:
+            yield self.default, everything, True
+        else:
+            yield self.default, tuple(n for n in everything if n != BALL), True
+            yield self.ball, (BALL,), False
+
+
+AT_REST = Setting()
 
 
 class Exact(NamedTuple):
@@ -82,28 +112,37 @@ class Exact(NamedTuple):
         return float(right[self.certain].mean()) if self.certain.any() else 0.0
 
 
-def render(camera: Camera, scene: Rigid = Rigid()) -> Exact:  # noqa: B008 - it is immutable
-    """What a camera sees of the scene, which lies as the pose `scene` says."""
-    origin = scene.sees(camera.pose.position)
-    turned = scene.rotation.T @ camera.pose.rotation
+def render(camera: Camera, setting: Setting = AT_REST) -> Exact:
+    """What a camera sees of the scene."""
     rays = camera.rays()
-    hits = [_hit(origin, (rays + np.array((dx, dy, 0.0))) @ turned.T, camera) for dx, dy in _AROUND]
+    hits = [_hit(camera, rays + np.array((dx, dy, 0.0)), setting) for dx, dy in _AROUND]
     what, depth, certain = hits[0]
     for around, _, _ in hits[1:]:
         certain &= around == what
     depths = np.stack([z for _, z, _ in hits])
+    color = np.zeros((*what.shape, 4))
     reached = np.where(np.isinf(depth), 0.0, depth)[..., None] * rays
-    color = _color(what, origin + reached @ turned.T)
+    for placed, spheres, squared in setting.parts():
+        origin, turned = _in_axes_of(placed, camera)
+        _paint(color, what, origin + reached @ turned.T, setting, spheres, squared)
     return Exact(color, depth, depths.min(axis=0), depths.max(axis=0), what, certain)
 
 
-def _hit(origin: Reals, rays: Reals, camera: Camera) -> tuple[Whats, Reals, Where]:
+def _in_axes_of(placed: Placed, camera: Camera) -> tuple[Reals, Reals]:
+    """The camera's centre in an object's axes and units, and the matrix that takes rays there: so
+    the planar depths at which they meet the object stay those of the world.
+    """
+    pose, scale = placed
+    return pose.sees(camera.pose.position) / scale, pose.rotation.T @ camera.pose.rotation / scale
+
+
+def _hit(camera: Camera, rays: Reals, setting: Setting) -> tuple[Whats, Reals, Where]:
     """What each ray (h, w, 3) meets first, at which planar depth, and whether that is certain."""
     shape = rays.shape[:2]
     what = np.full(shape, NOTHING)
     first, second = np.full(shape, np.inf), np.full(shape, np.inf)
     clear = np.full(shape, True)
-    for candidate, z in _candidates(origin, rays):
+    for candidate, z in _candidates(camera, rays, setting):
         with np.errstate(invalid="ignore"):
             for plane in (camera.near, camera.far):
                 clear &= ~(np.abs(z - plane) <= EDGE * plane)
@@ -117,41 +156,60 @@ def _hit(origin: Reals, rays: Reals, camera: Camera) -> tuple[Whats, Reals, Wher
     return what, first, clear
 
 
-def _candidates(origin: Reals, rays: Reals) -> Iterator[tuple[Whats, Reals]]:
-    """What could be seen, and the planar depths at which the rays meet it; +∞ where they do not."""
-    a = (rays * rays).sum(axis=-1)
-    for number, (center, radius, _) in enumerate(SPHERES):
-        e = np.array(center) - origin
+def _candidates(camera: Camera, rays: Reals, setting: Setting) -> Iterator[tuple[Whats, Reals]]:
+    """What could be seen, and the planar depths at which rays meet it; +∞ where they do not."""
+    for placed, spheres, squared in setting.parts():
+        origin, turned = _in_axes_of(placed, camera)
+        inside = rays @ turned.T
+        yield from _met_spheres(origin, inside, setting, spheres)
+        if squared:
+            yield _met_square(origin, inside)
+
+
+def _met_spheres(
+    origin: Reals, rays: Reals, setting: Setting, spheres: Iterable[int]
+) -> Iterator[tuple[Whats, Reals]]:
+    a, centers = (rays * rays).sum(axis=-1), setting.centers()
+    for number in spheres:
+        e, radius = centers[number] - origin, SPHERES[number][1]
         b = rays @ e
         discriminant = b * b - a * (e @ e - radius * radius)
         root = np.sqrt(np.maximum(discriminant, 0.0))
         for side, z in enumerate(((b - root) / a, (b + root) / a)):
             yield np.full(a.shape, 2 * number + side), np.where(discriminant >= 0.0, z, np.inf)
+
+
+def _met_square(origin: Reals, rays: Reals) -> tuple[Whats, Reals]:
     with np.errstate(divide="ignore", invalid="ignore"):
         z = (FLOOR_Y - origin[1]) / rays[..., 1]
         x, across = origin[0] + z * rays[..., 0], origin[2] + z * rays[..., 2]
         inside = (np.abs(x) <= FLOOR_EXTENT) & (np.abs(across) <= FLOOR_EXTENT)
-    with np.errstate(invalid="ignore"):
         odd = (np.floor(np.where(inside, x, 0.0)) + np.floor(np.where(inside, across, 0.0))) % 2
-    yield FLOOR + odd.astype(np.int64), np.where(inside, z, np.inf)
+    return FLOOR + odd.astype(np.int64), np.where(inside, z, np.inf)
 
 
-def _color(what: Whats, points: Reals) -> Reals:
-    """(h, w, 4), of what is seen at points (h, w, 3) in the axes of the scene."""
-    color = np.zeros((*what.shape, 4))
-    for number, (center, radius, albedo) in enumerate(SPHERES):
-        seen = what // 2 == number
-        cosine = (points[seen] - center) @ LIGHT / radius
+def _paint(
+    color: Reals,
+    what: Whats,
+    points: Reals,
+    setting: Setting,
+    spheres: Iterable[int],
+    squared: bool,
+) -> None:
+    """Fill in (h, w, 4) where an object is seen, at points (h, w, 3) in its axes."""
+    centers = setting.centers()
+    for number in spheres:
+        seen, (_, radius, albedo) = what // 2 == number, SPHERES[number]
+        cosine = (points[seen] - centers[number]) @ LIGHT / radius
         color[seen, :3] = np.array(albedo) * (0.6 + 0.4 * cosine)[:, None]
-    for candidate, albedo in ((FLOOR, EVEN), (FLOOR + 1, ODD)):
-        color[what == candidate, :3] = np.array(albedo) * (0.6 - 0.4 * LIGHT[1])
-    color[what != NOTHING, 3] = 1.0
-    return color
+        color[seen, 3] = 1.0
+    for candidate, albedo in ((FLOOR, EVEN), (FLOOR + 1, ODD)) if squared else ():
+        color[what == candidate] = (*(np.array(albedo) * (0.6 - 0.4 * LIGHT[1])), 1.0)
 
 
 def surface(what: Whats, points: Reals) -> tuple[Reals, Reals]:
-    """How far points (n, 3) in the axes of the scene lie outside of what (n,) is seen there, and
-    the outward normals (n, 3). Points that show nothing are not allowed.
+    """How far points (n, 3) in the axes of the scene, at rest and at time 0, lie outside of what
+    (n,) is seen there, and the outward normals (n, 3). Points that show nothing are not allowed.
     """
     distance, normal = np.empty(len(what)), np.empty((len(what), 3))
     for number, (center, radius, _) in enumerate(SPHERES):

@@ -35,6 +35,11 @@ class Message(NamedTuple):
         kind = (self.value or {}).get("type")
         return kind if isinstance(kind, str) else None
 
+    @property
+    def agrees(self) -> bool:
+        """It is a `welcome`, and not one to 1.0, with which nothing is agreed (NEG-33)."""
+        return self.kind == "welcome" and (self.value or {}).get("version") != "1.0"
+
 
 @dataclass(eq=False)
 class Conversation:
@@ -65,8 +70,8 @@ class Conversation:
 
     @cached_property
     def welcome(self) -> Message | None:
-        """The first readable `welcome`, if there is one."""
-        return next((m for m in self.sent_by("server") if m.kind == "welcome"), None)
+        """The first readable `welcome` to 1.1, if there is one."""
+        return next((m for m in self.sent_by("server") if m.agrees), None)
 
 
 class Placed(NamedTuple):
@@ -84,7 +89,7 @@ def placed(conversation: Conversation) -> Iterator[Placed]:
         yield Placed(message, hello, welcome)
         if message.kind == "hello":
             hello = hello or message
-        elif message.kind == "welcome":
+        elif message.agrees:
             welcome = welcome or message
 
 
@@ -103,7 +108,7 @@ def conversations(entries: Iterable[Entry]) -> list[Conversation]:
             for packet in conversation.streams[entry.dir].feed(entry.data, entry.t):
                 message = _message(entry, packet, negotiated=key in welcomed)
                 conversation.messages.append(message)
-                if message.kind == "welcome":
+                if message.agrees:
                     welcomed.add(key)
         elif entry.event in ("eof", "reset") and entry.dir is not None:
             conversation.ended.setdefault(entry.dir, entry.t)

@@ -5,14 +5,29 @@ Written from the specification alone; the wire package is not used.
 
 import base64
 import json
+import time
+from collections.abc import Collection
+from itertools import cycle
 from typing import Any
+
+from splatbus_conformance import kinds
 
 Json = dict[str, Any]
 
 EXAMPLE_HANDLE = base64.b64encode(
     b"splatbus-conformance: a handle that nobody can open, 64 bytes :-".ljust(64, b".")
 )
-CAPABILITIES = {"ipc": ("host_shm", "frames", "reinit", "subscribe"), "msg": ()}
+CAPABILITIES = {
+    "ipc": ("host_shm", "frames", "reinit", "subscribe"),
+    "msg": kinds.CAPABILITIES["msg"],
+}
+SERIES: tuple[Json, ...] = (
+    {"kind": "scalar", "value": 3.5, "unit": "ms"},
+    {"kind": "histogram", "edges": [0.0, 0.5, 1.0], "counts": [120, 880]},
+    {"kind": "text", "value": "at rest"},
+)
+"""One of each kind, without its name."""
+NAMES = ("render_ms", "opacity", "stage")
 
 
 def encode(message: Json) -> bytes:
@@ -118,37 +133,87 @@ def welcome(channel: str, offered: list[str], version: str = "1.1") -> Json:
     }
 
 
+def intrinsics(width: int = 64, height: int = 48) -> Json:
+    """The lens of the harness (spec 1.1 section 6.2)."""
+    return {
+        "fx": float(width),
+        "fy": float(width),
+        "cx": width / 2,
+        "cy": height / 2,
+        "width": width,
+        "height": height,
+        "near": 0.01,
+        "far": 100.0,
+    }
+
+
 def frame(generation: int, seq: int, slot: int, width: int = 64, height: int = 48) -> Json:
     """A `frame` (spec 1.1 section 5.1)."""
+    pose = {"position": [0.0, 0.0, -4.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
     return {
         "type": "frame",
         "generation": generation,
         "seq": seq,
         "slot": slot,
-        "camera": {
-            "position": [0.0, 0.0, -4.0],
-            "rotation": [0.0, 0.0, 0.0, 1.0],
-            "fx": float(width),
-            "fy": float(width),
-            "cx": width / 2,
-            "cy": height / 2,
-            "width": width,
-            "height": height,
-            "near": 0.01,
-            "far": 100.0,
-        },
+        "camera": {**pose, **intrinsics(width, height)},
         "time": 0.0,
-        "renderedAt": 1.0,
+        "renderedAt": time.monotonic(),
     }
 
 
-def reply(request: Json, *, typed: bool, width: int = 64, height: int = 48) -> Json | None:
-    """The reply to a request (spec 1.0 section 6.2, 1.1 section 2.6); None if it is no request."""
-    added: Json = {"id": request["id"]} if typed and "id" in request else {}
-    if request.get("type") == "get_viewport_size":
-        size = {"viewport_size": [width, height]}
-        return {"type": "viewport_size", **added, **size} if typed else size
-    if request.get("type") == "get_camera_pose":
-        pose = {"position": [0.5, -0.25, -4.0], "rotation": [0.0, 0.6, 0.0, 0.8]}
-        return {"type": "camera", **added, **pose} if typed else pose
-    return None
+def error(code: str, **members: Any) -> Json:
+    """An `error` (spec 1.1 section 2.5)."""
+    return {"type": "error", "code": code, "message": "says the harness", **members}
+
+
+def telemetry(seq: int, names: Collection[str] = NAMES) -> Json:
+    """A `telemetry` with a series of each name, of one kind after the other (spec 1.1 annex A)."""
+    series = [{"name": name, **each} for name, each in zip(names, cycle(SERIES), strict=False)]
+    return {"type": "telemetry", "seq": seq, "time": time.monotonic(), "series": series}
+
+
+def reply(
+    request: Json, *, typed: bool, width: int = 64, height: int = 48, lens: bool = False
+) -> Json | None:
+    """The reply to a request (spec 1.0 section 6.2, 1.1 section 2.6); None if it is no request.
+
+    Args:
+        request: as it came.
+        typed: the connection has received `welcome`.
+        width: of the images, in pixels.
+        height: of the images, in pixels.
+        lens: its `welcome` lists `intrinsics`.
+    """
+    kind = request.get("type")
+    if kind not in (kinds.REQUESTS if typed else kinds.REQUESTS_1_0):
+        return None
+    answer = _answer(request, width, height)
+    if not typed:
+        return answer
+    name: Json = {"id": request["id"]} if "id" in request else {}
+    more: Json = {"intrinsics": intrinsics(width, height)} if lens and "position" in answer else {}
+    return {"type": kinds.REPLY_TO[str(kind)], **name, **answer, **more}
+
+
+def _answer(request: Json, width: int, height: int) -> Json:
+    match request["type"]:
+        case "get_camera_pose":
+            return {"position": [0.5, -0.25, -4.0], "rotation": [0.0, 0.6, 0.0, 0.8]}
+        case "get_scene":
+            return _scene()
+        case "ping":
+            return {"t": request.get("t"), "serverTime": time.monotonic()}
+    return {"viewport_size": [width, height]}
+
+
+def _scene() -> Json:
+    box = {"min": [-4.0, -2.0, -4.0], "max": [4.0, 1.0, 4.0]}
+    return {
+        "objects": [
+            {"id": "default", "name": "Garden", "gaussians": 1_200_000, "bounds": box},
+            {"id": "chair", "name": "", "gaussians": 0, "bounds": None},
+        ],
+        "timeRange": [0.0, 2.5],
+        "cameras": 2,
+        "origin": [0.0, 0.0, 0.0],
+    }

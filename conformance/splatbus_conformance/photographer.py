@@ -1,6 +1,7 @@
 """Has a server render for cameras that the harness chose, and copies the images that it lends."""
 
 import time
+from typing import Any
 
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.photographs import Photograph, photograph_of
@@ -32,8 +33,11 @@ class Photographer:
         self._last: Photograph | None = None
         self.new()
 
-    def take(self, camera: Pose, scene: Pose = AT_REST, *, insists: bool = True) -> Photograph:
-        """What the server shows for a camera, with the Gaussians as `scene` says.
+    def take(
+        self, camera: Pose, scene: Pose | None = AT_REST, *, insists: bool = True, **members: Any
+    ) -> Photograph:
+        """What the server shows for a camera, with the Gaussians as `scene` says, or where they
+        were if that is None; `members` are added to the pose of the camera.
 
         While no such image comes, both poses are sent again, as viewers do; or, if it does not
         insist, the Gaussians are moved a little, so that an image is due.
@@ -46,9 +50,10 @@ class Photographer:
         last, sent, until = None, -1.0, time.monotonic() + EFFECT_SECONDS
         while time.monotonic() < until and not (self.reader.ended or self.trial.fate()):
             if sent < 0 or time.monotonic() - sent >= AGAIN_SECONDS:
-                self._place(scene if insists or sent < 0 else aside(scene))
+                if scene is not None:
+                    self._place(scene if insists or sent < 0 else aside(scene))
                 if insists or sent < 0:
-                    self.go(camera)
+                    self.go(camera, **members)
                 sent = time.monotonic()
             self.trial.wait(self._came, AGAIN_SECONDS)
             for last in self.new():
@@ -67,9 +72,9 @@ class Photographer:
         """How many images the ring holds."""
         return self.dealings.memory.layout.slots if self.dealings.memory else 0
 
-    def go(self, camera: Pose) -> None:
+    def go(self, camera: Pose, **members: Any) -> None:
         """Send a camera, and wait for nothing."""
-        self.trial.move(camera_pose(*camera))
+        self.trial.move(camera_pose(*camera) | members)
 
     def hold(self) -> Photograph:
         """The next image, not given back; skips the check if none comes."""

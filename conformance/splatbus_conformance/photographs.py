@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.closed_form import COLOR_BUDGET, KNOWN, render
+from splatbus_conformance.closed_form import AT_REST, COLOR_BUDGET, KNOWN, Setting, render
 from splatbus_conformance.memory_reading import Opened, Pixels
 from splatbus_conformance.messages import Json
 from splatbus_conformance.pinhole import Camera, Reals, camera_of
@@ -81,11 +81,11 @@ def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph 
     )
 
 
-def shows_the_scene(photograph: Photograph) -> bool:
-    """Whether this is the scene of `conformance/SCENE.md`, at rest: by its depths, and by its
-    colours in whatever order, so that a wrong order of them is found.
+def shows_the_scene(photograph: Photograph, setting: Setting = AT_REST) -> bool:
+    """Whether this is the scene of `conformance/SCENE.md`: by its depths, and by its colours in
+    whatever order, so that a wrong order of them is found.
     """
-    exact = render(photograph.camera)
+    exact = render(photograph.camera, setting)
     right = exact.depth_is_right(photograph.planar())
     with np.errstate(invalid="ignore"):
         off = np.abs(np.sort(photograph.color, axis=-1) - np.sort(exact.color, axis=-1))

@@ -35,6 +35,20 @@ class Rigid(NamedTuple):
         return Rigid(self.rotation.T, -self.rotation.T @ self.position)
 
 
+class Placed(NamedTuple):
+    """Where an object lies, and how large: X_world = scale · rotation · X + position (OBJ-1)."""
+
+    pose: Rigid = Rigid()
+    scale: float = 1.0
+
+    def place(self, points: Reals) -> Reals:
+        """Points (…, 3) of the object, in the world."""
+        return self.pose.place(self.scale * points)
+
+
+STILL = Placed()
+
+
 class Camera(NamedTuple):
     """A pose in the world, camera-to-world, and intrinsics in pixels; pixel centres at halves."""
 

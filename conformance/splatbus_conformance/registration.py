@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from splatbus_conformance.closed_form import NOTHING, Exact, surface
+from splatbus_conformance.closed_form import BALL, BOBS, NOTHING, Exact, surface
 from splatbus_conformance.pinhole import Camera, Reals, Rigid
 
 LEAST_POINTS = 200
@@ -43,7 +43,7 @@ class Registration(NamedTuple):
 
 
 def register(camera: Camera, depth: Reals, exact: Exact, scene: Rigid) -> Registration | None:
-    """Find the camera; None if too little is seen.
+    """Find the camera; None if too little is seen. What may move by itself does not count.
 
     Args:
         camera: as the frame names it.
@@ -52,6 +52,7 @@ def register(camera: Camera, depth: Reals, exact: Exact, scene: Rigid) -> Regist
         scene: where the scene lies.
     """
     seen = np.isfinite(depth) & (exact.what != NOTHING) & exact.certain
+    seen &= ~np.isin(exact.what // 2, (BALL, BOBS))
     if seen.sum() < LEAST_POINTS:
         return None
     points = depth[seen][:, None] * camera.rays()[seen]

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from splatbus_schemas import LIMITS
+
 from splatbus_conformance import messages
 from splatbus_conformance.device_memory import Allocation
 from splatbus_conformance.host_memory import HostMemory
@@ -12,7 +14,10 @@ from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.stand_in.ring import DeviceRing
-from splatbus_conformance.values import whole
+from splatbus_conformance.values import strings, whole
+from splatbus_conformance.viewpoint import Viewpoint, viewpoint
+
+MAX_SIZE: int = LIMITS["max_image_size"]
 
 
 @dataclass
@@ -31,6 +36,20 @@ class Dealings:
     released: list[int] = field(default_factory=list)
     frames: int = 0
     """`seq` of the last frame that was sent."""
+    shown: Viewpoint | None = None
+    """From where the last frame was seen, if a client has put the camera there."""
+    telemetry: int = 0
+    """`seq` of the last telemetry that was sent."""
+
+    @property
+    def granted(self) -> list[str]:
+        """The capabilities of its `welcome`."""
+        return strings((self.welcome or {}).get("capabilities")) or []
+
+    @property
+    def lends(self) -> bool:
+        """A frame has been lent, and not been given back."""
+        return bool(self.frames) and self.frames not in self.released
 
     def count(self, kind: str) -> int:
         """How many messages of this type were heard."""
@@ -38,7 +57,7 @@ class Dealings:
 
 
 class Role:
-    """Answers `hello`, offers memory, lends frames and replies to requests.
+    """Answers `hello`, offers memory, lends frames, replies to requests and tells telemetry.
 
     A check sets the switches before the testee connects, to leave out what it does itself.
     """
@@ -55,8 +74,12 @@ class Role:
         self.welcomes = True
         self.offers_memory = True
         self.lends_frames = True
-        """Lends one frame of each generation that is opened; a check lends more itself."""
+        """Lends one frame of each generation that is opened, and of each pose with a tag; a check
+        lends more itself."""
+        self.viewpoint: Viewpoint | None = None
         self.replies = True
+        self.spoil: Callable[[Json], Json] = lambda reply: reply
+        """Changes replies before they are sent; a check may break them."""
         self.encode: dict[Channel, Callable[[Json], bytes]] = dict.fromkeys(
             CHANNELS, messages.encode
         )
@@ -85,14 +108,9 @@ class Role:
             if self.speaks != "1.0" and self.welcomes:
                 self.welcome(connection)
         elif connection.channel == "msg":
-            answer = messages.reply(
-                message,
-                typed=dealings.welcome is not None,
-                width=self.width,
-                height=self.height,
-            )
-            if answer and self.replies:
+            if self.replies and (answer := self.answer(connection, message)):
                 self.say(connection, answer)
+            self._on_msg(connection, dealings, message)
         else:
             self._on_ipc(connection, dealings, message)
 
@@ -138,12 +156,79 @@ class Role:
         dealings.frames += 1
         seq = dealings.frames
         frame = messages.frame(dealings.generation, seq, seq % self.slots, self.width, self.height)
+        if self.viewpoint:
+            frame["camera"] |= self.viewpoint.camera(self.width, self.height)
+        if self.viewpoint and self.viewpoint.tag and self.viewpoint is not dealings.shown:
+            frame["camera"]["tag"] = self.viewpoint.tag
+        dealings.shown = self.viewpoint
         self.say(connection, frame | changes)
         return seq
+
+    def answer(self, connection: Connection, request: Json) -> Json | None:
+        """The reply to a request, or an `error`; None if it is no request on this connection."""
+        dealings = self.with_(connection)
+        typed = dealings.welcome is not None
+        if typed and request.get("type") == "set_viewport" and (code := self._resize(request)):
+            return messages.error(code, **{"id": request["id"]} if "id" in request else {})
+        lens = "intrinsics" in dealings.granted
+        reply = messages.reply(
+            request, typed=typed, width=self.width, height=self.height, lens=lens
+        )
+        return reply and self.spoil(reply)
+
+    def tell(self, connection: Connection, *more: Json) -> None:
+        """Send a `telemetry` of what was subscribed to, in series of all kinds, and of more."""
+        dealings = self.with_(connection)
+        wishes = [m for m in dealings.heard if m.get("type") == "subscribe_telemetry"]
+        names = strings(wishes[-1].get("names")) if wishes else None
+        dealings.telemetry += 1
+        message = messages.telemetry(dealings.telemetry, messages.NAMES if names is None else names)
+        message["series"] += more
+        if message["series"]:
+            self.say(connection, message)
 
     def say(self, connection: Connection, message: Json) -> None:
         """Send a message."""
         connection.send(packet(self.encode[connection.channel](message)))
+
+    def _resize(self, request: Json) -> str | None:
+        """Have images of another size; the code of an `error` if that cannot be."""
+        width, height = (whole(request.get(side), 1, MAX_SIZE) for side in ("width", "height"))
+        readers = {
+            c: d for c, d in self.dealings.items() if c.open and not c.ended and d.generation
+        }
+        if width is None or height is None:
+            return "invalid_message"
+        if self.ring or messages.ring_bytes(width, height, self.slots) > self.memory.size:
+            return "unsupported"
+        if any("reinit" not in dealings.granted for dealings in readers.values()):
+            return "unsupported"
+        if any(d.opened - d.closed - {d.generation} for d in readers.values()):
+            return "busy"
+        if (width, height) != (self.width, self.height):
+            self.width, self.height = width, height
+            for connection in readers:
+                self.offer(connection, self.init_packet(connection))
+        return None
+
+    def _on_msg(self, connection: Connection, dealings: Dealings, message: Json) -> None:
+        kind, granted = message.get("type"), dealings.granted
+        if kind == "camera_pose" and dealings.welcome is not None:
+            before = self.viewpoint
+            self.viewpoint = viewpoint(message, before, lens="intrinsics" in granted)
+            if self.viewpoint is not before:
+                for reader in list(self.dealings):
+                    self._show(reader)
+        elif kind == "subscribe_telemetry" and "telemetry" in granted:
+            self.tell(connection)
+
+    def _show(self, reader: Connection) -> None:
+        """Lend a frame from a new viewpoint, if there is one and the last has come back."""
+        dealings = self.with_(reader)
+        waits = self.lends_frames and "frames" in dealings.granted and not dealings.lends
+        open_ = reader.open and dealings.generation in dealings.opened - dealings.closed
+        if waits and open_ and self.viewpoint is not dealings.shown:
+            self.lend(reader)
 
     def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
         generation = whole(message.get("generation"))
@@ -152,8 +237,8 @@ class Role:
         kind = message.get("type")
         if kind == "opened":
             dealings.opened.add(generation)
-            granted = (dealings.welcome or {}).get("capabilities", [])
-            if self.lends_frames and "frames" in granted and generation == dealings.generation:
+            newest = generation == dealings.generation
+            if self.lends_frames and "frames" in dealings.granted and newest:
                 self.lend(connection)
         elif kind == "open_failed":
             dealings.failed.add(generation)
@@ -161,3 +246,4 @@ class Role:
             dealings.closed.add(generation)
         elif kind == "release" and (seq := whole(message.get("seq"))) is not None:
             dealings.released.append(seq)
+            self._show(connection)

@@ -4,14 +4,18 @@ Checks ask no more of it than it has shown here.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
+from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
+from splatbus_conformance.pinhole import STILL, Placed
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
+from splatbus_conformance.values import is_number, numbers
 from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
@@ -20,7 +24,8 @@ GONE_SECONDS = 0.05
 FRAME_SECONDS = 5.0
 WHOLE_SECONDS = 0.1
 """Time for the first image to be whole, should it not be when its frame comes (IMG-6)."""
-MOST_CAMERAS = 64
+DEFAULT, BALL = "default", "ball"
+"""The objects of `conformance/SCENE.md`, if it has two."""
 
 
 @dataclass
@@ -44,6 +49,8 @@ class ServerFacts:
     """The image that it showed before anybody had posed anything."""
     scene_known: bool = False
     """That image is of the scene of `conformance/SCENE.md`."""
+    scene: Json | None = None
+    """The reply to `get_scene`."""
     unauthorized: bool = False
     """It requires a token that it was not given."""
     size: tuple[int, int] = (0, 0)
@@ -57,10 +64,32 @@ class ServerFacts:
         """The newest version that it speaks: it is judged by that."""
         return "1.1" if any(self.welcome.values()) or self.unauthorized else "1.0"
 
-    def capabilities(self) -> list[str]:
-        """What it granted on the IPC channel to a client that offered everything."""
-        granted = (self.welcome["ipc"] or {}).get("capabilities", [])
+    def capabilities(self, channel: Channel = "ipc") -> list[str]:
+        """What it granted on a channel to a client that offered everything."""
+        granted = (self.welcome[channel] or {}).get("capabilities", [])
         return granted if isinstance(granted, list) else []
+
+    def objects(self) -> list[str]:
+        """The ids of the objects that `scene` lists; `default` where it tells nothing."""
+        listed = (self.scene or {}).get("objects")
+        named = [it.get("id") for it in listed if isinstance(it, dict)] if listed else []
+        return [name for name in named if isinstance(name, str)] or [DEFAULT]
+
+    def time_range(self) -> tuple[float, float] | None:
+        """First and last time of the scene, if it is animated."""
+        told = (self.scene or {}).get("timeRange")
+        return (float(told[0]), float(told[1])) if told and numbers(told, 2) else None
+
+    def setting(
+        self,
+        frame: Json,
+        default: Placed = STILL,
+        ball: Placed = STILL,
+    ) -> Setting:
+        """How the known scene is to look in an image with its objects here."""
+        time: Any = frame.get("time")
+        seconds = float(time) if self.time_range() and is_number(time) else 0.0
+        return Setting(default, ball if BALL in self.objects() else None, seconds)
 
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
@@ -72,7 +101,8 @@ class ServerFacts:
         if kind == "device":
             return why_no_device(self.device, self.device_unseen)
         if kind == "capability":
-            known, why = of in self.capabilities(), f"does not grant the capability {of}"
+            granted = *self.capabilities("ipc"), *self.capabilities("msg")
+            known, why = of in granted, f"does not grant the capability {of}"
         elif kind == "opens":
             known, why = self.opens, "announces no memory that can be opened here"
         elif kind == "frames":
@@ -124,10 +154,15 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
             peer.pump(WHOLE_SECONDS)
             facts.first = _first(dealings)
-            facts.scene_known = facts.first is not None and shows_the_scene(facts.first)
             facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
             facts.opens = dealings.memory is not None
             facts.renders = bool(dealings.frames)
+        if channel == "msg" and "scene" in dealings.granted:
+            viewer.ask(connection, {"type": "get_scene"})
+            peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
+            facts.scene = _scene(dealings)
+    if facts.first is not None:
+        facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     meta = (facts.init_packet or {}).get("meta", {})
     facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
     peer.close_all()
@@ -163,6 +198,10 @@ def _first(dealings: Dealings) -> Photograph | None:
     if dealings.memory is None or not dealings.frames:
         return None
     return photograph_of(dealings.frames[0], dealings.memory, dealings.init_packets[-1])
+
+
+def _scene(dealings: Dealings) -> Json | None:
+    return next((said for said in dealings.heard if said.get("type") == "scene"), None)
 
 
 def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:

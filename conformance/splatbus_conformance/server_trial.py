@@ -108,6 +108,11 @@ class ServerTrial(Trial):
             self.wait(lambda: dealings.memory or dealings.refusal or connection.ended)
         return connection
 
+    def commanding(self, **changes: object) -> Connection:
+        """A new message connection that was given `welcome`, from which `move` poses the camera."""
+        self._mover = self.greeted("msg", **changes)
+        return self._mover
+
     def outcome(self, connection: Connection, *scripts: bytes) -> str:
         """What becomes of scripts on a connection of either channel, by that channel's control."""
         if connection.channel == "ipc":

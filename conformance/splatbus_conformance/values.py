@@ -6,6 +6,7 @@ A number that is not finite passes every question: JSN-4 alone says what is wron
 import json
 import math
 import re
+from itertools import pairwise
 from typing import Any
 
 from splatbus_schemas import LIMITS
@@ -68,6 +69,26 @@ def is_handle(value: object) -> bool:
 def numbers(value: object, count: int) -> bool:
     """An array of so many numbers."""
     return isinstance(value, list) and len(value) == count and all(map(is_number, value))
+
+
+def ascending(value: Any, least: int, most: int = 0, *, strictly: bool = False) -> bool:
+    """An array of `least` to `most` numbers, so many if `most` is not given, none less than the
+    one before it, nor equal to it if `strictly`.
+    """
+    if not isinstance(value, list) or not least <= len(value) <= (most or least):
+        return False
+    if not all(map(is_number, value)):
+        return False
+    pairs = [pair for pair in pairwise(value) if not any(map(unspeakable, pair))]
+    return all(a < b or (a == b and not strictly) for a, b in pairs)
+
+
+def as_double(value: Any) -> float:
+    """A JSON number in double precision; infinite where that ends."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def strings(value: object) -> list[str] | None:

@@ -9,6 +9,7 @@ from typing import Any
 from splatbus_conformance import messages
 from splatbus_conformance.device_memory import Device
 from splatbus_conformance.device_reading import open_on_device
+from splatbus_conformance.kinds import CAPABILITIES
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.memory_reading import CannotOpen, Opened, open_memory
 from splatbus_conformance.messages import Json
@@ -35,6 +36,10 @@ class Dealings:
     """Why that could not be opened."""
     holds: bool = False
     """Frames on this connection are not given back."""
+    keeps: bool = False
+    """Memory that was replaced stays open, and `closed` is left out."""
+    kept: list[Opened] = field(default_factory=list)
+    """Such memory."""
 
     def errors(self) -> list[str]:
         """The codes of the errors that were heard, in order."""
@@ -57,7 +62,8 @@ class Viewer:
         self.token = token
         self.device = device
         """Where CUDA memory can be read, if anywhere."""
-        self.capabilities = {"ipc": ["host_shm", "frames", "reinit", "subscribe"], "msg": []}
+        on_ipc = [name for name in CAPABILITIES["ipc"] if name != "cuda_ipc"]
+        self.capabilities = {"ipc": on_ipc, "msg": list(CAPABILITIES["msg"])}
         if device is not None:
             self.capabilities["ipc"] = ["cuda_ipc", *self.capabilities["ipc"]]
         self.opens = True
@@ -119,7 +125,16 @@ class Viewer:
         else:
             self.say(connection, {"type": "opened", "generation": generation})
         if former is not None:
-            if dealings.held is not None:
+            dealings.kept.append(former)
+            if not dealings.keeps:
+                self.let_go(connection)
+
+    def let_go(self, connection: Connection) -> None:
+        """Give up memory that was replaced, and the frame that lies in it."""
+        dealings = self.with_(connection)
+        while dealings.kept:
+            former = dealings.kept.pop(0)
+            if dealings.held and dealings.held.get("generation") == former.generation:
                 self.release(connection, dealings.held)
             former.close()
             self.say(connection, {"type": "closed", "generation": former.generation})
@@ -149,6 +164,7 @@ class Viewer:
     def close(self) -> None:
         """Unmap everything that was opened."""
         for dealings in self.dealings.values():
-            if dealings.memory is not None:
-                dealings.memory.close()
-                dealings.memory = None
+            for memory in (*dealings.kept, dealings.memory):
+                if memory is not None:
+                    memory.close()
+            dealings.kept, dealings.memory = [], None

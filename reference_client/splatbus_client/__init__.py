@@ -1,11 +1,14 @@
 """The reference client: a session with a server, frames without copies, and a small viewer."""
 
-from splatbus_wire.messages import FrameCamera
+from splatbus_wire.messages import FrameCamera, Intrinsics, Placement, Scene, Telemetry
 from splatbus_wire.poses import Pose
 
 from splatbus_client.channel import ChannelStatus
+from splatbus_client.clock import Sample
 from splatbus_client.lease import FrameLease
-from splatbus_client.session import Session, Status, connect
+from splatbus_client.message_protocol import NotOfferedError
+from splatbus_client.session import Session, connect
+from splatbus_client.status import Status
 from splatbus_client.steering import ServerRefusedError
 
 __all__ = [
@@ -13,8 +16,14 @@ __all__ = [
     "Session",
     "FrameLease",
     "FrameCamera",
+    "Intrinsics",
+    "Placement",
     "Pose",
+    "Sample",
+    "Scene",
+    "Telemetry",
     "Status",
     "ChannelStatus",
     "ServerRefusedError",
+    "NotOfferedError",
 ]

@@ -49,6 +49,7 @@ class ChannelStatus(NamedTuple):
         connections: how many there have been.
         version: what the server speaks on it, once that is known.
         server: what the server calls itself, if it does.
+        capabilities: what both sides can do on it, once that is known.
         problem: why there is no connection, or what the server last complained of.
     """
 
@@ -56,6 +57,7 @@ class ChannelStatus(NamedTuple):
     connections: int = 0
     version: str | None = None
     server: Program | None = None
+    capabilities: frozenset[str] = frozenset()
     problem: str | None = None
 
 
@@ -212,9 +214,12 @@ class Channel:
                     problem = f"the server says {error.code}: {error.message}"
                     self.status = self.status._replace(problem=problem)
                     self._warn(problem)
+                    self._owner.handle(event)
                     continue
-                case Negotiated(version, server, _):
-                    self.status = self.status._replace(version=version, server=server)
+                case Negotiated(version, server, capabilities):
+                    self.status = self.status._replace(
+                        version=version, server=server, capabilities=capabilities
+                    )
             self._welcome = True
             self._owner.handle(event)
 

@@ -1,6 +1,7 @@
 """`splatbus-client`: what a person types."""
 
 import argparse
+import io
 import logging
 import math
 import os
@@ -12,6 +13,9 @@ from pathlib import Path
 
 from splatbus_schemas import FRAMING
 
+from splatbus_client import telemetry
+from splatbus_client.info import describe
+from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.poses import parse_look_at, parse_pose
 from splatbus_client.session import Session
 from splatbus_client.settings import Settings, read_token, settings
@@ -36,6 +40,8 @@ examples:
   splatbus-client snapshot out.png                  one picture of what it shows now
   splatbus-client snapshot out.png --camera-index 2 the same from the scene's third camera
   splatbus-client snapshot out.png --look-at "0,-1,-2, 0,0,4"
+  splatbus-client info                              what the server can do, its scene, its clock
+  splatbus-client telemetry render_ms               one of its figures, live
 
 exit status: 0 done, 1 it could not be done (standard error says why), 2 wrong usage
 """
@@ -44,6 +50,8 @@ exit status: 0 done, 1 it could not be done (standard error says why), 2 wrong u
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     options = _parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # not every terminal has every bar and name
     logging.basicConfig(
         level=logging.INFO if options.verbose else logging.WARNING,
         format="\r\x1b[K%(message)s" if sys.stderr.isatty() else "%(message)s",
@@ -61,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (ValueError, OSError, ServerRefusedError) as error:
+    except (ValueError, OSError, ServerRefusedError, NotOfferedError) as error:
         print(f"splatbus-client: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -69,13 +77,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _view(where: Settings, options: argparse.Namespace) -> int:
+    with Session(where) as session:
+        view(
+            session,
+            rate=options.rate,
+            seconds=options.seconds,
+            stopped=_stopped_by_signals(),
+            out=sys.stdout,
+            size=options.size,
+        )
+    return 0
+
+
+def _telemetry(where: Settings, options: argparse.Namespace) -> int:
+    show = telemetry.as_json if options.json else telemetry.as_text
+    with Session(where) as session:
+        telemetry.watch(
+            session,
+            options.names or None,
+            seconds=options.seconds,
+            stopped=_stopped_by_signals(),
+            show=show(sys.stdout),
+        )
+    return 0
+
+
+def _info(where: Settings, options: argparse.Namespace) -> int:
+    with Session(where) as session:
+        for line in describe(session, options.timeout):
+            print(line, flush=True)
+    return 0
+
+
+def _stopped_by_signals() -> threading.Event:
     stopped = threading.Event()
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda *_: stopped.set())
-    with Session(where) as session:
-        view(session, rate=options.rate, seconds=options.seconds, stopped=stopped, out=sys.stdout)
-    return 0
+    return stopped
 
 
 def _snapshot(where: Settings, options: argparse.Namespace) -> int:
@@ -105,7 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="splatbus-client",
         description="The reference client of the SplatBus protocol: watches a Gaussian-splatting\n"
-        "renderer, steers its camera, and takes pictures.",
+        "renderer, steers its camera, takes pictures, and reads its figures.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -116,8 +155,10 @@ def _parser() -> argparse.ArgumentParser:
         parents=[where],
         help="watch and steer without a window, until interrupted",
         description="Watches without a window: sends camera poses along a small orbit, reads"
-        " every frame, and prints how many, how fast, and how long after its pose each came."
-        " Connects again whenever the server goes and comes back.",
+        " every frame, and prints how many, how fast, and how long after its pose each came:"
+        " the median, the 99th percentile, and at the end a histogram. A server of 1.1 says"
+        " which image is the first to show which pose. Connects again whenever the server goes"
+        " and comes back.",
     )
     watch.add_argument(
         "--rate",
@@ -127,12 +168,12 @@ def _parser() -> argparse.ArgumentParser:
         help="camera poses to send per second (%(default)g)",
     )
     watch.add_argument(
-        "--seconds",
-        type=_positive,
-        default=math.inf,
-        metavar="N",
-        help="stop after so long (default: run until SIGINT or SIGTERM)",
+        "--size",
+        type=_size,
+        metavar="WxH",
+        help="ask for images of this size, in pixels (default: as they are)",
     )
+    _add_seconds(watch)
     watch.set_defaults(run=_view)
 
     shoot = commands.add_parser(
@@ -161,15 +202,64 @@ def _parser() -> argparse.ArgumentParser:
     pose.add_argument(
         "--camera-index", type=int, metavar="N", help="one of the cameras that the scene has"
     )
-    shoot.add_argument(
+    _add_timeout(shoot)
+    shoot.set_defaults(run=_snapshot)
+
+    figures = commands.add_parser(
+        "telemetry",
+        parents=[where],
+        help="print the server's figures live, until interrupted",
+        description="Subscribes to what the server tells of itself, and prints it as it comes: on\n"
+        "a terminal a table that is written over, elsewhere a line for each series, which\n"
+        "begins with the server's time. Numbers have their unit and, in the table, their\n"
+        "course; histograms a bar for each bin, from the first edge to the last. A server\n"
+        "that computes figures only where somebody asks for them does so while this runs.",
+        epilog="examples:\n"
+        "  splatbus-client telemetry                         everything, in a table\n"
+        "  splatbus-client telemetry render_ms loss          these two series\n"
+        "  splatbus-client telemetry --json > run.jsonl      for a plot, later\n"
+        "  splatbus-client telemetry --seconds 60 | grep loss",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    figures.add_argument(
+        "names", nargs="*", metavar="NAME", help="series to subscribe to (default: all)"
+    )
+    figures.add_argument(
+        "--json", action="store_true", help="print each message as one line of JSON"
+    )
+    _add_seconds(figures)
+    figures.set_defaults(run=_telemetry)
+
+    about = commands.add_parser(
+        "info",
+        parents=[where],
+        help="tell what the server can do, its scene and its clock",
+        description="Asks a server what it speaks and can do, what its scene consists of, how its"
+        " images are meant and how old the newest is, and compares its clock with ours.",
+    )
+    _add_timeout(about)
+    about.set_defaults(run=_info)
+    return parser
+
+
+def _add_seconds(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--seconds",
+        type=_positive,
+        default=math.inf,
+        metavar="N",
+        help="stop after so long (default: run until SIGINT or SIGTERM)",
+    )
+
+
+def _add_timeout(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
         "--timeout",
         type=_positive,
         default=10.0,
         metavar="SECONDS",
         help="give up after so long (%(default)g)",
     )
-    shoot.set_defaults(run=_snapshot)
-    return parser
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
@@ -180,6 +270,11 @@ def _joined(arguments: Sequence[str]) -> list[str]:
             argument = f"{joined.pop()}={argument}"
         joined.append(argument)
     return joined
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, height = map(int, text.lower().split("x"))
+    return width, height
 
 
 def _positive(text: str) -> float:

@@ -3,7 +3,20 @@
 from typing import NamedTuple
 
 from splatbus_wire.init_packet import InitPacket
-from splatbus_wire.messages import CameraReply, ErrorMessage, Frame, Program, ViewportSize
+from splatbus_wire.messages import (
+    CameraReply,
+    ErrorMessage,
+    Frame,
+    Program,
+    Scene,
+    Telemetry,
+    ViewportSize,
+)
+
+from splatbus_client.clock import Sample
+
+Answer = ViewportSize | CameraReply | Scene | Sample
+"""What a request is answered with; a ping with when it was sent, and its pong received."""
 
 
 class Negotiated(NamedTuple):
@@ -49,7 +62,7 @@ class Replied(NamedTuple):
     """A request was answered; `ticket` is what `ask` returned."""
 
     ticket: int
-    answer: ViewportSize | CameraReply
+    answer: Answer
 
 
 class Refused(NamedTuple):
@@ -57,6 +70,19 @@ class Refused(NamedTuple):
 
     ticket: int
     error: ErrorMessage
+
+
+class NotOffered(NamedTuple):
+    """A request cannot be sent, because the server lacks a capability [NEG-5]."""
+
+    ticket: int
+    capability: str
+
+
+class Measured(NamedTuple):
+    """The server sends figures that were subscribed to."""
+
+    telemetry: Telemetry
 
 
 class ServerError(NamedTuple):
@@ -78,5 +104,7 @@ class MustClose(NamedTuple):
 
 
 IpcEvent = Negotiated | Announced | Declined | Lent | ServerError | Ignored | MustClose
-MessageEvent = Negotiated | Replied | Refused | ServerError | Ignored | MustClose
+MessageEvent = (
+    Negotiated | Replied | Refused | NotOffered | Measured | ServerError | Ignored | MustClose
+)
 Event = IpcEvent | MessageEvent

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import FramingError, ProtocolError
+from splatbus_wire.fields import Field
 from splatbus_wire.init_packet import InitPacket, readable_generation
 from splatbus_wire.json_text import parse_object
 from splatbus_wire.messages import (
@@ -44,6 +45,14 @@ class _Broken(NamedTuple):
 
     generation: int
     reason: str
+
+
+class _Lent(NamedTuple):
+    """A frame that breaks a rule, and of which so much could be read."""
+
+    generation: int
+    slot: int
+    seq: int
 
 
 class IpcProtocol:
@@ -92,11 +101,7 @@ class IpcProtocol:
 
     def release(self, frame: Frame) -> None:
         """Give a slot back, once; reads of it have to have finished [IMG-12, IMG-13]."""
-        lease = (frame.generation, frame.seq)
-        if lease in self._leases:
-            self._leases.remove(lease)
-            self._send(Release(*lease))
-            self._written = self._wanted_and_written()
+        self._give_back(frame.generation, frame.seq)
 
     def subscribe(self, channels: frozenset[str]) -> None:
         """Want these of `"color"` and `"depth"` from now on."""
@@ -143,11 +148,7 @@ class IpcProtocol:
         try:
             message = decode_from_server_ipc(payload)
         except ProtocolError as problem:
-            generation = _refused_generation(payload)
-            if generation is None:
-                yield Ignored(str(problem))
-            else:
-                yield from self._on_init_packet(_Broken(generation, str(problem)))
+            yield from self._on_broken(payload, str(problem))
             return
         match message:
             case Welcome():
@@ -160,6 +161,19 @@ class IpcProtocol:
                 yield from self._on_frame(message)
             case ErrorMessage():
                 yield ServerError(message)
+
+    def _on_broken(self, payload: bytes, problem: str) -> Iterator[IpcEvent]:
+        if (generation := _refused_generation(payload)) is not None:
+            yield from self._on_init_packet(_Broken(generation, problem))
+            return
+        yield Ignored(problem)
+        if (lent := _refused_frame(payload)) is None or not self._is_open(*lent[:2]):
+            return
+        generation, _, seq = lent
+        if (generation, seq) not in self._leases:
+            # It is lent all the same, and without a `release` it would be the last frame [IMG-12].
+            self._leases.add((generation, seq))
+            self._give_back(generation, seq)
 
     def _on_welcome(self, welcome: Welcome) -> Iterator[IpcEvent]:
         if welcome.version not in self._hello.versions:
@@ -206,8 +220,7 @@ class IpcProtocol:
                 yield Declined(generation, packet.reason)
 
     def _on_frame(self, frame: Frame) -> Iterator[IpcEvent]:
-        slots = self._slots.get(frame.generation, 0)
-        if "frames" not in self.capabilities or not 0 <= frame.slot < slots:
+        if not self._is_open(frame.generation, frame.slot):
             yield Ignored(
                 f"a frame came of generation {frame.generation}, slot {frame.slot},"
                 " which is not open [IMG-15]"
@@ -218,6 +231,16 @@ class IpcProtocol:
             self.release(frame)
         else:
             yield Lent(frame, self._written)
+
+    def _is_open(self, generation: int, slot: int) -> bool:
+        return "frames" in self.capabilities and 0 <= slot < self._slots.get(generation, 0)
+
+    def _give_back(self, generation: int, seq: int) -> None:
+        lease = (generation, seq)
+        if lease in self._leases:
+            self._leases.remove(lease)
+            self._send(Release(*lease))
+            self._written = self._wanted_and_written()
 
     def _wanted_and_written(self) -> frozenset[str]:
         return self._wanted if "subscribe" in self.capabilities else CHANNELS
@@ -233,3 +256,15 @@ def _refused_generation(payload: bytes) -> int | None:
     except ProtocolError:
         return None
     return readable_generation(payload) if "meta" in message else None
+
+
+def _refused_frame(payload: bytes) -> _Lent | None:
+    """Return what was lent by a frame that is malformed otherwise, if it can be read [IMG-12]."""
+    try:
+        frame = Field(parse_object(payload), "", "IMG-1")
+        if frame.value.get("type") != "frame":
+            return None
+        slot = frame.member("slot").integer(0, LIMITS["max_slots"] - 1)
+        return _Lent(frame.generation(), slot, frame.seq())
+    except ProtocolError:
+        return None

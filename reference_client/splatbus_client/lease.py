@@ -1,13 +1,14 @@
 """A frame in the hands of its reader: the right to read one slot, until it is given back."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import TracebackType
 from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.init_packet import Semantics
-from splatbus_wire.messages import Frame, FrameCamera
+from splatbus_wire.messages import DEFAULT_OBJECT, Frame, FrameCamera, Placement
+from splatbus_wire.poses import IDENTITY
 
 Image = NDArray[np.float32]
 
@@ -36,7 +37,8 @@ class FrameLease:
     GPU through DLPack are waited for then.
 
     Attributes:
-        camera: what it was rendered with.
+        camera: what it was rendered with, and the tag of the pose that it is the first to show.
+        objects: where objects were, as far as they were moved; see `placement`.
         semantics: how the numbers are meant (alpha, colour space, kind of depth).
         seq: number of the image.
         time: time in the scene, seconds.
@@ -54,6 +56,7 @@ class FrameLease:
         lasts: Callable[[], bool],
     ) -> None:
         self.camera: FrameCamera = frame.camera
+        self.objects: tuple[Placement, ...] = frame.objects
         self.semantics = semantics
         self.seq = frame.seq
         self.time = frame.time
@@ -62,6 +65,14 @@ class FrameLease:
         self._on_host, self._give_back, self._lasts = on_host, give_back, lasts
         self._on_host_already: dict[str, Image] = {}
         self._released = False
+
+    def placement(self, name: str = DEFAULT_OBJECT) -> Placement:
+        """Where an object was in this image, and how large [OBJ-7].
+
+        Put a mesh that is bound to the object there. Where the object was sent to last is where it
+        will be in a later image: with that the mesh would swim against the splats.
+        """
+        return placement(self.objects, name)
 
     @property
     def color(self) -> Image:
@@ -144,6 +155,11 @@ class FrameLease:
         trace: TracebackType | None,
     ) -> None:
         self.release()
+
+
+def placement(objects: Iterable[Placement], name: str) -> Placement:
+    """The placement of that name; at the identity and of scale 1 if it is not listed [OBJ-7]."""
+    return next((each for each in objects if each.object == name), Placement(name, IDENTITY))
 
 
 def _device(image: Image | OnDevice) -> OnDevice:

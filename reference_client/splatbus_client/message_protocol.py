@@ -1,4 +1,4 @@
-"""The message channel, sans I/O: bytes in, events out, bytes to send (1.0 chapter 6, 1.1 2).
+"""The message channel, sans I/O: bytes in, events out, bytes to send (1.0 chapter 6; 1.1).
 
 Requests go out one at a time. Replies of 1.0 carry no id, so a reply that cannot be understood
 could otherwise make every later one answer the wrong request [REQ-11].
@@ -11,35 +11,64 @@ from itertools import count
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import FramingError, ProtocolError
 from splatbus_wire.messages import (
-    CameraPose,
     CameraReply,
     ErrorMessage,
+    GetCameraPose,
+    GetScene,
     GetViewportSize,
     Hello,
-    PointCloudPose,
-    Pose,
+    Ping,
+    Pong,
+    Reply,
     Request,
+    Scene,
+    Telemetry,
     ViewportSize,
     Welcome,
     decode_from_server_message,
     encode,
+    message_object,
 )
-from splatbus_wire.rotations import check_quaternion
 
+from splatbus_client.clock import Sample
 from splatbus_client.events import (
+    Answer,
     Ignored,
+    Measured,
     MessageEvent,
     MustClose,
     Negotiated,
+    NotOffered,
     Refused,
     Replied,
     ServerError,
 )
 from splatbus_client.incoming import Incoming
+from splatbus_client.outgoing import (
+    Kind,
+    Told,
+    checked,
+    checked_request,
+    kind,
+    needs,
+    only_1_1,
+    permitted,
+    succeeding,
+)
 
 # The limits bind as the server sees them, and its clock and scheduler are not ours.
 REPLY_SECONDS: float = 0.9 * LIMITS["reply_seconds"]
 ASK_AGAIN_SECONDS: float = 1.25 * LIMITS["ask_again_min_seconds"]
+
+_QUESTIONS = (GetViewportSize, GetCameraPose, GetScene)
+
+
+class NotOfferedError(Exception):
+    """The server lacks a capability, without which a request may not be sent [NEG-5]."""
+
+    def __init__(self, capability: str) -> None:
+        super().__init__(f"the server does not offer the capability {capability!r} [NEG-5]")
+        self.capability = capability
 
 
 class MessageProtocol:
@@ -54,6 +83,7 @@ class MessageProtocol:
 
     def __init__(self, hello: Hello) -> None:
         self.version: str | None = None
+        self.capabilities: frozenset[str] = frozenset()
         self._hello = hello
         self._incoming = Incoming()
         self._out = bytearray(encode(hello))
@@ -62,37 +92,55 @@ class MessageProtocol:
         self._asked: tuple[int, Request] | None = None  # as it was sent, with its id if it had one
         self._reply_due = 0.0
         self._ask_size_from = 0.0
-        self._newest: dict[type, bytes] = {}
+        self._told: dict[Kind, Told] = {}
         self.ask(GetViewportSize())
 
     def ask(self, request: Request) -> int:
         """Queue a request and return the ticket of its reply.
 
-        A request that equals one which is still unanswered shares that one's ticket.
+        A question that equals one which is still unanswered shares that one's ticket.
+
+        Raises:
+            NotOfferedError: the server is known to lack the capability.
+            ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
         """
+        request = checked_request(request)
+        if (capability := self.lacks(request)) is not None:
+            raise NotOfferedError(capability)
         asked = [] if self._asked is None else [self._asked]
-        for ticket, unanswered in [*asked, *self._queue]:
-            if unanswered._replace(id=None) == request:
-                return ticket
+        if isinstance(request, _QUESTIONS):
+            for ticket, unanswered in [*asked, *self._queue]:
+                if _name(unanswered) == _name(request) and unanswered._replace(id=None) == request:
+                    return ticket
         ticket = next(self._tickets)
         self._queue.append((ticket, request))
         return ticket
 
-    def pose(self, message: CameraPose | PointCloudPose) -> None:
-        """Send a pose with the next data; it replaces one of its kind that is still unsent [POS-7].
+    def tell(self, message: Told) -> None:
+        """Send a message with the next data; it replaces one of its kind that is unsent [POS-7].
+
+        What 1.0 does not know waits until it is settled whether the server does, and whatever was
+        told later waits behind it; then as much is sent as was agreed [NEG-5].
 
         Raises:
-            ProtocolError: the pose breaks POS-2 or POS-3.
+            ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
         """
-        packet = encode(message._replace(pose=_checked(message.pose)))
-        self._newest.pop(type(message), None)  # so that timestamps leave in order [POS-9]
-        self._newest[type(message)] = packet
+        message = checked(message)
+        # Taken out first, so that timestamps leave in order [POS-9].
+        former = self._told.pop(kind(message), None)
+        self._told[kind(message)] = succeeding(former, message)
+
+    def lacks(self, message: Told | Request) -> str | None:
+        """Return the capability that keeps a message or a part of it from being sent, if known."""
+        capability = needs(message)
+        if self.version is None or capability in self.capabilities:
+            return None
+        return capability
 
     def data_to_send(self, now: float) -> bytes:
         """Return what is to be sent next; call it again when that has been sent whole."""
         self._send_request(now)
-        self._out += b"".join(self._newest.values())
-        self._newest.clear()
+        self._send_told()
         data = bytes(self._out)
         self._out.clear()
         return data
@@ -134,18 +182,33 @@ class MessageProtocol:
 
     def _send_request(self, now: float) -> None:
         """Send the first request that may be sent, if none is unanswered."""
-        too_early = GetViewportSize if now < self._ask_size_from else ()
-        ready = next((item for item in self._queue if not isinstance(item[1], too_early)), None)
+        ready = next((item for item in self._queue if self._may_ask(item[1], now)), None)
         if self._asked is not None or ready is None:
             return
         self._queue.remove(ready)
         ticket, request = ready
+        if isinstance(request, Ping):
+            request = request._replace(t=now)  # not when it was asked: it may have queued since
         if self.version == "1.1":
             # An error that answers the request is told by its id from one that reports a pose.
             request = request._replace(id=ticket)
         self._asked = (ticket, request)
         self._reply_due = now + REPLY_SECONDS
         self._out += encode(request)
+
+    def _may_ask(self, request: Request, now: float) -> bool:
+        if isinstance(request, GetViewportSize):
+            return now >= self._ask_size_from
+        return self.version is not None or not only_1_1(request)
+
+    def _send_told(self) -> None:
+        for key, message in list(self._told.items()):
+            if self.version is None and only_1_1(message):
+                return
+            del self._told[key]
+            sent = permitted(message, self.version, self.capabilities)
+            if sent is not None:
+                self._out += encode(sent)
 
     def _on_payload(self, payload: bytes, now: float) -> Iterator[MessageEvent]:
         request = None if self._asked is None else self._asked[1]
@@ -161,7 +224,9 @@ class MessageProtocol:
                 yield from self._on_welcome(message)
             case ErrorMessage():
                 yield from self._on_error(message)
-            case ViewportSize() | CameraReply():
+            case Telemetry():
+                yield self._on_telemetry(message)
+            case ViewportSize() | CameraReply() | Scene() | Pong():
                 yield from self._on_reply(message, now)
 
     def _on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
@@ -170,43 +235,49 @@ class MessageProtocol:
         elif self.version is not None:
             yield Ignored("welcome came when the version was settled [NEG-13]")
         else:
-            self.version = welcome.version
-            yield Negotiated(welcome.version, welcome.server, frozenset(welcome.capabilities))
+            capabilities = frozenset(welcome.capabilities) & set(self._hello.capabilities)
+            yield from self._settle(Negotiated(welcome.version, welcome.server, capabilities))
 
-    def _on_reply(self, reply: ViewportSize | CameraReply, now: float) -> Iterator[MessageEvent]:
+    def _settle(self, negotiated: Negotiated) -> Iterator[MessageEvent]:
+        self.version, self.capabilities = negotiated.version, negotiated.capabilities
+        yield negotiated
+        for item in list(self._queue):
+            ticket, request = item
+            if (capability := self.lacks(request)) is not None:
+                self._queue.remove(item)
+                yield NotOffered(ticket, capability)
+
+    def _on_telemetry(self, telemetry: Telemetry) -> MessageEvent:
+        if "telemetry" not in self.capabilities:
+            return Ignored("telemetry came, which was not agreed [TEL-3]")
+        return Measured(telemetry)
+
+    def _on_reply(self, reply: Reply, now: float) -> Iterator[MessageEvent]:
         assert self._asked is not None  # or it would not have been decoded as a reply
         if self.version is None:
-            self.version = "1.0"
-            yield Negotiated("1.0", None, frozenset())
-        ticket, self._asked = self._asked[0], None
+            yield from self._settle(Negotiated("1.0", None, frozenset()))
+        (ticket, request), self._asked = self._asked, None
         if isinstance(reply, ViewportSize) and reply.width * reply.height == 0:
             self._ask_size_from = now + ASK_AGAIN_SECONDS  # [REQ-12]
-        yield Replied(ticket, reply)
+        answer: Answer
+        if isinstance(reply, Pong):
+            assert isinstance(request, Ping)
+            answer = Sample(request.t, reply.server_time, now)
+        else:
+            answer = reply
+        yield Replied(ticket, answer)
 
     def _on_error(self, error: ErrorMessage) -> Iterator[MessageEvent]:
         # An error without id, while the request that went out before `welcome` waits, may mean
         # that one or a pose. Taking it for the former is harmless: later replies carry ids.
-        if self._asked is None or error.id != self._asked[1].id:
+        # No request that goes without an id is answered `busy`, though.
+        about_a_pose = error.code == "busy" and error.id is None
+        if self._asked is None or error.id != self._asked[1].id or about_a_pose:
             yield ServerError(error)
             return
         ticket, self._asked = self._asked[0], None
         yield Refused(ticket, error)
 
 
-def _checked(pose: Pose) -> Pose:
-    """Return the pose in plain floats, whatever numbers it came in [POS-2, POS-3, ACC-1]."""
-    x, y, z = map(float, pose.position)
-    i, j, k, w = map(float, pose.rotation)
-    if not all(abs(coordinate) <= LIMITS["max_position"] for coordinate in (x, y, z)):
-        raise ProtocolError(
-            "invalid_number",
-            f"the position {(x, y, z)} is not within single precision",
-            requirement="POS-2",
-            pointer="/position",
-        )
-    check_quaternion((i, j, k, w), pointer="/rotation")
-    return Pose((x, y, z), (i, j, k, w))
-
-
 def _name(request: Request) -> str:
-    return "get_viewport_size" if isinstance(request, GetViewportSize) else "get_camera_pose"
+    return str(message_object(request)["type"])

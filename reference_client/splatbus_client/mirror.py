@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from splatbus_wire.init_packet import Semantics
-from splatbus_wire.messages import FrameCamera
+from splatbus_wire.messages import FrameCamera, Placement
 
 from splatbus_client.lease import FrameLease, Image
 from splatbus_client.session import Session
@@ -19,6 +19,7 @@ class Copied(NamedTuple):
         depth: (H, W) float32 in scene units, rows top-down; None where it was not subscribed to.
         camera: what it was rendered with.
         semantics: how its numbers are meant.
+        objects: where objects were in it, as far as they were moved.
     """
 
     seq: int
@@ -26,6 +27,7 @@ class Copied(NamedTuple):
     depth: Image | None
     camera: FrameCamera
     semantics: Semantics
+    objects: tuple[Placement, ...] = ()
 
 
 class Mirror:
@@ -58,4 +60,4 @@ class Mirror:
 def _copied(lease: FrameLease) -> Copied:
     color = np.array(lease.color) if "color" in lease.channels else None
     depth = np.array(lease.depth) if "depth" in lease.channels else None
-    return Copied(lease.seq, color, depth, lease.camera, lease.semantics)
+    return Copied(lease.seq, color, depth, lease.camera, lease.semantics, lease.objects)

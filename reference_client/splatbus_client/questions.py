@@ -1,26 +1,35 @@
 """What a viewer asks on each new connection: where the first camera is, the size of images."""
 
+import logging
 from concurrent.futures import Future
 from typing import Any
 
+from splatbus_wire.messages import SetViewport
 from splatbus_wire.poses import IDENTITY, Pose
 
+from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.session import Session
 from splatbus_client.steering import ServerRefusedError
+
+log = logging.getLogger("splatbus_client")
 
 
 class Questions:
     """Asks on each new connection, without waiting.
+
+    Args:
+        session: with any server, or none yet.
+        wanted: width and height that images are asked to have; None takes them as they are.
 
     Attributes:
         camera: pose of the scene's first camera, the identity until it is known.
         size: width and height of the images in pixels, (0, 0) until they are known.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, wanted: tuple[int, int] | None = None) -> None:
         self.camera = IDENTITY
         self.size = (0, 0)
-        self._session = session
+        self._session, self._wanted = session, wanted
         self._connections = 0
         self._camera: Future[Pose] = Future()
         self._size: Future[tuple[int, int]] = Future()
@@ -32,6 +41,8 @@ class Questions:
             self._connections = connections
             self._camera = self._session.ask_camera_pose(0)
             self._size = self._session.ask_viewport_size()
+            if self._wanted is not None:
+                self._session.ask(SetViewport(*self._wanted)).add_done_callback(_complain)
         self.camera = _answer(self._camera) or self.camera
         self.size = size = _answer(self._size) or self.size
         if self._size.done() and not all(size):
@@ -44,3 +55,9 @@ def _answer(future: "Future[Any]") -> Any:
         return future.result(0)
     except (TimeoutError, ServerRefusedError):
         return None
+
+
+def _complain(answer: "Future[Any]") -> None:
+    problem = None if answer.cancelled() else answer.exception()
+    if isinstance(problem, ServerRefusedError | NotOfferedError):
+        log.warning("the images keep their size: %s", problem)

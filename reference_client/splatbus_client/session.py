@@ -1,49 +1,48 @@
 """A client's session with a server: what an application calls.
 
-One thread of its own does all waiting on sockets; the caller's thread sends directly, so that a
+A thread of its own does all waiting on sockets; the caller's thread sends directly, so that a
 pose or a `release` does not wait for another thread to wake.
 """
 
-import contextlib
-import selectors
-import socket
-import threading
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import CancelledError, Future
 from importlib.metadata import version
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 from splatbus_wire.messages import (
+    DEFAULT_OBJECT,
     CameraPose,
+    CameraReply,
     GetCameraPose,
+    GetScene,
     GetViewportSize,
     Hello,
-    PointCloudPose,
+    Intrinsics,
+    ObjectPose,
+    Ping,
     Program,
     Request,
+    Scene,
+    SetTime,
+    SetViewport,
+    SubscribeTelemetry,
+    Telemetry,
+    ViewportSize,
 )
 from splatbus_wire.poses import Pose
 
-from splatbus_client.channel import Channel, ChannelStatus
+from splatbus_client.channel import Channel
+from splatbus_client.clock import Sample
 from splatbus_client.ipc_protocol import CHANNELS
 from splatbus_client.lease import FrameLease
+from splatbus_client.loop import Loop, clock
+from splatbus_client.message_protocol import NotOfferedError
+from splatbus_client.outgoing import Told
 from splatbus_client.reading import ImagesOpen, Loan, Reading, capabilities
 from splatbus_client.settings import Settings, settings
+from splatbus_client.status import Status, why_no_frame, why_no_reply
 from splatbus_client.steering import Steering
-
-_NAP_SECONDS = 0.5
-# They need no object of the system, unlike epoll and kqueue, and the former takes any descriptor.
-_Selector = getattr(selectors, "PollSelector", selectors.SelectSelector)
-
-
-class Status(NamedTuple):
-    """How both channels fare, and why there are no images where the server announced some."""
-
-    ipc: ChannelStatus
-    message: ChannelStatus
-    no_images: str | None
 
 
 def connect(
@@ -80,47 +79,104 @@ class Session:
         program = Program("splatbus-client", version("splatbus-protocol"))
         hello = Hello(("1.1", "1.0"), program, capabilities(), where.token)
         self._where = where
-        self._started = time.monotonic()
-        self._changed = threading.Condition()
-        self._closed = False
-        self._wakes_at = 0.0  # when the thread looks after deadlines next, if nothing comes before
+        self._started = clock()
         self._reading = Reading(hello, _known(channels))
-        self._steering = Steering(hello._replace(capabilities=()))
+        self._steering = Steering(hello)
         self._ipc = Channel("IPC", where.host, where.ipc_port, self._reading)
         self._message = Channel("message", where.host, where.message_port, self._steering)
-        self._awaited: list[tuple[socket.socket, int, Channel]] | None = None
-        self._wakened, self._waker = socket.socketpair()
-        self._wakened.setblocking(False)
-        self._waker.setblocking(False)
-        self._thread = threading.Thread(target=self._run, name="splatbus-client", daemon=True)
-        self._thread.start()
+        self._loop = Loop((self._ipc, self._message), self._reading.sweep, self._steering.close)
+        self._changed = self._loop.changed
 
-    def send_camera(self, pose: Pose) -> None:
+    # What is told, without a reply
+
+    def send_camera(
+        self, pose: Pose, *, tag: str | None = None, intrinsics: Intrinsics | None = None
+    ) -> None:
         """Send the camera's pose, camera-to-world in the axes of the wire [CNV-1].
 
         The newest one wins: it replaces one that could not be sent yet, and is sent again to a
-        server that was restarted.
+        server that was restarted. A server that does not know `tag` or `intrinsics` is sent the
+        pose without.
+
+        Args:
+            pose: of the camera.
+            tag: 1 to 64 characters that come back with the first image that was rendered with
+                this pose, as `frame.camera.tag` [CAM-2]; sent once at most.
+            intrinsics: the lens, from now on; it stays in force when it is not given [CAM-5].
 
         Raises:
-            ProtocolError: the pose breaks POS-2 or POS-3.
+            ProtocolError: it breaks POS-2, POS-3, CAM-1 or CAM-4.
         """
-        self._steer(CameraPose(pose, time.monotonic() - self._started))
+        self._tell(CameraPose(pose, self._timestamp(), tag, intrinsics))
 
-    def send_object(self, pose: Pose) -> None:
-        """Send the Gaussians' pose, object-to-world in the axes of the wire [CNV-2].
+    def send_object(self, pose: Pose, name: str = DEFAULT_OBJECT, scale: float = 1.0) -> None:
+        """Send an object's pose: X_world = scale · R · X + position [CNV-2, OBJ-1].
+
+        The newest one of each object wins, as for the camera. A server without `objects` is sent
+        that of the object `"default"` with scale 1 only; see `status.no_effect`.
+
+        Args:
+            pose: object-to-world in the axes of the wire.
+            name: an `id` of `scene`.
+            scale: from 0.000001 to 1,000,000.
 
         Raises:
-            ProtocolError: the pose breaks POS-2 or POS-3.
+            ProtocolError: it breaks POS-2, POS-3 or OBJ-1.
         """
-        self._steer(PointCloudPose(pose, time.monotonic() - self._started))
+        self._tell(ObjectPose(name, pose, float(scale), self._timestamp()))
+
+    def send_time(self, seconds: float) -> None:
+        """Send the time in the scene that images are to be rendered at [TIM-2].
+
+        The newest one wins, as for the camera. A server without `time` is sent none; see
+        `status.no_effect`.
+
+        Raises:
+            ProtocolError: it is not finite [TIM-1].
+        """
+        self._tell(SetTime(seconds))
+
+    def subscribe(self, *channels: str) -> None:
+        """Read only these of `"color"` and `"depth"` from now on [IMG-19]."""
+        with self._loop.sending(self._ipc):
+            self._require_open()
+            self._reading.subscribe(_known(channels))
+
+    def subscribe_telemetry(self, names: Iterable[str] | None = None) -> None:
+        """Have the server send these series of figures from now on; None for all [TEL-1].
+
+        It is said again on each new connection. Read them with `next_telemetry`.
+
+        Raises:
+            ProtocolError: there are more than 256 names, or one has not 1 to 64 characters.
+        """
+        self._tell(SubscribeTelemetry(None if names is None else frozenset(names)))
+
+    # What is asked
+
+    def ask(self, request: Request) -> "Future[Any]":
+        """Ask without waiting; a lost connection delays the answer.
+
+        Args:
+            request: one of `splatbus_wire.messages`, without `id`.
+
+        Returns:
+            The reply as a future: ViewportSize, CameraReply, Scene, or for a Ping a Sample. It
+            fails with ServerRefusedError, or with NotOfferedError where the server lacks the
+            capability.
+
+        Raises:
+            ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+        """
+        return self._ask(request, lambda answer: answer)
 
     def ask_viewport_size(self) -> "Future[tuple[int, int]]":
         """Ask without waiting; (0, 0) is a reply too. A lost connection delays the answer."""
-        return self._ask(GetViewportSize())
+        return self._ask(GetViewportSize(), _size)
 
     def ask_camera_pose(self, index: int) -> "Future[Pose]":
         """Ask without waiting; a lost connection delays the answer."""
-        return self._ask(GetCameraPose(index))
+        return self._ask(GetCameraPose(index), lambda camera: camera.pose)
 
     def viewport_size(self, timeout: float) -> tuple[int, int]:
         """Return width and height of the images; ask again while the server does not know [REQ-12].
@@ -129,23 +185,73 @@ class Session:
             TimeoutError: they were not known within `timeout` seconds.
             ServerRefusedError: the server answered with an error.
         """
-        end = time.monotonic() + timeout
+        end = clock() + timeout
         while True:
             size: tuple[int, int] = self._answer(self.ask_viewport_size(), end, "viewport size")
             if all(size):
                 return size
 
-    def camera_pose(self, index: int, timeout: float) -> Pose:
-        """Return the pose of the scene's camera `index`, modulo their number [REQ-6].
+    def set_viewport(self, width: int, height: int, timeout: float) -> tuple[int, int]:
+        """Ask for images of another size, and return it; they follow on the IPC channel [VPT-5].
+
+        Raises:
+            TimeoutError: there was no reply within `timeout` seconds.
+            ServerRefusedError: `busy` while another client has control or former memory is still
+                in use, `unsupported` for a size that cannot be had or clients that could not
+                follow [VPT-3, VPT-4].
+            NotOfferedError: the server does not offer `viewport`.
+            ProtocolError: a side is not from 1 to 32,768 [VPT-1].
+        """
+        end = clock() + timeout
+        answer = self._ask(SetViewport(width, height), _size)
+        size: tuple[int, int] = self._answer(answer, end, "reply to set_viewport")
+        return size
+
+    def camera(self, index: int, timeout: float) -> CameraReply:
+        """Return the scene's camera `index`, modulo their number [REQ-6].
+
+        Its `intrinsics` are None where the server does not tell them [CAM-8].
 
         Raises:
             TimeoutError: there was no reply within `timeout` seconds.
             ServerRefusedError: the server answered with an error.
             ProtocolError: `index` is out of the range of REQ-2.
         """
-        end = time.monotonic() + timeout
-        pose: Pose = self._answer(self.ask_camera_pose(index), end, "camera pose")
-        return pose
+        end = clock() + timeout
+        reply: CameraReply = self._answer(self.ask(GetCameraPose(index)), end, "camera")
+        return reply
+
+    def camera_pose(self, index: int, timeout: float) -> Pose:
+        """Return the pose of that camera alone; all else as for `camera`."""
+        return self.camera(index, timeout).pose
+
+    def scene(self, timeout: float) -> Scene:
+        """Return what the scene consists of [SCN-2].
+
+        Raises:
+            TimeoutError: there was no reply within `timeout` seconds.
+            ServerRefusedError: the server answered with an error.
+            NotOfferedError: the server does not offer `scene`.
+        """
+        end = clock() + timeout
+        scene: Scene = self._answer(self.ask(GetScene()), end, "scene")
+        return scene
+
+    def ping(self, timeout: float) -> Sample:
+        """Return the time of a round trip, and how the server's clock compares [PNG-2].
+
+        Of several, `splatbus_client.clock.best` chooses the one that tells most.
+
+        Raises:
+            TimeoutError: there was no reply within `timeout` seconds.
+            ServerRefusedError: the server answered with an error.
+            NotOfferedError: the server does not offer `ping`.
+        """
+        now = clock()
+        sample: Sample = self._answer(self.ask(Ping(now)), now + timeout, "pong")
+        return sample
+
+    # What is waited for
 
     def next_frame(self, timeout: float) -> FrameLease:
         """Wait for a frame that was not read before, and borrow it: `with session.next_frame(1.0)`.
@@ -157,23 +263,44 @@ class Session:
         with self._changed:
             if self._reading.held is not None:
                 raise RuntimeError("release the former frame first: one is lent at a time [IMG-2]")
-            self._changed.wait_for(lambda: self._reading.may_hold or self._closed, timeout)
+            self._changed.wait_for(lambda: self._reading.may_hold or self._loop.closed, timeout)
             self._require_open()
             if not self._reading.may_hold:
-                raise TimeoutError(f"no frame came in time: {self._why_no_frame()}")
-            return self._lease(self._reading.hold())
+                why = why_no_frame(self.status, self._where, announced=self._reading.open)
+                raise TimeoutError(f"no frame came in time: {why}")
+            loan = self._reading.hold()
+            self._steering.shown(loan.frame.camera.tag)
+            return self._lease(loan)
 
-    def subscribe(self, *channels: str) -> None:
-        """Read only these of `"color"` and `"depth"` from now on [IMG-19]."""
-        with self._sending(self._ipc):
+    def next_telemetry(self, timeout: float) -> Telemetry:
+        """Wait for figures that were not read before. Of many unread ones, the newest are kept.
+
+        Raises:
+            TimeoutError: none came within `timeout` seconds; the message says why, and what to do.
+            NotOfferedError: the server does not offer `telemetry`.
+            RuntimeError: the session is closed.
+        """
+        unread, everything = self._steering.telemetry, SubscribeTelemetry(None)
+        with self._changed:
+            self._changed.wait_for(
+                lambda: unread or self._steering.lacks(everything) or self._loop.closed, timeout
+            )
             self._require_open()
-            self._reading.subscribe(_known(channels))
+            if unread:
+                return unread.popleft()
+            if (capability := self._steering.lacks(everything)) is not None:
+                raise NotOfferedError(capability)
+            why = why_no_reply(self.status, self._where)
+            raise TimeoutError(f"no telemetry came in time: {why}")
+
+    # How it fares
 
     @property
     def status(self) -> Status:
         """How both channels fare now."""
         with self._changed:
-            return Status(self._ipc.status, self._message.status, self._reading.problem)
+            reading, steering = self._reading.problem, self._steering.no_effect
+            return Status(self._ipc.status, self._message.status, reading, steering)
 
     @property
     def images(self) -> ImagesOpen | None:
@@ -183,11 +310,7 @@ class Session:
 
     def close(self) -> None:
         """End both connections, and with them every lease. Further calls do nothing."""
-        with self._changed:
-            if not self._closed:
-                self._closed = True
-                self._wake()
-        self._thread.join()
+        self._loop.close()
 
     def __enter__(self) -> Self:
         return self
@@ -200,18 +323,21 @@ class Session:
     ) -> None:
         self.close()
 
-    def _steer(self, message: CameraPose | PointCloudPose) -> None:
-        with self._sending(self._message):
-            self._require_open()
-            self._steering.pose(message)
+    def _timestamp(self) -> float:
+        return clock() - self._started
 
-    def _ask(self, request: Request) -> "Future[Any]":
-        with self._sending(self._message):
+    def _tell(self, message: Told) -> None:
+        with self._loop.sending(self._message):
             self._require_open()
-            return self._steering.ask(request)
+            self._steering.tell(message)
+
+    def _ask(self, request: Request, value: Callable[[Any], Any]) -> "Future[Any]":
+        with self._loop.sending(self._message):
+            self._require_open()
+            return self._steering.ask(request, value)
 
     def _require_open(self) -> None:
-        if self._closed:
+        if self._loop.closed:
             raise RuntimeError("the session is closed")
 
     def _lease(self, loan: Loan) -> FrameLease:
@@ -219,7 +345,7 @@ class Session:
 
         def give_back() -> None:
             images.finish(slot)
-            with self._sending(self._ipc):
+            with self._loop.sending(self._ipc):
                 self._reading.give_back(loan)
 
         return FrameLease(
@@ -234,102 +360,17 @@ class Session:
 
     def _answer(self, answer: "Future[Any]", end: float, name: str) -> Any:
         try:
-            return answer.result(max(0.0, end - time.monotonic()))
+            return answer.result(max(0.0, end - clock()))
         except CancelledError:
             raise RuntimeError("the session is closed") from None
         except TimeoutError:
             answer.cancel()
-            raise TimeoutError(f"no {name} came in time: {self._why_no_reply()}") from None
+            why = why_no_reply(self.status, self._where)
+            raise TimeoutError(f"no {name} came in time: {why}") from None
 
-    def _why_no_frame(self) -> str:
-        if not self._ipc.status.connected:
-            return self._why_not_connected(self._ipc)
-        if self._reading.problem is not None:
-            return f"the images cannot be opened: {self._reading.problem}"
-        if not self._reading.open:
-            return "the server has announced no images yet"
-        return "the server has published no other image"
 
-    def _why_no_reply(self) -> str:
-        if not self._message.status.connected:
-            return self._why_not_connected(self._message)
-        return "the server has not answered, or does not know yet"
-
-    def _why_not_connected(self, channel: Channel) -> str:
-        return (
-            f"no server at {self._where.address()}: {channel.status.problem or 'connecting'}."
-            " Start one with: splatbus-server"
-        )
-
-    @contextlib.contextmanager
-    def _sending(self, channel: Channel) -> Iterator[None]:
-        """Send at once what the block gives the channel to send, and have its deadline kept."""
-        with self._changed:
-            before = channel.interest()
-            yield
-            channel.flush(time.monotonic())
-            due = channel.deadline()
-            too_late = due is not None and due < self._wakes_at
-            if (too_late or channel.interest() != before) and not self._closed:
-                self._wake()
-
-    def _wake(self) -> None:
-        with contextlib.suppress(BlockingIOError):  # as full as it is, it wakes already
-            self._waker.send(b"\0")
-
-    def _run(self) -> None:
-        """Wait for both channels and their deadlines, until the session is closed."""
-        channels = (self._ipc, self._message)
-        try:
-            while True:
-                with self._changed:
-                    if self._closed:
-                        return
-                    now = time.monotonic()
-                    self._reading.sweep()
-                    for channel in channels:
-                        channel.advance(now)
-                    self._changed.notify_all()
-                    selector, self._wakes_at = self._selector(), self._next_deadline(now)
-                    timeout = max(0.0, self._wakes_at - now)
-                ready = selector.select(timeout)
-                with self._changed:
-                    now = time.monotonic()
-                    for key, mask in ready:
-                        if key.data is None:
-                            self._wakened.recv(4096)
-                        else:
-                            key.data.ready(mask, now)
-                    self._changed.notify_all()
-        finally:
-            with self._changed:
-                self._closed = True
-                for channel in channels:
-                    channel.close()
-                self._steering.close()
-                self._wakened.close()
-                self._waker.close()
-                self._changed.notify_all()
-
-    def _selector(self) -> selectors.BaseSelector:
-        # Made anew for other sockets, of which it has three at most: none that was closed since.
-        wanted = [
-            (channel.socket, channel.interest(), channel)
-            for channel in (self._ipc, self._message)
-            if channel.socket is not None
-        ]
-        if wanted != self._awaited:
-            self._awaited = wanted
-            self._waiting = _Selector()
-            self._waiting.register(self._wakened, selectors.EVENT_READ)
-            for each in wanted:
-                self._waiting.register(*each)
-        return self._waiting
-
-    def _next_deadline(self, now: float) -> float:
-        # Waking now and then for nothing spares a wake for every request, whose time is long.
-        deadlines = [self._ipc.deadline(), self._message.deadline(), now + _NAP_SECONDS]
-        return min(deadline for deadline in deadlines if deadline is not None)
+def _size(reply: ViewportSize) -> tuple[int, int]:
+    return reply.width, reply.height
 
 
 def _known(channels: Iterable[str]) -> frozenset[str]:

@@ -1,11 +1,11 @@
 """One picture of what a server shows, from where it is asked for."""
 
-import time
 from pathlib import Path
 
 from splatbus_wire.poses import Pose
 
 from splatbus_client.display import Shown, shown
+from splatbus_client.loop import clock
 from splatbus_client.picture import three_panels
 from splatbus_client.poses import same_view
 from splatbus_client.session import Session
@@ -19,7 +19,7 @@ def snapshot(session: Session, path: Path, pose: Pose | None, timeout: float) ->
         OSError: the file cannot be written.
         ValueError: the file's name ends in nothing that says its format.
     """
-    image = _frame_from(session, pose, time.monotonic() + timeout)
+    image = _frame_from(session, pose, clock() + timeout)
     (x, y, z), (i, j, k, w) = image.camera.pose
     caption = f"camera at {x:.4g}, {y:.4g}, {z:.4g}; rotation {i:.4g}, {j:.4g}, {k:.4g}, {w:.4g}"
     three_panels(image, caption).save(path)
@@ -31,7 +31,7 @@ def _frame_from(session: Session, pose: Pose | None, end: float) -> Shown:
     others = 0
     while True:
         try:
-            lease = session.next_frame(max(0.0, end - time.monotonic()))
+            lease = session.next_frame(max(0.0, end - clock()))
         except TimeoutError as error:
             if others:
                 raise TimeoutError(

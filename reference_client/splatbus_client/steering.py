@@ -3,21 +3,33 @@
 Nothing here waits or locks; the session does.
 """
 
+import logging
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
-from splatbus_wire.messages import (
-    CameraPose,
-    ErrorMessage,
-    Hello,
-    PointCloudPose,
-    Request,
-    ViewportSize,
-)
+from splatbus_wire.messages import CameraPose, ErrorMessage, Hello, Request, Telemetry
 
-from splatbus_client.events import MessageEvent, Refused, Replied
-from splatbus_client.message_protocol import MessageProtocol
+from splatbus_client.events import (
+    Measured,
+    MessageEvent,
+    Negotiated,
+    NotOffered,
+    Refused,
+    Replied,
+    ServerError,
+)
+from splatbus_client.message_protocol import MessageProtocol, NotOfferedError
+from splatbus_client.outgoing import Kind, Told, checked, checked_request, kind, succeeding
+
+log = logging.getLogger("splatbus_client")
+
+CAPABILITIES = ("intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry")
+"""What this client can do on the message channel."""
+TELEMETRY_KEPT = 256
+TAGS_KEPT = 1024
 
 
 class ServerRefusedError(Exception):
@@ -31,51 +43,68 @@ class ServerRefusedError(Exception):
 @dataclass
 class _Question:
     request: Request
+    value: Callable[[Any], Any]
     answer: "Future[Any]"
-    ticket: int | None
+    ticket: int | None = None
 
 
 class Steering:
     """Follows the connections of the message channel, one after the other.
 
     Args:
-        hello: sent on each connection.
+        hello: sent on each connection, with the capabilities of this channel.
     """
 
     def __init__(self, hello: Hello) -> None:
-        self._hello = hello
+        self.telemetry: deque[Telemetry] = deque(maxlen=TELEMETRY_KEPT)
+        """What was not read yet; the oldest goes when there is more than that."""
+        self._hello = hello._replace(capabilities=CAPABILITIES)
         self._machine: MessageProtocol | None = None
-        self._poses: dict[type, CameraPose | PointCloudPose] = {}
+        self._newest: dict[Kind, Told] = {}
         self._questions: list[_Question] = []
+        self._busy = False
+        self._tags: deque[str] = deque(maxlen=TAGS_KEPT)
+        self._said: set[str] = set()
 
     def begin(self) -> MessageProtocol:
-        """Return the machine of a new connection, with the newest poses and the open questions."""
+        """Return the machine of a new connection, with what was told last and the open questions.
+
+        A tag goes out once at most: an image that comes after a reconnect ends no wait.
+        """
         machine = self._machine = MessageProtocol(self._hello)
-        for pose in self._poses.values():
-            machine.pose(pose)
+        self._busy = False
+        for key, message in self._newest.items():
+            machine.tell(message)
+            self._newest[key] = _untagged(message)
         self._questions = [q for q in self._questions if not q.answer.cancelled()]
         for question in self._questions:
             question.ticket = machine.ask(question.request)
         return machine
 
     def handle(self, event: MessageEvent) -> None:
-        """Give an answer to those who wait for it."""
+        """Give an answer to those who wait for it, and keep what else the server says."""
         match event:
+            case Negotiated():
+                for message in self._newest.values():
+                    self._say_what_is_lacking(message)
             case Replied(ticket, answer):
-                value = (
-                    (answer.width, answer.height)
-                    if isinstance(answer, ViewportSize)
-                    else answer.pose
-                )
-                for future in self._answered(ticket):
-                    future.set_result(value)
+                for question in self._answered(ticket):
+                    question.answer.set_result(question.value(answer))
             case Refused(ticket, error):
-                for future in self._answered(ticket):
-                    future.set_exception(ServerRefusedError(error))
+                for question in self._answered(ticket):
+                    question.answer.set_exception(ServerRefusedError(error))
+            case NotOffered(ticket, capability):
+                for question in self._answered(ticket):
+                    question.answer.set_exception(NotOfferedError(capability))
+            case Measured(telemetry):
+                self.telemetry.append(telemetry)
+            case ServerError(error) if error.code == "busy":
+                self._busy = True
 
     def end(self) -> None:
         """Keep what is unanswered for the next connection."""
         self._machine = None
+        self._busy = False
         for question in self._questions:
             question.ticket = None
 
@@ -84,25 +113,77 @@ class Steering:
         for question in self._questions:
             question.answer.cancel()
 
-    def pose(self, message: CameraPose | PointCloudPose) -> None:
-        """Send a pose; it stays the newest of its kind for the connections to come.
+    def tell(self, message: Told) -> None:
+        """Send a message; it stays the newest of its kind for the connections to come.
 
         Raises:
-            ProtocolError: the pose breaks POS-2 or POS-3.
+            ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
         """
-        (self._machine or MessageProtocol(self._hello)).pose(message)
-        self._poses.pop(type(message), None)  # so that timestamps leave in order [POS-9]
-        self._poses[type(message)] = message
+        if self._machine is None:
+            checked(message)
+        else:
+            self._machine.tell(message)
+        if isinstance(message, CameraPose) and message.tag is not None:
+            self._tags.append(message.tag)
+        # Taken out first, so that timestamps leave in order [POS-9].
+        former = self._newest.pop(kind(message), None)
+        newest = succeeding(former, message)
+        self._newest[kind(message)] = newest if self._machine is None else _untagged(newest)
+        self._say_what_is_lacking(message)
 
-    def ask(self, request: Request) -> "Future[Any]":
-        """Ask on this connection, or on the next one."""
-        ticket = None if self._machine is None else self._machine.ask(request)
-        question = _Question(request, Future(), ticket)
-        self._questions.append(question)
+    def ask(
+        self, request: Request, value: Callable[[Any], Any] = lambda answer: answer
+    ) -> "Future[Any]":
+        """Ask on this connection, or on the next one; `value` makes the future's of the `Answer`.
+
+        Raises:
+            ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+        """
+        question = _Question(request, value, Future())
+        try:
+            if self._machine is None:
+                checked_request(request)
+            else:
+                question.ticket = self._machine.ask(request)
+            self._questions.append(question)
+        except NotOfferedError as problem:
+            question.answer.set_exception(problem)
         return question.answer
 
-    def _answered(self, ticket: int) -> "list[Future[Any]]":
-        """Return the futures that wait for the ticket, and forget them."""
-        answered = [q.answer for q in self._questions if q.ticket == ticket]
+    def shown(self, tag: str | None) -> None:
+        """Take note that an image was rendered with the pose that has this tag [CAM-2].
+
+        If it is ours, we have control again: the server says only when we have not [CTL-2].
+        """
+        if self._busy and tag in self._tags:
+            self._busy = False
+
+    def lacks(self, message: Told) -> str | None:
+        """Return the capability that the server lacks for a message, if that is known."""
+        return None if self._machine is None else self._machine.lacks(message)
+
+    @property
+    def no_effect(self) -> str | None:
+        """Why what was told last has no effect on the images, or not all of it, where known."""
+        if self._busy:
+            return "another client has control, and keeps it until it leaves [CTL-1]"
+        lacking = {self.lacks(message) for message in self._newest.values()} - {None}
+        if lacking:
+            return f"the server does not offer {', '.join(sorted(map(repr, lacking)))} [NEG-5]"
+        return None
+
+    def _say_what_is_lacking(self, message: Told) -> None:
+        capability = self.lacks(message)
+        if capability is not None and capability not in self._said:
+            self._said.add(capability)
+            log.warning("the server does not offer %r: it is not told what needs that", capability)
+
+    def _answered(self, ticket: int) -> list[_Question]:
+        """Return the questions that wait for the ticket, and forget them."""
+        answered = [q for q in self._questions if q.ticket == ticket]
         self._questions = [q for q in self._questions if q.ticket != ticket]
-        return [future for future in answered if future.set_running_or_notify_cancel()]
+        return [q for q in answered if q.answer.set_running_or_notify_cancel()]
+
+
+def _untagged(message: Told) -> Told:
+    return message._replace(tag=None) if isinstance(message, CameraPose) else message

@@ -1,11 +1,10 @@
 """A viewer without a window: steers along an orbit, reads every frame, says how it goes."""
 
 import math
+import secrets
 import shutil
-import statistics
 import threading
-import time
-from collections import OrderedDict, deque
+from collections import deque
 from typing import Any, TextIO
 
 import numpy as np
@@ -13,9 +12,12 @@ from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.rotations import rotation_matrix
 
 from splatbus_client.channel import ChannelStatus
+from splatbus_client.latency import Latencies, histogram, percentiles
 from splatbus_client.lease import FrameLease
+from splatbus_client.loop import clock
 from splatbus_client.questions import Questions
-from splatbus_client.session import Session, Status
+from splatbus_client.session import Session
+from splatbus_client.status import Status
 
 ORBIT_SECONDS = 8.0
 ORBIT_RADIUS = 0.25
@@ -24,10 +26,17 @@ PATIENCE_SECONDS = 0.25
 TERMINAL_SECONDS = 0.5
 LINE_SECONDS = 5.0
 _LONGEST_WAIT = 0.25
+_LATELY = 200
 
 
 def view(
-    session: Session, *, rate: float, seconds: float, stopped: threading.Event, out: TextIO
+    session: Session,
+    *,
+    rate: float,
+    seconds: float,
+    stopped: threading.Event,
+    out: TextIO,
+    size: tuple[int, int] | None = None,
 ) -> None:
     """Watch until `stopped` is set or `seconds` have passed.
 
@@ -36,26 +45,31 @@ def view(
         rate: camera poses to send, per second; fewer where images come more slowly [POS-12].
         seconds: how long to run; may be infinite.
         stopped: set by somebody else to end it.
-        out: where the status goes: one line that is rewritten if a terminal, else plain lines.
+        out: where the status goes: one line that is rewritten if a terminal, else plain lines; at
+            the end, a histogram of the latencies.
+        size: width and height in pixels that images are asked to have, on each connection.
     """
-    questions, frames, report = Questions(session), _Frames(), _Report(out)
-    start = next_pose = next_object = time.monotonic()
+    questions, frames, report = Questions(session, size), _Frames(), _Report(out)
+    start = next_pose = next_object = clock()
     shown = -1  # images, when the last pose was sent
-    while not stopped.is_set() and (now := time.monotonic()) < start + seconds:
+    viewer, sent = secrets.token_hex(4), 0  # so that no other viewer's tags are taken for ours
+    while not stopped.is_set() and (now := clock()) < start + seconds:
         if now >= next_object:
             session.send_object(IDENTITY)
             next_object = now + OBJECT_SECONDS
         if now >= next_pose and (frames.count != shown or now >= next_pose + PATIENCE_SECONDS):
             shown = frames.count or -1
             pose = orbit(questions.camera, now - start)
-            frames.asked_for(pose, now)
-            session.send_camera(pose)
+            sent += 1
+            tag = f"{viewer}-{sent}" if session.status.message.version == "1.1" else None
+            frames.latencies.asked_for(tag or pose, now)
+            session.send_camera(pose, tag=tag)
             next_pose = max(next_pose, now - 1 / rate) + 1 / rate
         until = next_pose if now < next_pose else next_pose + PATIENCE_SECONDS
         _read_one(session, frames, min(until, start + seconds, now + _LONGEST_WAIT))
         questions.follow()
-        report.update(session.status, frames, questions.size)
-    report.end(session.status, frames, questions.size)
+        report.update(session.status, frames, _size(session, questions))
+    report.end(session.status, frames, _size(session, questions))
 
 
 def orbit(center: Pose, seconds: float) -> Pose:
@@ -73,14 +87,20 @@ def orbit(center: Pose, seconds: float) -> Pose:
     )
 
 
+def _size(session: Session, questions: Questions) -> tuple[int, int]:
+    """That of the images, and before there are any, what the server said."""
+    images = session.images
+    return questions.size if images is None else (images.width, images.height)
+
+
 def _read_one(session: Session, frames: "_Frames", until: float) -> None:
     """Read a frame if one comes in time, and otherwise wait as long."""
     try:
-        frame = session.next_frame(max(0.0, until - time.monotonic()))
+        frame = session.next_frame(max(0.0, until - clock()))
     except TimeoutError:
         return
     with frame:
-        frames.read(frame, time.monotonic())
+        frames.read(frame, clock())
 
 
 class _Frames:
@@ -89,16 +109,9 @@ class _Frames:
     def __init__(self) -> None:
         self.count = 0
         self.times: deque[float] = deque(maxlen=120)
-        self.latencies: deque[float] = deque(maxlen=120)
-        self._asked: OrderedDict[Pose, float] = OrderedDict()
+        self.latencies = Latencies()
         self._color = np.empty((0, 0, 4), np.float32)
         self._depth = np.empty((0, 0), np.float32)
-
-    def asked_for(self, pose: Pose, now: float) -> None:
-        """Remember when a view was first asked for."""
-        self._asked.setdefault(pose, now)
-        if len(self._asked) > 256:
-            self._asked.popitem(last=False)
 
     def read(self, frame: FrameLease, now: float) -> None:
         """Copy the frame out, as a viewer does that uploads it to a texture."""
@@ -108,17 +121,11 @@ class _Frames:
         np.copyto(self._depth, frame.depth)
         self.count += 1
         self.times.append(now)
-        asked = self._asked.pop(frame.camera.pose, None)
-        if asked is not None:
-            self.latencies.append(now - asked)
+        self.latencies.shown(frame.camera, now)
 
     def rate(self, now: float) -> float:
         """Return frames per second, over the last second."""
         return float(sum(time > now - 1.0 for time in self.times))
-
-    def latency(self) -> float | None:
-        """Return the median seconds from a pose to its frame; None before the first."""
-        return statistics.median(self.latencies) if self.latencies else None
 
 
 class _Report:
@@ -132,7 +139,7 @@ class _Report:
 
     def update(self, status: Status, frames: _Frames, size: tuple[int, int]) -> None:
         """Write a line if one is due."""
-        now = time.monotonic()
+        now = clock()
         state = (status, size)
         if now < self._due and (self._terminal or state == self._shown):
             return
@@ -141,10 +148,11 @@ class _Report:
         self._write(_line(status, frames, size, now))
 
     def end(self, status: Status, frames: _Frames, size: tuple[int, int]) -> None:
-        """Write the last line."""
-        self._write(_line(status, frames, size, time.monotonic()))
+        """Write the last line, and how long poses took to become images."""
+        self._write(_line(status, frames, size, clock()))
         if self._terminal:
             self._out.write("\n")
+        self._out.writelines(f"{line}\n" for line in histogram(frames.latencies.seconds))
 
     def _write(self, line: str) -> None:
         if self._terminal:
@@ -156,16 +164,26 @@ class _Report:
 
 
 def _line(status: Status, frames: _Frames, size: tuple[int, int], now: float) -> str:
-    latency = frames.latency()
     parts = [
         f"{frames.count} frames",
         f"{frames.rate(now):.0f}/s",
-        "latency -" if latency is None else f"latency {1e3 * latency:.1f} ms",
+        _latency(list(frames.latencies.seconds)[-_LATELY:]),
         f"viewport {size[0]}x{size[1]}" if all(size) else "viewport unknown",
         f"IPC {_state(status.ipc)}",
         f"message {_state(status.message)}",
     ]
-    return ", ".join(parts) + (f"; no images: {status.no_images}" if status.no_images else "")
+    problems = [
+        "" if status.no_images is None else f"; no images: {status.no_images}",
+        "" if status.no_effect is None else f"; {status.no_effect}",
+    ]
+    return ", ".join(parts) + "".join(problems)
+
+
+def _latency(seconds: list[float]) -> str:
+    if not seconds:
+        return "latency -"
+    median, late = percentiles(seconds)
+    return f"latency {1e3 * median:.1f} ms (p99 {1e3 * late:.1f})"
 
 
 def _state(channel: ChannelStatus) -> str:

@@ -11,6 +11,7 @@ with splatbus.serve(width, height) as bus:
 """
 
 from splatbus_wire.init_packet import Semantics
+from splatbus_wire.messages import Box, SceneObject
 from splatbus_wire.poses import Pose
 
 from splatbus_server.api import Address, Bus, serve
@@ -19,10 +20,12 @@ from splatbus_server.view import Intrinsics, PixelErrors, View, field_of_view
 
 __all__ = [
     "Address",
+    "Box",
     "Bus",
     "Intrinsics",
     "PixelErrors",
     "Pose",
+    "SceneObject",
     "Semantics",
     "Statistics",
     "View",

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+import time as clock
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from importlib.metadata import version
 from types import TracebackType
 from typing import Any, Literal, NamedTuple
 
+from splatbus_schemas import LIMITS
 from splatbus_wire.init_packet import Semantics
-from splatbus_wire.messages import Program
-from splatbus_wire.poses import IDENTITY, Pose, Vector
+from splatbus_wire.messages import (
+    DEFAULT_OBJECT,
+    GetScene,
+    Placement,
+    Program,
+    Scene,
+    SceneObject,
+    decode_from_server_message,
+    encode,
+)
+from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_server.connection import Terms
 from splatbus_server.control import Poses
@@ -20,14 +31,16 @@ from splatbus_server.exchange import Exchange
 from splatbus_server.memory import FrameMemory, Memory
 from splatbus_server.publish import DepthKind
 from splatbus_server.service import Service
-from splatbus_server.session import CAPABILITIES, Session
+from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
 from splatbus_server.settings import listen, settings
 from splatbus_server.shared_memory import sweep_stale
 from splatbus_server.statistics import Statistics
+from splatbus_server.telemetry import Given, Readings
 from splatbus_server.view import Intrinsics, View, field_of_view
 
 READERS = 4
 STRAIGHT_SRGB = Semantics()
+ONE_OBJECT = (SceneObject(DEFAULT_OBJECT, "", 0),)
 STOP_SECONDS = 5.0
 
 
@@ -46,6 +59,8 @@ def serve(
     intrinsics: Intrinsics | None = None,
     cameras: Sequence[Pose] = (),
     semantics: Semantics = STRAIGHT_SRGB,
+    objects: Sequence[SceneObject] = ONE_OBJECT,
+    time_range: tuple[float, float] | None = None,
     readers: int = READERS,
     memory: Literal["host_shm", "cuda_ipc"] = "host_shm",
     device: int = 0,
@@ -61,11 +76,16 @@ def serve(
     Args:
         width: of the images, pixels.
         height: of the images, pixels.
-        intrinsics: in pixels; a vertical field of view of 60 degrees if not given.
+        intrinsics: in pixels, where no client asks for others; a vertical field of view of 60
+            degrees if not given. Images of another size are seen as high as these.
         cameras: that the scene comes with, camera-to-world; the first is where a view begins.
         semantics: what the numbers in the images mean, and the scene's `origin`, which lets a scene
             far from its own zero have small numbers on the wire: its own position is that on the
             wire plus `origin`, for `cameras` as well.
+        objects: what the scene consists of, for clients that ask, and by which `id` they move it.
+            The one named "default" can be moved whether or not it is listed.
+        time_range: first and last time of an animated scene, seconds; clients can choose the time
+            if it is given.
         readers: how many clients may read images at a time. There are two more slots than that,
             and each takes 20 bytes a pixel.
         memory: where the images are: `host_shm`, memory of the host, or `cuda_ipc`, memory of a
@@ -77,12 +97,13 @@ def serve(
         token: what clients have to say; SPLATBUS_TOKEN or none if not given.
 
     Raises:
-        ValueError: a setting is out of its range, or an address that other machines can reach
-            lacks a token [NEG-17].
+        ValueError: a setting is out of its range, the scene could not be told of [SCN-2], or an
+            address that other machines can reach lacks a token [NEG-17].
         OSError: an address is taken, memory is full, or there is no such GPU.
         ImportError: `cuda_ipc` without cuda-bindings.
     """
     where = settings(host, ipc_port, message_port, token)
+    scene = _checked(Scene(tuple(objects), time_range, len(cameras), semantics.origin))
     sweep_stale()
     with ExitStack() as undo:
         ipc = undo.enter_context(listen(where.host, where.ipc_port))
@@ -90,15 +111,23 @@ def serve(
         images = _memory(memory, device, width, height, readers, semantics)
         undo.callback(images.close)
         statistics = Statistics()
-        poses = Poses(cameras[0] if cameras else IDENTITY)
+        poses = Poses(cameras[0] if cameras else IDENTITY, _at_rest(scene))
         exchange = Exchange(images, intrinsics or field_of_view(width, height), poses, statistics)
-        program = Program("splatbus-server", version("splatbus-protocol"))
-        capabilities = tuple(images.kind if c == "host_shm" else c for c in CAPABILITIES)
-        terms = Terms(program, {"ipc": capabilities, "message": ()}, where.token)
-        session = Session(exchange, cameras, readers, statistics)
+        readings = Readings(statistics)
+        terms = Terms(
+            Program("splatbus-server", version("splatbus-protocol")),
+            {
+                "ipc": tuple(images.kind if c == "host_shm" else c for c in CAPABILITIES),
+                "message": tuple(
+                    c for c in MESSAGE_CAPABILITIES if c != "time" or time_range is not None
+                ),
+            },
+            where.token,
+        )
+        session = Session(exchange, cameras, readers, statistics, scene, readings)
         service = Service({"ipc": ipc, "message": message}, session, terms, statistics)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
-        bus = Bus(address, exchange, service, statistics, semantics.origin)
+        bus = Bus(address, exchange, session, service, readings, statistics)
         undo.pop_all()
         return bus
 
@@ -116,14 +145,16 @@ class Bus:
         self,
         address: Address,
         exchange: Exchange,
+        session: Session,
         service: Service,
+        readings: Readings,
         statistics: Statistics,
-        origin: Vector,
     ) -> None:
         self.address = address
-        self._origin = origin
         self._exchange = exchange
+        self._session = session
         self._service = service
+        self._readings = readings
         self._statistics = statistics
         self._thread = threading.Thread(target=self._serve, name="splatbus", daemon=True)
         self._thread.start()
@@ -147,8 +178,8 @@ class Bus:
     def next_view(self, timeout: float = 0.1, *, contents_changed: bool = False) -> View | None:
         """The view to render next, or None if for `timeout` seconds there is nothing to do.
 
-        There is nothing to do while no client reads images, and while camera, object pose and what
-        clients want are as in the image published last [IMG-10, IMG-21].
+        There is nothing to do while no client reads images, and while camera, intrinsics, objects,
+        time, and what clients want are as in the image published last [IMG-10, IMG-21].
 
         Args:
             timeout: seconds to wait; 0 returns at once.
@@ -158,7 +189,7 @@ class Bus:
             RuntimeError: the thread that serves the clients has died of a defect.
         """
         view = self._exchange.next_view(timeout, contents_changed)
-        return view and replace(view, origin=self._origin)
+        return view and replace(view, origin=self._session.scene.origin)
 
     def publish(
         self,
@@ -168,12 +199,13 @@ class Bus:
         *,
         alpha: Any = None,
         depth_kind: DepthKind = "linear",
-        time: float = 0.0,
+        time: float | None = None,
         stream: object = None,
     ) -> None:
         """Makes an image the newest; clients that wait for one are told. Never waits for any.
 
-        Nothing is written that no client wants, and nothing at all if `resize` came after the view.
+        Nothing is written that no client wants, and nothing at all if the size changed after the
+        view.
 
         Args:
             view: that was rendered.
@@ -188,7 +220,7 @@ class Bus:
             depth_kind: `linear`: z in scene units [BUF-6]. `inverse`: Σ(1/zᵢ)αᵢTᵢ, as 3DGS
                 rasterisers accumulate it; stored as alpha / depth [ACC-8]. `accumulated`: Σzᵢαᵢ Tᵢ,
                 stored as depth / alpha.
-            time: in the scene, seconds.
+            time: in the scene, seconds [TIM-3]; `view.time`, or 0 without one, if not given.
             stream: with memory on a GPU, the CUDA stream to work on, behind what it has to do
                 already; the one that `color` is made on, which for PyTorch is the current one, if
                 not given.
@@ -217,28 +249,75 @@ class Bus:
             self._statistics.colors_converted += "color" in view.wants
             self._statistics.depths_converted += view.wants_depth
 
-        if self._exchange.publish(view, time, write):
+        if time is None:
+            time = 0.0 if view.time is None else view.time
+        has_news = True  # former memory may have waited for an image that failed
+        try:
+            has_news = self._exchange.publish(view, time, write)
+        finally:
+            if has_news:
+                self._service.ring()
+
+    def telemetry(self, values: Mapping[str, Given] | None = None, /, **named: Given) -> None:
+        """Tells clients that subscribed how the renderer is doing; never waits (annex A).
+
+            bus.telemetry(render_ms=(3.5, "ms"), stage="training", splats=1_200_000)
+            bus.telemetry(opacity=lambda: np.histogram(opacities, bins=64, range=(0, 1)))
+
+        What nobody subscribed to is not looked at, and a callable not called [TEL-4]. A client that
+        is slow misses what comes meanwhile.
+
+        Args:
+            values: by names that are no identifiers.
+            named: a finite number; a pair of that and its unit; a text; a pair of counts and edges,
+                as `numpy.histogram` returns them; or a callable that returns one of these.
+
+        Raises:
+            ValueError: one of those that are wanted is none of these, or too long [TEL-2].
+        """
+        if self._readings.give({**values, **named} if values else named, clock.monotonic()):
             self._service.ring()
 
+    def describe(self, objects: Sequence[SceneObject]) -> None:
+        """Lists the objects anew, whose Gaussians and bounds change while a scene is trained.
+
+        Raises:
+            ValueError: the ids are others than at first, or they could not be told of [SCN-2].
+        """
+        scene = self._session.scene
+        if {each.id for each in objects} != {each.id for each in scene.objects}:
+            raise ValueError("the objects of a scene keep their ids")
+        self._session.scene = _checked(scene._replace(objects=tuple(objects)))
+
     def resize(self, width: int, height: int, intrinsics: Intrinsics | None = None) -> None:
-        """Serves images of another size from now on.
+        """Serves images of another size from now on, as when a client asks for that.
 
         Clients that can take it are told of new memory; others are disconnected, and get it when
         they connect again. Old memory is kept until they let go of it; those that have not done so
-        when the size changes once more are disconnected.
+        when the size changes once more, or within 10 seconds, are disconnected.
+
+        Args:
+            width: pixels.
+            height: pixels.
+            intrinsics: in pixels; those before, seen as high, if not given.
 
         Raises:
             ValueError: a size is out of its range.
             OSError: shared memory is full; the former size stays.
         """
-        new = self._exchange.memory.successor(width, height)
-        self._exchange.replace(new, intrinsics or field_of_view(width, height))
+        while True:
+            former = self._exchange.memory
+            new = former.successor(width, height)
+            if self._exchange.replace(former, new, intrinsics):
+                break
+            new.close()  # a client's wish came before
         self._service.ring()
 
     def close(self) -> None:
         """Ends all connections, then frees the memory of the images [OPN-9, CUD-4]."""
         self._service.stop()
         self._thread.join(STOP_SECONDS)
+        self._session.viewport.close()
         for memory in (*self._exchange.replaced, self._exchange.memory):
             memory.close()
 
@@ -248,6 +327,19 @@ class Bus:
         except BaseException as error:
             self._exchange.fail(error)
             raise
+
+
+def _checked(scene: Scene) -> Scene:
+    """The scene, which a client can read; ValueError if none could."""
+    decode_from_server_message(encode(scene, typed_replies=True)[4:], GetScene())
+    return scene
+
+
+def _at_rest(scene: Scene) -> dict[str, Placement]:
+    ids = dict.fromkeys((DEFAULT_OBJECT, *(each.id for each in scene.objects)))
+    if len(ids) > LIMITS["max_objects"]:
+        raise ValueError(f"{len(ids)} objects, {DEFAULT_OBJECT!r} among them, are too many [OBJ-7]")
+    return {name: Placement(name, IDENTITY) for name in ids}
 
 
 def _memory(

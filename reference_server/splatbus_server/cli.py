@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 
 from splatbus_server.api import serve
-from splatbus_server.demo import FPS, render_until
+from splatbus_server.demo import FPS, OBJECTS, render_until, turning_time
 from splatbus_server.settings import read_token
 
 EPILOG = """\
@@ -51,6 +51,8 @@ def main(argv: list[str] | None = None) -> int:
         token = None if options.token_file is None else read_token(options.token_file)
         bus = serve(
             *options.size,
+            objects=OBJECTS,
+            time_range=turning_time(options.turntable),
             host=options.host,
             ipc_port=options.ipc_port,
             message_port=options.msg_port,
@@ -86,7 +88,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--fps", type=_rate, default=FPS, help=f"most images a second ({FPS:g})")
     parser.add_argument(
-        "--turntable", type=float, default=0.0, metavar="DEGREES", help="turn by as much a second"
+        "--turntable",
+        type=_degrees,
+        default=0.0,
+        metavar="DEGREES",
+        help="turn by as much a second",
     )
     parser.add_argument("--host", help="to listen on (127.0.0.1); another one needs a token")
     parser.add_argument("--ipc-port", type=int, metavar="PORT", help="6001; 0: any that is free")
@@ -103,6 +109,13 @@ def _size(text: str) -> tuple[int, int]:
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 320x240")
     return int(match[1]), int(match[2])
+
+
+def _degrees(text: str) -> float:
+    degrees = float(text)
+    if not abs(degrees) <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r} is not from -1000000 to 1000000")
+    return degrees
 
 
 def _rate(text: str) -> float:

@@ -47,10 +47,19 @@ class Terms(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """A packet that is not acted upon: the error's code on the wire, and the reason for people."""
+    """A packet that is not acted upon.
+
+    Attributes:
+        code: of the `error` that says so.
+        reason: for people.
+        pointer: JSON Pointer to what is wrong in the message.
+        id: of the request, if that had one [NEG-27].
+    """
 
     code: str
     reason: str
+    pointer: str | None = None
+    id: int | None = None
 
 
 Event = ClientMessage | Refusal
@@ -64,6 +73,7 @@ class Connection:
         welcome: what was negotiated; None while the connection speaks 1.0.
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
+        is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
     """
 
     def __init__(self, channel: Channel, terms: Terms, now: float) -> None:
@@ -71,6 +81,7 @@ class Connection:
         self.unsent = bytearray()
         self.welcome: Welcome | None = None
         self.ending: str | None = None
+        self.is_held = False
         self._terms = terms
         self._decoder = PacketDecoder()
         self.input_ended = False
@@ -101,7 +112,7 @@ class Connection:
         elif self.ending is None:
             starts_afresh = not self._decoder.incomplete
             self._decoder.receive(data)
-            if starts_afresh:
+            if starts_afresh and not self.is_held:
                 self._packet_by = now + LIMITS["packet_completion_seconds"]
 
     def next_event(self, now: float) -> Event | None:
@@ -109,7 +120,7 @@ class Connection:
 
         A `hello` has been answered when it is returned.
         """
-        if self.ending is not None:
+        if self.ending is not None or self.is_held:
             return None
         try:
             payload = self._decoder.next_packet()
@@ -126,6 +137,16 @@ class Connection:
             where = ", in the middle of a packet [FRM-6]" if self._decoder.incomplete else ""
             self.end(f"the client closed it{where}", now)
         return None
+
+    def hold(self) -> None:
+        """Has no more events until it is told to `go_on`."""
+        self.is_held = True
+        self._packet_by = math.inf
+
+    def go_on(self, now: float) -> None:
+        """Has events again, of what was received meanwhile."""
+        self.is_held = False
+        self._packet_by = now + LIMITS["packet_completion_seconds"]
 
     def send(self, message: ServerMessage) -> None:
         """Queues a message."""
@@ -153,7 +174,7 @@ class Connection:
 
     def complain(self, refusal: Refusal) -> Refusal:
         """Sends it as an `error`, where the client has said hello [NEG-22]; returns it."""
-        self._send_error(refusal.code, refusal.reason)
+        self._send_error(refusal.code, refusal.reason, refusal.pointer, refusal.id)
         return refusal
 
     def expire(self, now: float) -> None:

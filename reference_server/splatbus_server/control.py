@@ -1,37 +1,84 @@
-"""Who moves the camera: of the open connections, the one that was first to send a valid pose."""
+"""Who steers the scene: of the open connections, the one that was first to send a valid pose."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import NamedTuple
 
-from splatbus_wire.messages import CameraPose, PointCloudPose
+from splatbus_wire.messages import (
+    DEFAULT_OBJECT,
+    CameraPose,
+    Intrinsics,
+    ObjectPose,
+    Placement,
+    PointCloudPose,
+    SetTime,
+    Steering,
+)
 from splatbus_wire.poses import IDENTITY, Pose
+
+ONE_AT_REST: Mapping[str, Placement] = {DEFAULT_OBJECT: Placement(DEFAULT_OBJECT, IDENTITY)}
+"""The scene of 1.0 [POS-13]."""
 
 
 class Poses(NamedTuple):
-    """What an image is rendered with: camera-to-world, and object-to-world of the Gaussians."""
+    """What an image is rendered with, as far as clients say it.
+
+    Attributes:
+        camera: camera-to-world.
+        objects: every object of the scene by its id, and where it is.
+        intrinsics: those that a client asked for [CAM-5]; None for the renderer's own.
+        time: in the scene, seconds, that a client asked for [TIM-2]; None as the renderer likes.
+        tag: of the `camera_pose` that the camera is from, if that had one [CAM-2].
+        serial: counts the `camera_pose` that were applied, for two of equal values are two.
+    """
 
     camera: Pose
-    points: Pose = IDENTITY  # POS-13
+    objects: Mapping[str, Placement] = ONE_AT_REST
+    intrinsics: Intrinsics | None = None
+    time: float | None = None
+    tag: str | None = None
+    serial: int = 0
 
-    def moved_by(self, message: CameraPose | PointCloudPose) -> Poses:
-        """The poses after the message."""
-        if isinstance(message, CameraPose):
-            return self._replace(camera=message.pose)
-        return self._replace(points=message.pose)
+    def moved_by(self, message: Steering) -> Poses:
+        """What the message, which is about an object of the scene, makes of it."""
+        match message:
+            case CameraPose(pose, _, tag, intrinsics):
+                lens = self.intrinsics if intrinsics is None else intrinsics  # CAM-7
+                return self._replace(camera=pose, intrinsics=lens, tag=tag, serial=self.serial + 1)
+            case PointCloudPose(pose):
+                return self._placed(Placement(DEFAULT_OBJECT, pose))  # OBJ-2
+            case ObjectPose(name, pose, scale):
+                return self._placed(Placement(name, pose, scale))
+            case SetTime(time):
+                return self._replace(time=time)
 
     def look_alike(self, other: Poses) -> bool:
         """Whether both give the same image; q and −q are the same rotation [IMG-10]."""
-        return all(
-            a.position == b.position
-            and (a.rotation == b.rotation or a.rotation == tuple(-c for c in b.rotation))
-            for a, b in zip(self, other, strict=True)
+        return (
+            _same_pose(self.camera, other.camera)
+            and self.intrinsics == other.intrinsics
+            and self.time == other.time
+            and (
+                self.objects is other.objects
+                or all(
+                    _same_pose(a.pose, b.pose) and a.scale == b.scale
+                    for a, b in zip(self.objects.values(), other.objects.values(), strict=True)
+                )
+            )
         )
+
+    @property
+    def moved_objects(self) -> tuple[Placement, ...]:
+        """Those that are not at the identity with scale 1 [OBJ-7]."""
+        return tuple(each for each in self.objects.values() if each[1:] != (IDENTITY, 1.0))
+
+    def _placed(self, placement: Placement) -> Poses:
+        return self._replace(objects={**self.objects, placement.object: placement})
 
 
 class Control:
-    """Keeps the newest poses of every connection, and applies those of one [POS-11].
+    """Keeps the newest of each kind that a connection sent, and applies those of one [POS-11].
 
     Attributes:
         poses: those to render with [POS-7].
@@ -39,22 +86,52 @@ class Control:
 
     def __init__(self, poses: Poses) -> None:
         self.poses = poses
-        self._sent: dict[Hashable, dict[type, CameraPose | PointCloudPose]] = {}
+        self._sent: dict[Hashable, dict[object, Steering]] = {}
 
-    def move(self, connection: Hashable, message: CameraPose | PointCloudPose) -> bool:
-        """Takes a valid pose; False if another connection has control."""
-        self._sent.setdefault(connection, {})[type(message)] = message
-        in_control = next(iter(self._sent)) is connection
+    @property
+    def holder(self) -> Hashable | None:
+        """The connection that has control; None if nobody has."""
+        return next(iter(self._sent), None)
+
+    def move(self, connection: Hashable, message: Steering) -> bool:
+        """Takes what is valid; False if another connection has control."""
+        newest, kind = self._sent.setdefault(connection, {}), kind_of(message)
+        if isinstance(message, CameraPose) and message.intrinsics is None:
+            former = newest.get(kind)
+            if isinstance(former, CameraPose) and former.intrinsics is not None:  # CAM-7
+                message = message._replace(intrinsics=former.intrinsics)
+        newest[kind] = message
+        in_control = self.holder is connection
         if in_control:
             self.poses = self.poses.moved_by(message)
         return in_control
 
     def leave(self, connection: Hashable) -> bool:
-        """Forgets a connection that closed; True if control passed on to another with its poses."""
-        had_control = next(iter(self._sent), None) is connection
+        """Forgets a connection that closed; True if it had control.
+
+        That passes on to the next, and the newest of each kind that this one sent is applied. Where
+        it says nothing, camera and objects stay; intrinsics and time do not [CTL-3].
+        """
+        had_control = self.holder is connection
         self._sent.pop(connection, None)
-        if not (had_control and self._sent):
-            return False
-        for message in next(iter(self._sent.values())).values():
-            self.poses = self.poses.moved_by(message)
-        return True
+        if had_control:
+            self.poses = self.poses._replace(intrinsics=None, time=None)
+            for message in next(iter(self._sent.values()), {}).values():
+                self.poses = self.poses.moved_by(message)
+        return had_control
+
+
+def kind_of(message: Steering) -> object:
+    """What the message takes the place of an earlier one of: an object's id, or its type."""
+    match message:
+        case PointCloudPose():
+            return DEFAULT_OBJECT
+        case ObjectPose(name):
+            return name
+    return type(message)
+
+
+def _same_pose(a: Pose, b: Pose) -> bool:
+    return a.position == b.position and (
+        a.rotation == b.rotation or a.rotation == tuple(-c for c in b.rotation)
+    )

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from dataclasses import replace
 
+import numpy as np
+from splatbus_wire.messages import Box, SceneObject
 from splatbus_wire.rotations import Quaternion, rotation_matrix
 
 from splatbus_server.api import Bus
@@ -16,6 +19,13 @@ from splatbus_server.view import View
 
 FPS = 120.0
 """Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
+OBJECTS = (SceneObject("default", "six spheres", 6, Box((-2.2, -1.0, 2.8), (2.6, 0.55, 5.5))),)
+"""What the scene consists of; its spheres count as Gaussians."""
+
+
+def turning_time(degrees_per_second: float) -> tuple[float, float] | None:
+    """First and last time of the scene that turns once, seconds; None if it does not turn."""
+    return (0.0, 360.0 / abs(degrees_per_second)) if degrees_per_second else None
 
 
 def render_until(
@@ -27,23 +37,42 @@ def render_until(
         stop: ends it.
         bus: to serve with.
         fps: most images a second.
-        degrees_per_second: how fast the scene turns about its vertical axis by itself.
+        degrees_per_second: how fast the scene turns about its vertical axis by itself, until a
+            client sets the time.
     """
     scene = default_scene()
     raycaster, size = Raycaster(1, 1), (1, 1)
-    start = time.monotonic()
+    start, is_playing = time.monotonic(), degrees_per_second != 0.0
+    render_times: deque[float] = deque(maxlen=1000)
     while not stop.is_set():
-        view = bus.next_view(timeout=0.1, contents_changed=degrees_per_second != 0.0)
-        if view is None:
-            continue
+        view = bus.next_view(timeout=0.1, contents_changed=is_playing)
         began = time.monotonic()
-        if size != (view.width, view.height):
-            raycaster, size = Raycaster(view.width, view.height), (view.width, view.height)
-        scene_time = time.monotonic() - start
-        turned = _object_pose(view, math.radians(degrees_per_second * scene_time))
-        image = raycaster.render(replace(scene, pose=turned), _camera(view), view.wants_depth)
-        bus.publish(view, image.color, image.depth, time=scene_time)
-        stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()))
+        if view is not None:
+            if size != (view.width, view.height):
+                raycaster, size = Raycaster(view.width, view.height), (view.width, view.height)
+            is_playing = degrees_per_second != 0.0 and view.time is None
+            scene_time = _playing(began - start, degrees_per_second)
+            if view.time is not None:
+                scene_time = view.time
+            turned = _object_pose(view, math.radians(degrees_per_second * scene_time))
+            image = raycaster.render(replace(scene, pose=turned), _camera(view), view.wants_depth)
+            bus.publish(view, image.color, image.depth, time=scene_time)
+            render_times.append((time.monotonic() - began) * 1e3)
+        _tell(bus, "idle" if view is None else "rendering", render_times)
+        stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
+
+
+def _playing(seconds: float, degrees_per_second: float) -> float:
+    """The time in a scene that turns over and over, and begins anew with each turn."""
+    whole = turning_time(degrees_per_second)
+    return seconds if whole is None else seconds % whole[1]
+
+
+def _tell(bus: Bus, stage: str, render_times: deque[float]) -> None:
+    newest = (render_times[-1], "ms") if render_times else (0.0, "ms")
+    bus.telemetry(
+        stage=stage, render_ms=newest, render_times=lambda: np.histogram(render_times, bins=32)
+    )
 
 
 def _camera(view: View) -> Camera:
@@ -54,9 +83,9 @@ def _camera(view: View) -> Camera:
 
 
 def _object_pose(view: View, angle: float) -> ObjectPose:
-    pose = view.poses.points
+    _, pose, scale = view.placement
     about_y = _matrix((0.0, math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0)))
-    return ObjectPose(pose.position, multiply(_matrix(pose.rotation), about_y))
+    return ObjectPose(pose.position, multiply(_matrix(pose.rotation), about_y), scale)
 
 
 def _matrix(rotation: Quaternion) -> Matrix:

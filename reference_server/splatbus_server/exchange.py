@@ -9,6 +9,7 @@ from collections.abc import Callable, Hashable, Set
 from typing import NamedTuple
 
 from splatbus_server.control import Poses
+from splatbus_server.lens import as_high, lens_of, scaled, without_size
 from splatbus_server.memory import FrameMemory
 from splatbus_server.statistics import Statistics
 from splatbus_server.view import Intrinsics, View
@@ -43,6 +44,7 @@ class Exchange:
 
     Attributes:
         memory: where images are published now.
+        lens: the renderer's own, for images of that memory's size.
         poses: what the next image is to show.
         newest: the image published last in that memory.
         replaced: memory that was published in before and is not freed yet, oldest first.
@@ -55,12 +57,13 @@ class Exchange:
         self.poses = poses
         self.newest: Image | None = None
         self.replaced: list[FrameMemory] = []
-        self._intrinsics = intrinsics
+        self.lens = self._given_lens = lens_of(intrinsics, memory.width, memory.height)
         self._statistics = statistics
         self._changed = threading.Condition()
-        self._pending: Counter[type] = Counter()
+        self._pending: Counter[object] = Counter()
         self._wanted: frozenset[str] = frozenset()
         self._shown: View | None = None
+        self._written: FrameMemory | None = None
         self._is_awaited = False
         self._failure: BaseException | None = None
 
@@ -76,26 +79,42 @@ class Exchange:
             self._statistics.views += 1
             self._statistics.poses_superseded += sum(n - 1 for n in self._pending.values())
             self._pending.clear()
+            memory, lens = self.memory, self.lens
+            if self.poses.intrinsics is not None:
+                lens = scaled(self.poses.intrinsics, memory.width, memory.height)
             return View(
                 self.poses,
-                self._intrinsics,
-                self.memory.width,
-                self.memory.height,
+                without_size(lens),
+                memory.width,
+                memory.height,
                 self._wanted,
-                self.memory.generation,
+                memory.generation,
             )
 
     def publish(self, view: View, scene_time: float, write: Callable[[int], None]) -> bool:
         """Lets `write` fill a slot with what the view wants, then makes it the newest [IMG-6].
 
-        Returns whether a client waits for an image; the others ask when they release theirs.
+        Does nothing if the view is of memory that was replaced. If that comes to be meanwhile, the
+        image is written and nobody sees it.
+
+        Returns whether the I/O thread has something to do: a client waits for an image (the others
+        ask when they release theirs), or memory for not being written any more.
         """
-        memory = self.memory
         with self._changed:
+            memory = self.memory
+            if view.generation != memory.generation:
+                return False
+            self._written = memory
             slot = memory.ring.begin_write()
-        write(slot)
+        try:
+            write(slot)
+        finally:
+            with self._changed:
+                self._written = None
         now = time.monotonic()
         with self._changed:
+            if memory is not self.memory:
+                return True
             seq = memory.ring.publish(slot)
             self.newest = Image(memory, slot, seq, view, scene_time, now)
             self._shown = view
@@ -104,16 +123,34 @@ class Exchange:
         self._statistics.frames_published += 1
         return is_awaited
 
-    def replace(self, memory: FrameMemory, intrinsics: Intrinsics) -> None:
-        """Renders into other memory from now on."""
+    # Either's side
+
+    def replace(
+        self, former: FrameMemory, memory: FrameMemory, intrinsics: Intrinsics | None = None
+    ) -> bool:
+        """Renders into other memory from now on; False if `former` is not in use any more.
+
+        Args:
+            former: that the memory is a successor of.
+            memory: what comes next.
+            intrinsics: the renderer's own for its size; if not given, the view keeps the height
+                that those given last have.
+        """
         with self._changed:
-            self.replaced.append(self.memory)
-            self.memory, self._intrinsics, self.newest = memory, intrinsics, None
+            if former is not self.memory:
+                return False
+            if intrinsics is not None:
+                self._given_lens = lens_of(intrinsics, memory.width, memory.height)
+            self.lens = as_high(self._given_lens, memory.width, memory.height)
+            memory.ring.last_seq = former.ring.last_seq
+            self.replaced.append(former)
+            self.memory, self.newest = memory, None
             self._wanted = frozenset()
+            return True
 
     # The I/O thread's side
 
-    def move(self, poses: Poses, received: Counter[type]) -> None:
+    def move(self, poses: Poses, received: Counter[object]) -> None:
         """Takes the poses to render with, and how many of each kind arrived since the last."""
         with self._changed:
             self.poses = poses
@@ -152,11 +189,13 @@ class Exchange:
         with self._changed:
             memory.ring.drop(client)
 
-    def free(self, memory: FrameMemory) -> None:
-        """Frees memory that has been replaced and that no client has any more [OPN-8]."""
+    def give_up(self, memory: FrameMemory) -> bool:
+        """Forgets memory that was replaced, to be closed then; False while it is written still."""
         with self._changed:
+            if memory is self._written:
+                return False
             self.replaced.remove(memory)
-        memory.close()
+            return True
 
     def fail(self, error: BaseException) -> None:
         """Lets the render loop know that nobody serves its images any more."""

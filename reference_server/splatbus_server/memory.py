@@ -69,7 +69,6 @@ class Memory:
         readers: int,
         semantics: Semantics,
         generation: int = 1,
-        last_seq: int = 0,
     ) -> None:
         """Allocates.
 
@@ -79,7 +78,6 @@ class Memory:
             readers: how many clients may hold an image at a time.
             semantics: of what will be published.
             generation: of this memory.
-            last_seq: number of the last image of the generation before [IMG-1].
 
         Raises:
             ValueError: a size is out of its range.
@@ -91,10 +89,9 @@ class Memory:
         self.generation = generation
         self.width = width
         self.height = height
-        self.ring = Ring(readers, last_seq)
+        self.ring = Ring(readers)
         self._readers = readers
         self._semantics = semantics
-        self._last_seq = last_seq
         self.publisher = Publisher(width, height)
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
@@ -113,8 +110,7 @@ class Memory:
 
     def successor(self, width: int, height: int) -> Memory:
         """Memory for images of another size, the next generation; errors as at first."""
-        last_seq = self.ring.newest.seq if self.ring.newest else self._last_seq
-        return Memory(width, height, self._readers, self._semantics, self.generation + 1, last_seq)
+        return Memory(width, height, self._readers, self._semantics, self.generation + 1)
 
     def writer(self, color: Any, depth: Any, alpha: Any, depth_kind: Any, stream: Any) -> Writer:
         """What converts an image into a slot; errors as `publish.source` says."""

@@ -24,20 +24,16 @@ class Ring:
     Attributes:
         slots: how many there are.
         newest: the image published last, if any.
+        last_seq: number of the image published last, here or in the generation before, for numbers
+            only grow on a connection [IMG-1].
     """
 
-    def __init__(self, clients: int, last_seq: int = 0) -> None:
-        """Makes a ring of empty slots.
-
-        Args:
-            clients: how many may hold a lease at a time.
-            last_seq: number of the last image of the generation before, for numbers only grow on
-                a connection [IMG-1].
-        """
+    def __init__(self, clients: int) -> None:
+        """Makes a ring of empty slots, for as many clients with a lease at a time."""
         self.slots = clients + 2
         self.newest: Lease | None = None
         self._clients = clients
-        self._last_seq = last_seq
+        self.last_seq = 0
         self._writing: int | None = None
         self._seen: dict[Hashable, int] = {}
         self._held: dict[Hashable, Lease] = {}
@@ -60,9 +56,9 @@ class Ring:
         if slot != self._writing:
             raise ValueError(f"slot {slot} is not being written, slot {self._writing} is")
         self._writing = None
-        self._last_seq += 1
-        self.newest = Lease(self._last_seq, slot)
-        return self._last_seq
+        self.last_seq += 1
+        self.newest = Lease(self.last_seq, slot)
+        return self.last_seq
 
     def lease(self, client: Hashable) -> Lease | None:
         """Lends the newest image [IMG-3]; None if the client holds a lease or has had this one.

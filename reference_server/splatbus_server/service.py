@@ -13,10 +13,11 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from splatbus_wire.messages import Channel, Hello
+from splatbus_wire.messages import Channel, ClientMessage, Hello, Request
 
 from splatbus_server.connection import Connection, Refusal, Terms
 from splatbus_server.session import Session
@@ -38,8 +39,9 @@ class Peer:
 
     Attributes:
         name: for the log.
-        awaits: what the selector looks out for.
+        awaits: what the selector looks out for; nothing while it is not registered there.
         noted: how often was refused what, by the error's code.
+        is_held: what it sends is not looked at for the time being.
         is_ending: the log says already why the connection ends.
         is_shut: the client has been told that nothing more will come.
     """
@@ -49,6 +51,7 @@ class Peer:
     connection: Connection
     awaits: int = selectors.EVENT_READ
     noted: Counter[str] = field(default_factory=Counter)
+    is_held: bool = False
     is_shut: bool = False
     is_ending: bool = False
 
@@ -69,6 +72,7 @@ class Service:
         self._statistics = statistics
         self._peers: list[Peer] = []
         self._selector = selectors.DefaultSelector()
+        self._aside = ThreadPoolExecutor(1, "splatbus-memory")
         self._bell, self._ringer = socket.socketpair()
         self._bell.setblocking(False)
         self._ringer.setblocking(False)
@@ -102,19 +106,23 @@ class Service:
             for listener in self._listeners.values():
                 listener.close()
             self._selector.close()
+            self._aside.shutdown()
             self._bell.close()
             self._ringer.close()
 
     def _turn(self) -> None:
-        deadline = min([self._accept_from, *(p.connection.deadline for p in self._peers)])
+        deadlines = [p.connection.deadline for p in self._peers]
+        deadline = min([self._accept_from, self._session.deadline, *deadlines])
         wait = None if deadline == math.inf else max(0.0, deadline - time.monotonic())
         for key, _ in self._selector.select(wait):
             key.data()
         now = time.monotonic()
         if now >= deadline:
             self._meet_deadlines(now)
-        if self._session.has_news:
+        while self._session.has_news:
             self._session.catch_up(now)
+            self._hear_on()
+        self._do_chores()
         for peer in [p for p in self._peers if p.connection.unsent or p.connection.ending]:
             self._flush(peer, now)
 
@@ -124,6 +132,25 @@ class Service:
         for peer in self._peers:
             if now >= peer.connection.deadline:
                 peer.connection.expire(now)
+        if now >= self._session.deadline:
+            self._session.has_news = True
+
+    def _hear_on(self) -> None:
+        """Goes on with what clients sent behind a request whose reply took time."""
+        for peer in [p for p in self._peers if p.is_held and not p.connection.is_held]:
+            self._guarded(peer, self._handle_all)
+
+    def _do_chores(self) -> None:
+        chores = self._session.viewport.chores
+        while chores:
+            self._aside.submit(self._do, chores.pop(0))
+
+    def _do(self, chore: Callable[[], None]) -> None:
+        try:
+            chore()
+        except Exception:
+            log.exception("a defect of this server")
+        self.ring()
 
     def _on_bell(self) -> None:
         with suppress(BlockingIOError):
@@ -171,8 +198,11 @@ class Service:
         log.info("%s: connected", name)
 
     def _serve(self, peer: Peer) -> None:
+        self._guarded(peer, self._read)
+
+    def _guarded(self, peer: Peer, work: Callable[[Peer], None]) -> None:
         try:
-            self._read(peer)
+            work(peer)
         except Exception:
             log.exception("%s: dropped because of a defect of this server", peer.name)
             if peer in self._peers:
@@ -180,7 +210,7 @@ class Service:
 
     def _read(self, peer: Peer) -> None:
         connection = peer.connection
-        if not connection.input_ended:
+        if not connection.input_ended and not peer.is_held:
             try:
                 data = peer.socket.recv(READ_BYTES)
             except (BlockingIOError, InterruptedError):
@@ -194,17 +224,32 @@ class Service:
         self._flush(peer, time.monotonic())
 
     def _take(self, peer: Peer, data: bytes) -> None:
+        peer.connection.receive(data, time.monotonic())
+        self._handle_all(peer)
+
+    def _handle_all(self, peer: Peer) -> None:
         connection, now = peer.connection, time.monotonic()
-        connection.receive(data, now)
         while (event := connection.next_event(now)) is not None:
-            if isinstance(event, Hello) and connection.welcome is not None:
-                version, _, capabilities = connection.welcome
-                agreed = " ".join((version, *capabilities))
-                log.info("%s: hello from %r %r, speaks %s", peer.name, *event.client, agreed)
-            if not isinstance(event, Refusal):
-                event = self._session.handle(connection, event, now)
-            if event is not None:
-                self._note(peer, event)
+            refusal = event if isinstance(event, Refusal) else self._handle(peer, event, now)
+            if refusal is not None:
+                self._note(peer, refusal)
+        peer.is_held = connection.is_held
+
+    def _handle(self, peer: Peer, message: ClientMessage, now: float) -> Refusal | None:
+        """Does what a message asks for; a defect in that is not the client's, who may go on."""
+        connection = peer.connection
+        if isinstance(message, Hello) and connection.welcome is not None:
+            version, _, capabilities = connection.welcome
+            agreed = " ".join((version, *capabilities))
+            log.info("%s: hello from %r %r, speaks %s", peer.name, *message.client, agreed)
+        try:
+            return self._session.handle(connection, message, now)
+        except Exception:
+            log.exception("%s: %s failed, a defect of this server", peer.name, message)
+            if connection.welcome is None and isinstance(message, Request):
+                connection.end("there is no reply, and 1.0 has no error for that [REQ-9]", now)
+            request = getattr(message, "id", None)
+            return connection.complain(Refusal("internal", "a defect of this server", id=request))
 
     def _note(self, peer: Peer, refusal: Refusal) -> None:
         """Counts a refusal; logs the first of its kind, for a client may repeat it forever."""
@@ -237,15 +282,24 @@ class Service:
             peer.is_shut = True
             with suppress(OSError):
                 peer.socket.shutdown(socket.SHUT_WR)
-        events = 0 if connection.input_ended else selectors.EVENT_READ
+        events = 0 if connection.input_ended or peer.is_held else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.unsent else 0
-        if events and events != peer.awaits:
-            peer.awaits = events
+        self._await(peer, events)
+
+    def _await(self, peer: Peer, events: int) -> None:
+        if events == peer.awaits:
+            return
+        if not events:
+            self._selector.unregister(peer.socket)
+        elif not peer.awaits:
+            self._selector.register(peer.socket, events, lambda: self._serve(peer))
+        else:
             self._selector.modify(peer.socket, events, lambda: self._serve(peer))
+        peer.awaits = events
 
     def _drop(self, peer: Peer) -> None:
+        self._await(peer, 0)
         self._peers.remove(peer)
-        self._selector.unregister(peer.socket)
         peer.socket.close()
         self._session.leave(peer.connection)
         refused = f"; refused: {dict(peer.noted)}" if peer.noted else ""

@@ -1,63 +1,68 @@
-"""What messages do: move the camera, answer requests, lend images. No socket, no clock.
+"""What messages do: steer the scene, answer requests, lend images. No socket, no clock, no thread.
 
 ``connection`` knows what holds for each connection by itself; this module what they all share.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from splatbus_wire.messages import (
     CameraPose,
     CameraReply,
     ClientMessage,
     Closed,
-    Frame,
-    FrameCamera,
     GetCameraPose,
+    GetScene,
     GetViewportSize,
     Hello,
+    ObjectPose,
     Opened,
     OpenFailed,
+    Ping,
     PointCloudPose,
+    Pong,
     Release,
+    Request,
+    Scene,
+    SetTime,
+    SetViewport,
+    Steering,
     Subscribe,
+    SubscribeTelemetry,
     ViewportSize,
 )
 from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_server.connection import Connection, Refusal
-from splatbus_server.control import Control
-from splatbus_server.exchange import BOTH, WITH_LEGACY, Exchange, Image
+from splatbus_server.control import Control, kind_of
+from splatbus_server.exchange import WITH_LEGACY, Exchange
 from splatbus_server.memory import FrameMemory
+from splatbus_server.reader import Reader, receipt
 from splatbus_server.statistics import Statistics
+from splatbus_server.steering import objection, within
+from splatbus_server.telemetry import Readings
+from splatbus_server.viewport import Viewport
 
-News = CameraPose | PointCloudPose | Hello | Opened | OpenFailed | Closed | Release | Subscribe
+__all__ = ["CAPABILITIES", "MESSAGE_CAPABILITIES", "Reader", "Session"]
 
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 """What this server can do on the IPC channel; `cuda_ipc` takes the place of `host_shm` where its
 memory is on a GPU."""
-
-
-@dataclass
-class Reader:
-    """What a client on the IPC channel was told, and what it answered.
-
-    Attributes:
-        announced: memory by generation, from init packet to `open_failed` or `closed`.
-        opened: the generations of these that it said it had opened.
-        told: the newest generation that it was told of.
-        wants: channels, from `subscribe`.
-        lease: the image that it holds.
-    """
-
-    announced: dict[int, FrameMemory] = field(default_factory=dict)
-    opened: set[int] = field(default_factory=set)
-    told: int = 0
-    wants: frozenset[str] = BOTH
-    lease: Image | None = None
+MESSAGE_CAPABILITIES = ("intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry")
+"""What it can do on the message channel; `time` only where the scene has a range [TIM-4]."""
+NEEDED: dict[type, str] = {
+    Subscribe: "subscribe",
+    ObjectPose: "objects",
+    GetScene: "scene",
+    SetViewport: "viewport",
+    SetTime: "time",
+    Ping: "ping",
+    SubscribeTelemetry: "telemetry",
+}
+"""Capabilities that have to be agreed upon for a message [NEG-5]."""
 
 
 class Session:
@@ -65,6 +70,9 @@ class Session:
 
     Attributes:
         has_news: there is something for `catch_up` to pass on; a publisher says so too.
+        deadline: the moment by which `catch_up` has something to do without any news.
+        scene: what `get_scene` tells.
+        viewport: has chores for another thread.
     """
 
     def __init__(
@@ -73,6 +81,8 @@ class Session:
         cameras: Sequence[Pose],
         readers: int,
         statistics: Statistics,
+        scene: Scene,
+        readings: Readings,
     ) -> None:
         """Starts without connections.
 
@@ -81,14 +91,20 @@ class Session:
             cameras: that the scene comes with [REQ-6].
             readers: how many clients may hold an image at a time [IMG-18].
             statistics: to count in.
+            scene: what `get_scene` tells at first.
+            readings: telemetry from the renderer.
         """
+        self.has_news = False
+        self.deadline = math.inf
+        self.scene = scene
+        self.viewport = Viewport(exchange)
         self._exchange = exchange
         self._cameras = tuple(cameras) or (IDENTITY,)
         self._most_readers = readers
         self._statistics = statistics
+        self._readings = readings
         self._control = Control(exchange.poses)
-        self._moves: Counter[type] = Counter()
-        self.has_news = False
+        self._moves: Counter[object] = Counter()
         self._told_busy: set[Connection] = set()
         self._readers: dict[Connection, Reader] = {}
 
@@ -104,24 +120,17 @@ class Session:
 
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
         """Does what the message asks for, or says why not."""
+        needed = NEEDED.get(type(message))
+        if needed is not None and not connection.has(needed):
+            reason, request = f"{needed} was not agreed upon [NEG-5]", getattr(message, "id", None)
+            return connection.complain(Refusal("unsupported", reason, id=request))
         match message:
-            case GetViewportSize():
-                memory = self._exchange.memory
-                connection.send(ViewportSize(memory.width, memory.height, message.id))
-                self._statistics.requests += 1
-            case GetCameraPose():
-                camera = self._cameras[message.cam_idx % len(self._cameras)]
-                connection.send(CameraReply(camera, message.id))
-                self._statistics.requests += 1
-            case _:
-                self.has_news = True
-                return self._take(connection, message, now)
-        return None
-
-    def _take(self, connection: Connection, message: News, now: float) -> Refusal | None:
-        match message:
-            case CameraPose() | PointCloudPose():
+            case CameraPose() | PointCloudPose() | ObjectPose() | SetTime():
                 return self._move(connection, message)
+            case GetViewportSize() | GetCameraPose() | GetScene() | SetViewport() | Ping():
+                return self._answer(connection, message, now)
+        self.has_news = True
+        match message:
             case Hello():
                 return self._greet(connection, now)
             case Opened() | OpenFailed() | Closed():
@@ -130,13 +139,16 @@ class Session:
                 return self._release(connection, message)
             case Subscribe(channels):
                 return self._subscribe(connection, channels)
+            case SubscribeTelemetry(names):
+                self._readings.subscribe(connection, names)
+        return None
 
     def leave(self, connection: Connection) -> None:
-        """Ends what a connection had: control of the camera [POS-11], its lease [IMG-17]."""
+        """Ends what a connection had: control of the scene [POS-11], its lease [IMG-17]."""
         self.has_news = True
         self._told_busy.discard(connection)
-        if self._control.leave(connection):
-            self._moves[CameraPose] += 1
+        self._control.leave(connection)
+        self._readings.unsubscribe(connection)
         reader = self._readers.pop(connection, None)
         if reader is not None:
             for memory in reader.announced.values():
@@ -148,9 +160,12 @@ class Session:
         Once for all that arrived together, so that of many poses only the newest counts.
         """
         self.has_news = False
-        if self._moves:
+        if self._control.poses is not self._exchange.poses:
             self._exchange.move(self._control.poses, self._moves)
             self._moves = Counter()
+        refusal = self.viewport.settle(self._hindrance, now)
+        if refusal is not None:
+            self._statistics.refused[refusal.code] += 1
         memory = self._exchange.memory
         for connection, reader in self._readers.items():
             if reader.told < memory.generation and connection.ending is None:
@@ -165,7 +180,9 @@ class Session:
         for connection, reader in ready.items():
             if reader.lease is None and connection.ending is None:
                 self._lend(connection, reader, memory)
+        self._end_who_keeps(now)
         self._free(now)
+        self._readings.pass_on()
 
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
         """Whether a client without `frames` is there, of 1.0 or later: it copies when it likes."""
@@ -176,16 +193,55 @@ class Session:
             for connection, reader in self._readers.items()
         )
 
-    def _move(self, connection: Connection, message: CameraPose | PointCloudPose) -> Refusal | None:
-        if self._control.move(connection, message):
-            self._moves[type(message)] += 1
+    def _move(self, connection: Connection, message: Steering) -> Refusal | None:
+        memory, poses = self._exchange.memory, self._control.poses
+        refusal = objection(connection, message, poses, memory.width, memory.height)
+        if refusal is not None:
+            return connection.complain(refusal)
+        if self._control.move(connection, within(message, self.scene.time_range)):
+            self.has_news = True
+            self._moves[kind_of(message)] += 1
             self._statistics.poses_received += 1
             return None
-        refusal = Refusal("busy", "another client moves the camera [POS-11]")
-        if connection not in self._told_busy:
+        refusal = Refusal("busy", "another client steers the scene [POS-11]")
+        if connection not in self._told_busy:  # CTL-1, CTL-2
             self._told_busy.add(connection)
             connection.complain(refusal)
         return refusal
+
+    def _answer(self, connection: Connection, request: Request, now: float) -> Refusal | None:
+        self._statistics.requests += 1
+        match request:
+            case GetViewportSize():
+                memory = self._exchange.memory
+                connection.send(ViewportSize(memory.width, memory.height, request.id))
+            case GetCameraPose():
+                camera = self._cameras[request.cam_idx % len(self._cameras)]
+                lens = self._exchange.lens if connection.has("intrinsics") else None  # CAM-8
+                connection.send(CameraReply(camera, request.id, lens))
+            case GetScene():
+                connection.send(self.scene._replace(id=request.id))
+            case Ping():
+                connection.send(Pong(request.t, now, request.id))
+            case SetViewport():
+                self._free(now)  # what the messages before this one let go of
+                refusal = self._hindrance(connection)
+                if refusal is not None:
+                    return connection.complain(refusal._replace(id=request.id))
+                self.has_news = True
+                self.viewport.set(connection, request)
+        return None
+
+    def _hindrance(self, asker: Connection) -> Refusal | None:
+        """Why images cannot have another size now, if a client asks for it."""
+        for connection, reader in self._readers.items():
+            if reader.told and connection.ending is None and not connection.has("reinit"):
+                return Refusal("unsupported", "a client that reads takes no reinit [VPT-3]")
+        if self._control.holder not in (None, asker):
+            return Refusal("busy", "another client steers the scene [VPT-4]")
+        if self._exchange.replaced or self.viewport.is_changing:
+            return Refusal("busy", "memory of the former size is in use [VPT-4]")
+        return None
 
     def _greet(self, connection: Connection, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
@@ -210,8 +266,7 @@ class Session:
             connection.end("the image has another size now, and it takes no reinit [OPN-7]", now)
             return
         connection.send(memory.init_packet)
-        reader.told = memory.generation
-        reader.announced[memory.generation] = memory
+        reader.tell(memory, now)
 
     def _answered(
         self, connection: Connection, message: Opened | OpenFailed | Closed
@@ -226,7 +281,7 @@ class Session:
             return None
         self._exchange.forget(connection, reader.announced.pop(generation))
         reader.opened.discard(generation)
-        if reader.lease is not None and reader.lease.memory.generation == generation:
+        if reader.lease is not None and reader.lease.memory.generation == generation:  # OPN-14
             reader.lease = None
         if isinstance(message, OpenFailed):
             return Refusal("open_failed", f"the client could not open it: {message.reason!r}")
@@ -235,7 +290,7 @@ class Session:
     def _release(self, connection: Connection, message: Release) -> Refusal | None:
         reader = self._readers.get(connection)
         lease = reader.lease if reader is not None else None
-        if reader is None or lease is None or message != _receipt(lease):
+        if reader is None or lease is None or message != receipt(lease):
             reason = f"image {message.seq} of generation {message.generation} is not held [IMG-16]"
             return connection.complain(Refusal("invalid_message", reason))
         self._exchange.take_back(connection, lease)
@@ -244,9 +299,8 @@ class Session:
 
     def _subscribe(self, connection: Connection, channels: frozenset[str]) -> Refusal | None:
         reader = self._readers.get(connection)
-        if reader is None or not connection.has("subscribe"):
-            reason = "subscribe was not agreed upon [NEG-5]"
-            return connection.complain(Refusal("unsupported", reason))
+        if reader is None:
+            return connection.complain(Refusal("unsupported", "there is no memory to read from"))
         reader.wants = channels
         return None
 
@@ -254,36 +308,42 @@ class Session:
         image = self._exchange.lend(connection, memory, reader.wants)
         if image is not None:
             reader.lease = image
-            connection.send(_frame(image))
+            connection.send(reader.frame(image))
             self._statistics.frames_sent += 1
 
+    def _end_who_keeps(self, now: float) -> None:
+        """Disconnects who has had former memory for too long [VPT-8]."""
+        self.deadline = math.inf
+        for connection, reader in self._readers.items():
+            late_at = reader.late_at
+            if late_at is None or connection.ending is not None:
+                continue
+            if now >= late_at:
+                connection.end("it did not let go of former memory in time [VPT-8]", now)
+            else:
+                self.deadline = min(self.deadline, late_at)
+
     def _free(self, now: float) -> None:
-        """Frees memory that was replaced once no client has it; ends who has it too long.
+        """Frees memory that was replaced once no client has it [OPN-8, VPT-7].
 
         Two generations are kept at most: who still has the one before the last when the image
         changes its size again is asked to connect anew.
         """
         for age, memory in enumerate(self._exchange.replaced[::-1]):
-            having = [c for c, r in self._readers.items() if memory.generation in r.announced]
-            if not having:
-                self._exchange.free(memory)
+            having = [c for c, r in self._readers.items() if self._has(c, r, memory, now)]
+            if not having and self._exchange.give_up(memory):
+                self.viewport.chores.append(memory.close)
             elif age > 0:
                 for connection in having:
                     connection.end("it did not let go of memory that was replaced twice", now)
 
-
-def _receipt(image: Image) -> Release:
-    return Release(image.memory.generation, image.seq)
-
-
-def _frame(image: Image) -> Frame:
-    view = image.view
-    fx, fy, cx, cy, near, far = view.intrinsics
-    return Frame(
-        image.memory.generation,
-        image.seq,
-        image.slot,
-        FrameCamera(view.poses.camera, fx, fy, cx, cy, view.width, view.height, near, far),
-        image.time,
-        image.rendered_at,
-    )
+    def _has(self, connection: Connection, reader: Reader, memory: FrameMemory, now: float) -> bool:
+        """Whether a client may be reading the former memory, or about to open it."""
+        if memory.generation not in reader.announced:
+            return False
+        if memory.generation in reader.opened or connection.ending is not None:
+            return True
+        if now >= reader.answers_by:
+            return False
+        self.deadline = min(self.deadline, reader.answers_by)
+        return True

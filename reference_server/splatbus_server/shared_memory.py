@@ -22,6 +22,8 @@ from contextlib import ExitStack
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
+import numpy as np
+
 PREFIX = "splatbus-ref-"  # of this implementation: others need not lock what they own
 NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}")
 DIRECTORY = Path("/dev/shm")
@@ -99,9 +101,11 @@ def create_with_standard_library(name: str, size: int) -> Segment | None:
 
 
 def _touch(buffer: memoryview) -> None:
-    """Writes to every page: the first touch of a frame's pages would cost tens of milliseconds."""
-    pages = buffer[:: mmap.PAGESIZE]
-    pages[:] = bytes(len(pages))
+    """Writes to every page: the first touch of a frame's pages would cost tens of milliseconds.
+
+    NumPy lets other threads run meanwhile; a memoryview does not.
+    """
+    np.frombuffer(buffer, np.uint8)[:: mmap.PAGESIZE] = 0
 
 
 def _unmap(buffer: memoryview, close: Callable[[], None]) -> None:
@@ -118,6 +122,10 @@ if sys.platform == "linux":
     def _create_named(name: str, size: int) -> Segment | None:
         """None if the name was taken, or a sweep got hold of the file before it was locked."""
         path = DIRECTORY / name
+        system = os.statvfs(DIRECTORY)
+        free = system.f_bavail * system.f_frsize
+        if size > free:  # told before a page is taken: reserving would first take what there is
+            raise OSError(errno.ENOSPC, f"no {size} bytes in {DIRECTORY}: {free} are free")
         with ExitStack() as cleanup:
             try:
                 file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from splatbus_wire import relative
 from splatbus_wire.intrinsics import Pinhole
-from splatbus_wire.poses import Vector, as_array, view_matrix, world_matrix
+from splatbus_wire.messages import DEFAULT_OBJECT, Placement
+from splatbus_wire.poses import Pose, Vector, as_array, view_matrix, world_matrix
 from splatbus_wire.relative import RelativeView
 
 from splatbus_server.control import Poses
@@ -60,8 +61,11 @@ class View:
 
     Axes are OpenCV's (x right, y down, z forward), for the world as for the camera [CNV-1].
 
+    Its object's points X lie at scale·R·X + position in the world [OBJ-1]. Every depth that comes
+    of these matrices is in units of the world, whatever the scale [OBJ-6].
+
     Attributes:
-        poses: camera-to-world, and object-to-world of the Gaussians.
+        poses: camera-to-world, where each object is, and what else clients asked for.
         intrinsics: in pixels of this width and height.
         width: pixels.
         height: pixels.
@@ -69,6 +73,7 @@ class View:
         generation: of the memory that the image is for.
         origin: of the scene, float64, as announced in `semantics`: a position in the scene's own
             coordinates is one on the wire plus this.
+        object: whose Gaussians the matrices are for; see `of`.
     """
 
     poses: Poses
@@ -78,6 +83,27 @@ class View:
     wants: frozenset[str]
     generation: int
     origin: Vector = relative.NO_ORIGIN
+    object: str = DEFAULT_OBJECT
+
+    def of(self, name: str) -> View:
+        """The same view of another object of the scene.
+
+        Raises:
+            KeyError: the scene has no such object.
+        """
+        if name not in self.poses.objects:
+            raise KeyError(f"no object {name!r}: the scene has {', '.join(self.poses.objects)}")
+        return replace(self, object=name)
+
+    @property
+    def placement(self) -> Placement:
+        """Where the object is, and how large."""
+        return self.poses.objects[self.object]
+
+    @property
+    def time(self) -> float | None:
+        """In the scene, seconds, what to render [TIM-2]; None: as the renderer likes."""
+        return self.poses.time
 
     @property
     def wants_depth(self) -> bool:
@@ -92,7 +118,9 @@ class View:
     @cached_property
     def object_to_world(self) -> Matrix:
         """Where the Gaussians are."""
-        return as_array(world_matrix(self.poses.points))
+        matrix: Matrix = as_array(world_matrix(self.placement.pose))
+        matrix[:, :3] *= self.placement.scale
+        return matrix
 
     @cached_property
     def object_to_camera(self) -> Matrix:
@@ -109,10 +137,10 @@ class View:
         Args:
             origin: float64, in the scene's own coordinates.
         """
-        return as_array(relative.object_to_camera(*self.poses, self._counted_from(origin)))
+        return as_array(relative.object_to_camera(*self._seen_from(origin)))
 
     def eye(self, origin: Vector | None = None) -> Vector:
-        """The camera's centre in the axes of the Gaussians.
+        """The camera's centre in the axes and units of the Gaussians.
 
         For doing what `camera_relative` does where the Gaussians are, such as on a GPU: the
         difference in float64, cast once, or by `splatbus_wire.relative.two_floats` in float32.
@@ -121,7 +149,7 @@ class View:
             origin: what the Gaussians are counted from, float64, in the scene's own coordinates;
                 the scene's `origin` if not given.
         """
-        return relative.camera_in_object(*self.poses, self._counted_from(origin))
+        return relative.camera_in_object(*self._seen_from(origin))
 
     def camera_relative(
         self,
@@ -144,7 +172,7 @@ class View:
         Raises:
             ValueError: the points, or `out`, have another shape.
         """
-        return relative.relative_view(points, *self.poses, self._counted_from(origin), out=out)
+        return relative.relative_view(points, *self._seen_from(origin), out=out)
 
     def pixel_errors(self, points: ArrayLike, origin: Vector | None = None) -> PixelErrors:
         """What single precision costs these points in this view, plainly and camera-relative.
@@ -156,26 +184,27 @@ class View:
             origin: as in `camera_relative`.
         """
         given: NDArray[Any] = np.asarray(points)
-        counted_from = self._counted_from(origin)
-        matrix = as_array(relative.object_to_camera(*self.poses, counted_from))
-        eye = relative.camera_in_object(*self.poses, counted_from)
+        seen_from = self._seen_from(origin)
+        matrix = as_array(relative.object_to_camera(*seen_from))
+        eye = relative.camera_in_object(*seen_from)
         in_camera = np.subtract(given, eye, dtype=np.float64) @ matrix[:3, :3].T
         right, seen = self._pixels(in_camera), self._sees(in_camera)
         with np.errstate(over="ignore", invalid="ignore"):
             single = given.astype(np.float32), matrix.astype(np.float32)
-            moved = relative.relative_view(given, *self.poses, counted_from)
+            moved = relative.relative_view(given, *seen_from)
             plain, camera_relative = (
                 np.hypot(*(self._pixels(points @ view[:3, :3].T + view[:3, 3]) - right)[seen].T)
                 for points, view in (single, moved)
             )
         return PixelErrors(_worst(plain), _worst(camera_relative), int(seen.sum()))
 
-    def _counted_from(self, origin: Vector | None) -> Vector:
-        """What points are counted from, on the wire, whose axes are the points' own."""
+    def _seen_from(self, origin: Vector | None) -> tuple[Pose, Pose, Vector, float]:
+        """Camera, object, what its points are counted from (in its own axes), and its scale."""
+        _, pose, scale = self.placement
         if origin is None:
-            return relative.NO_ORIGIN
+            return self.poses.camera, pose, relative.NO_ORIGIN, scale
         x, y, z = (a - b for a, b in zip(origin, self.origin, strict=True))
-        return x, y, z
+        return self.poses.camera, pose, (x, y, z), scale
 
     def _pixels(self, in_camera: NDArray[np.floating[Any]]) -> Points:
         return Pinhole(*self.intrinsics[:4], self.width, self.height).project(in_camera)

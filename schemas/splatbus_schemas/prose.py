@@ -1,7 +1,8 @@
 """Read the requirements and the byte-level examples out of the specification's prose.
 
 The prose is the only source of requirements (spec/README.md, "Ids"). This module turns it into the
-`requirements.json` that programs read, and fills in the hexadecimal form of each JSON example.
+`requirements.json` that programs read, fills in the hexadecimal form of each JSON example, and
+keeps the document that holds all of 1.1.
 
 Run `python -m splatbus_schemas.prose` in a checkout to compare, with `--write` to write.
 """
@@ -13,6 +14,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from splatbus_schemas import complete
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEVELS = ("MUST NOT", "MUST", "SHOULD NOT", "SHOULD", "MAY")
@@ -160,6 +163,15 @@ def registry_path(version: str, root: Path = CHECKOUT) -> Path:
     return root / "schemas" / "splatbus_schemas" / version / "requirements.json"
 
 
+def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
+    """Everything that the prose decides, by its place: the chapters themselves filled in."""
+    filled = {p: fill_in_hex(p.read_text("utf-8")) for v in OUTCOMES for p in chapters(v, root)}
+    spec = root / "spec"
+    texts = {path.relative_to(spec).as_posix(): text for path, text in filled.items()}
+    registries = {registry_path(v, root): rendered_registry(v, root) for v in OUTCOMES}
+    return filled | registries | {spec / complete.PLACE: complete.document(texts)}
+
+
 def main(argv: list[str] | None = None) -> int:
     """Compare prose and registry, or write what the prose says; 0 if they agree."""
     parser = argparse.ArgumentParser(
@@ -167,8 +179,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--write", action="store_true", help="write instead of comparing")
     write = parser.parse_args(argv).write
-    wanted = {p: fill_in_hex(p.read_text("utf-8")) for v in OUTCOMES for p in chapters(v)}
-    wanted |= {registry_path(version): rendered_registry(version) for version in OUTCOMES}
+    wanted = wanted_files()
     stale = [p for p, text in wanted.items() if not p.exists() or p.read_text("utf-8") != text]
     for path in stale:
         print(f"{'wrote' if write else 'differs'}: {path.relative_to(CHECKOUT)}")

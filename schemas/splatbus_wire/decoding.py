@@ -50,7 +50,9 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
             NEG-9].
     """
     if channel == "message" and (pose := plain_pose(payload)) is not None:
-        return pose if said_hello or isinstance(pose, PointCloudPose) else pose._replace(tag=None)
+        if said_hello or isinstance(pose, PointCloudPose) or pose.tag is None:
+            return pose
+        return pose._replace(tag=None)
     message = Field(parse_object(payload), "", "")
     found: ClientMessage | None = None
     match channel, message.value.get("type"):
@@ -121,7 +123,7 @@ def decode_from_server_message(
             reply = from_server.pong(message)
         case "telemetry":
             return from_server.telemetry(message)
-        case None:
+        case None if not typed:
             raise message.refused("answers no request", "unknown_type")
         case _:
             raise _unknown_type(message, "NEG-9")

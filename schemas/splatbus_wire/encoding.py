@@ -153,13 +153,14 @@ def _pose_as_arrays(pose: Pose) -> dict[str, Any]:
 
 def _frame_object(frame: Frame) -> dict[str, Any]:
     camera = frame.camera._asdict()
+    pose, tag = camera.pop("pose"), camera.pop("tag")
     objects = [_placement_object(placement) for placement in frame.objects]
     return {
         "type": "frame",
         "generation": frame.generation,
         "seq": frame.seq,
         "slot": frame.slot,
-        "camera": _pose_as_arrays(camera.pop("pose")) | _present(**camera),
+        "camera": _pose_as_arrays(pose) | camera | _present(tag=tag),
         **({"objects": objects} if objects else {}),
         "time": frame.time,
         "renderedAt": frame.rendered_at,

@@ -99,19 +99,11 @@ class Field(NamedTuple):
             raise self.refused(f"is {brief(self.value)}, not a positive number")
         return number
 
-    def single(self) -> float:
-        """This number; `invalid_number` if single precision cannot hold it [CAM-4]."""
+    def between(self, least: float, most: float) -> float:
+        """This number from `least` to `most`."""
         number = self.number()
-        if not abs(number) <= _MAX_POSITION:
-            raise self.refused(f"is {brief(self.value)}, beyond single precision", "invalid_number")
-        return number
-
-    def positive_single(self) -> float:
-        """This positive number; `invalid_number` if no normal single-precision one [CAM-4]."""
-        self.positive()
-        number = self.single()
-        if number < LIMITS["min_normal_single"]:
-            raise self.refused(f"is {brief(self.value)}, below single precision", "invalid_number")
+        if not least <= number <= most:
+            raise self.refused(f"is {brief(self.value)}, not from {least:g} to {most:g}")
         return number
 
     def number(self, *, or_string: bool = False) -> float:
@@ -139,8 +131,8 @@ class Field(NamedTuple):
         return number
 
     def vector(self) -> Vector:
-        """This array of 3 coordinates."""
-        x, y, z = (item.coordinate() for item in self.items(3, 3))
+        """This array of 3 numbers."""
+        x, y, z = (item.number() for item in self.items(3, 3))
         return x, y, z
 
     def id(self) -> int | None:
@@ -180,9 +172,9 @@ def array_pose(message: Field) -> Pose:
     Raises as `object_pose`.
     """
     rotation = message.member("rotation")
-    position = message.member("position").vector()
+    x, y, z = (item.coordinate() for item in message.member("position").items(3, 3))
     q = tuple(item.number() for item in rotation.items(4, 4))
-    return _pose(position, q, rotation)
+    return _pose((x, y, z), q, rotation)
 
 
 def _pose(position: Vector, q: tuple[float, ...], rotation: Field) -> Pose:

@@ -36,6 +36,7 @@ from splatbus_wire.parts import (
 from splatbus_wire.poses import Pose
 
 _CHANNELS = ("color", "depth")
+_SCALES: tuple[float, float] = LIMITS["min_scale"], LIMITS["max_scale"]
 
 
 def pose_of_1_0(kind: str, message: Field) -> CameraPose | PointCloudPose:
@@ -121,14 +122,11 @@ def timestamp(message: Field, *, or_string: bool = False) -> float | None:
 
 
 def _camera_pose(message: Field) -> CameraPose:
-    tag, lens = (
-        message.under("CAM-1").optional("tag"),
-        message.under("CAM-4").optional("intrinsics"),
-    )
+    tag, lens = message.optional("tag"), message.optional("intrinsics")
     return CameraPose(
         *pose_and_timestamp(message),
-        None if tag is None else tag.string(1, LIMITS["max_tag_chars"]),
-        None if lens is None else intrinsics(lens),
+        None if tag is None else tag.under("CAM-1").string(1, LIMITS["max_tag_chars"]),
+        None if lens is None else intrinsics(lens.under("CAM-4")),
     )
 
 
@@ -137,16 +135,11 @@ def _object_pose(message: Field) -> ObjectPose:
     name, scale = described.member("object"), described.optional("scale")
     pose, when = pose_and_timestamp(message)
     return ObjectPose(
-        name.string(1, MAX_NAME_CHARS), pose, 1.0 if scale is None else _scale(scale), when
+        name.string(1, MAX_NAME_CHARS),
+        pose,
+        1.0 if scale is None else scale.between(*_SCALES),
+        when,
     )
-
-
-def _scale(scale: Field) -> float:
-    number = scale.number()
-    least, most = LIMITS["min_scale"], LIMITS["max_scale"]
-    if not least <= number <= most:
-        raise scale.refused(f"is {number!r}, not from {least} to {most}")
-    return number
 
 
 def _set_viewport(message: Field) -> SetViewport:

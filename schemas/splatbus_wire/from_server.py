@@ -67,7 +67,7 @@ def frame(fields: Field) -> Frame:
         _frame_camera(fields.member("camera")),
         fields.member("time").number(),
         fields.member("renderedAt").number(),
-        _placements(fields.under("OBJ-7").optional("objects")),
+        _placements(fields.optional("objects")),
     )
 
 
@@ -130,7 +130,7 @@ def _frame_camera(camera: Field) -> FrameCamera:
     near, far = camera.member("near").positive(), camera.member("far").positive()
     if not near < far:
         raise camera.member("far").refused(f"is {far}, not greater than near, {near}")
-    tag = camera.under("CAM-3").optional("tag")
+    tag = camera.optional("tag")
     return FrameCamera(
         array_pose(camera),
         camera.member("fx").positive(),
@@ -141,22 +141,23 @@ def _frame_camera(camera: Field) -> FrameCamera:
         camera.member("height").integer(1, MAX_IMAGE_SIZE),
         near,
         far,
-        None if tag is None else tag.string(1, LIMITS["max_tag_chars"]),
+        None if tag is None else tag.under("CAM-3").string(1, LIMITS["max_tag_chars"]),
     )
 
 
 def _placements(objects: Field | None) -> tuple[Placement, ...]:
     if objects is None:
         return ()
+    listed = objects.under("OBJ-7")
     placements = [
         Placement(
             item.member("object").string(1, MAX_NAME_CHARS),
             array_pose(item),
             item.member("scale").positive(),
         )
-        for item in objects.items(0, LIMITS["max_objects"])
+        for item in listed.items(0, LIMITS["max_objects"])
     ]
-    different(objects, [placement.object for placement in placements])
+    different(listed, [placement.object for placement in placements])
     return tuple(placements)
 
 
@@ -186,7 +187,7 @@ def _time_range(array: Field) -> tuple[float, float]:
 
 def _series(item: Field) -> Series | None:
     name = item.member("name").string(1, MAX_NAME_CHARS)
-    match item.member("kind").string(1, MAX_NAME_CHARS):
+    match item.member("kind").string(0, MAX_SAFE_INTEGER):
         case "scalar":
             unit = item.optional("unit")
             return Scalar(

@@ -312,7 +312,6 @@ def _parse_semantics(semantics: Field) -> Semantics:
     depth = semantics.member("depth")
     empty = depth.member("empty")
     unit = semantics.member("unitMetres")
-    x, y, z = (item.number() for item in semantics.member("origin").items(3, 3))
     return Semantics(
         semantics.member("alpha").one_of(_ALPHAS),
         semantics.member("colorSpace").one_of(_COLOR_SPACES),
@@ -320,7 +319,7 @@ def _parse_semantics(semantics: Field) -> Semantics:
         depth.member("estimator").one_of(_DEPTH_ESTIMATORS),
         math.inf if empty.value == "inf" else empty.number(),
         None if unit.value is None else unit.positive(),
-        (x, y, z),
+        semantics.member("origin").vector(),
     )
 
 

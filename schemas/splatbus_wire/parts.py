@@ -39,16 +39,12 @@ def different(array: Field, values: list[str]) -> tuple[str, ...]:
 
 def intrinsics(lens: Field) -> Intrinsics:
     """The lens that an object describes [CAM-4]."""
-    near, far = lens.member("near").positive_single(), lens.member("far").positive_single()
+    least, most = LIMITS["min_lens"], LIMITS["max_lens"]
+    fx, fy, near, far = (
+        lens.member(name).between(least, most) for name in ("fx", "fy", "near", "far")
+    )
+    cx, cy = (lens.member(name).between(-most, most) for name in ("cx", "cy"))
     if not near < far:
         raise lens.member("far").refused(f"is {far}, not greater than near, {near}")
-    return Intrinsics(
-        lens.member("fx").positive_single(),
-        lens.member("fy").positive_single(),
-        lens.member("cx").single(),
-        lens.member("cy").single(),
-        lens.member("width").integer(1, MAX_IMAGE_SIZE),
-        lens.member("height").integer(1, MAX_IMAGE_SIZE),
-        near,
-        far,
-    )
+    width, height = (lens.member(side).integer(1, MAX_IMAGE_SIZE) for side in ("width", "height"))
+    return Intrinsics(fx, fy, cx, cy, width, height, near, far)

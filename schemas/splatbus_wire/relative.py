@@ -6,8 +6,8 @@ in double precision and rounded after. Rendering relative to the eye, or, with o
 points of a tile, relative to a centre, is what virtual globes do (P. Cozzi and K. Ring, 3D Engine
 Design for Virtual Globes, 2011, chapter 5).
 
-Everything is in the axes of the object: X_world = R_object·(X + origin) + p. `origin` is what
-points are counted from, (0, 0, 0) unless a scene is stored in tiles.
+Everything is in the axes and units of the object: X_world = scale·R_object·(X + origin) + p
+[OBJ-1]. `origin` is what points are counted from, (0, 0, 0) unless a scene is stored in tiles.
 """
 
 from typing import Any, NamedTuple
@@ -30,8 +30,8 @@ class RelativeView(NamedTuple):
     spherical harmonics ask for, is the point itself.
 
     Attributes:
-        points: (N, 3) float32, in the axes of the object.
-        matrix: (4, 4) float32, [R | 0].
+        points: (N, 3) float32, in the axes and units of the object.
+        matrix: (4, 4) float32, [M | 0], M a rotation times the scale of the object.
     """
 
     points: Float32Array
@@ -39,44 +39,49 @@ class RelativeView(NamedTuple):
 
 
 def camera_in_object(
-    camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN
+    camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN, scale: float = 1.0
 ) -> Vector:
-    """Return the camera's centre ("eye") in the axes of the object, counted from `origin`.
+    """Return the camera's centre ("eye") in the axes and units of the object, from `origin`.
 
-    R_objectᵀ·(c − p) − origin, within 16u·(‖c − p‖ + ‖origin‖), and exact but for the two
-    subtractions where the object is not turned.
+    R_objectᵀ·(c − p)/scale − origin, within 16u·(‖c − p‖/scale + ‖origin‖), and exact but for the
+    two subtractions where the object is neither turned nor scaled.
 
     Args:
         camera: camera-to-world [CNV-1].
         object_pose: object-to-world [CNV-2].
-        origin: what points are counted from, in the axes of the object.
+        origin: what points are counted from, in the axes and units of the object.
+        scale: of the object [OBJ-1].
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(object_pose.rotation)
     x, y, z = (c - p for c, p in zip(camera.position, object_pose.position, strict=True))
     ox, oy, oz = origin
     return (
-        (r00 * x + r10 * y + r20 * z) - ox,
-        (r01 * x + r11 * y + r21 * z) - oy,
-        (r02 * x + r12 * y + r22 * z) - oz,
+        (r00 * x + r10 * y + r20 * z) / scale - ox,
+        (r01 * x + r11 * y + r21 * z) / scale - oy,
+        (r02 * x + r12 * y + r22 * z) / scale - oz,
     )
 
 
 def object_to_camera(
-    camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN
+    camera: Pose, object_pose: Pose = IDENTITY, origin: Vector = NO_ORIGIN, scale: float = 1.0
 ) -> Matrix4:
-    """Return [R_cameraᵀ·R_object | R_cameraᵀ·(p − c + R_object·origin)], for such points.
+    """Return [M | R_cameraᵀ·(p − c) + M·origin], M = scale·R_cameraᵀ·R_object, for such points.
 
-    Rounded to single precision it misplaces a point X by about 2⁻²³·(‖X‖ + ‖eye‖): good for an
+    What comes out, depth above all, is in units of the world [OBJ-6]. Rounded to single precision it misplaces a point X by about 2⁻²³·(‖X‖ + ‖eye‖): good for an
     object, or a tile of a scene, that is small and near the camera, however far both are from the
     origin of the world.
 
     Args:
         camera: camera-to-world [CNV-1].
         object_pose: object-to-world [CNV-2].
-        origin: what points are counted from, in the axes of the object.
+        origin: what points are counted from, in the axes and units of the object.
+        scale: of the object [OBJ-1].
     """
     a00, a01, a02, a10, a11, a12, a20, a21, a22 = rotation_matrix(camera.rotation)
-    b00, b01, b02, b10, b11, b12, b20, b21, b22 = rotation_matrix(object_pose.rotation)
+    turn = rotation_matrix(object_pose.rotation)
+    b00, b01, b02, b10, b11, b12, b20, b21, b22 = (
+        turn if scale == 1.0 else [scale * entry for entry in turn]
+    )
     x, y, z = object_pose.position
     cx, cy, cz = camera.position
     ox, oy, oz = origin
@@ -108,20 +113,22 @@ def relative_view(
     camera: Pose,
     object_pose: Pose = IDENTITY,
     origin: Vector = NO_ORIGIN,
+    scale: float = 1.0,
     *,
     out: Float32Array | None = None,
 ) -> RelativeView:
-    """Return the points counted from the camera's centre, and [R | 0], both in single precision.
+    """Return the points counted from the camera's centre, and [M | 0], both in single precision.
 
     The centre is subtracted in double precision and the difference rounded once: each component
-    is within half an ULP, and 16u·(‖c − p‖ + ‖origin‖), of that of the points as they are given.
+    is within half an ULP, and 16u·(‖c − p‖/scale + ‖origin‖), of that of the points as given.
     Points in single precision that are themselves large stay on their own grid: see `origin`.
 
     Args:
         points: (N, 3), in the axes of the object, counted from `origin`; float32 or float64.
         camera: camera-to-world [CNV-1].
         object_pose: object-to-world [CNV-2].
-        origin: what the points are counted from, in the axes of the object.
+        origin: what the points are counted from, in the axes and units of the object.
+        scale: of the object [OBJ-1]; it is in the matrix, as in `object_to_camera`.
         out: (N, 3) float32 to write the points to.
 
     Raises:
@@ -133,11 +140,12 @@ def relative_view(
     moved = np.empty(given.shape, np.float32) if out is None else out
     if moved.shape != given.shape or moved.dtype != np.float32:
         raise ValueError(f"out is {moved.dtype} of {moved.shape}, not float32 of {given.shape}")
-    eye = camera_in_object(camera, object_pose, origin)
+    eye = camera_in_object(camera, object_pose, origin, scale)
     # Converted in small blocks inside the ufunc: no array of doubles is made.
     np.subtract(given, eye, out=moved, dtype=np.float64, casting="same_kind")
     at_the_object = camera._replace(position=object_pose.position)
-    return RelativeView(moved, as_array(object_to_camera(at_the_object, object_pose), np.float32))
+    matrix = object_to_camera(at_the_object, object_pose, scale=scale)
+    return RelativeView(moved, as_array(matrix, np.float32))
 
 
 def two_floats(eye: Vector) -> tuple[Float32Array, Float32Array]:

@@ -43,6 +43,50 @@ META = {
 POSITION, ROTATION = (1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703)
 CAMERA_REPLY = {"position": list(POSITION), "rotation": list(ROTATION)}
 IPC_CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
+MESSAGE_CAPABILITIES = (
+    "intrinsics",
+    "objects",
+    "scene",
+    "viewport",
+    "time",
+    "ping",
+    "telemetry",
+)
+LENS = {
+    "fx": 1500.0,
+    "fy": 1400.0,
+    "cx": 960.5,
+    "cy": 540.0,
+    "width": 1920,
+    "height": 1080,
+    "near": 0.01,
+    "far": 100.0,
+}
+SCENE = {
+    "type": "scene",
+    "objects": [
+        {
+            "id": "default",
+            "name": "Garden",
+            "gaussians": 1200000,
+            "bounds": {"min": [-4.0, -2.0, -4.0], "max": [4.0, 1.0, 4.0]},
+        },
+        {"id": "chair", "name": "", "gaussians": 7, "bounds": None},
+    ],
+    "timeRange": [0.0, 4.0],
+    "cameras": 3,
+    "origin": [0.0, 0.0, 0.0],
+}
+TELEMETRY = {
+    "type": "telemetry",
+    "seq": 17,
+    "time": 1041.25,
+    "series": [
+        {"name": "render_ms", "kind": "scalar", "value": 3.5, "unit": "ms"},
+        {"name": "opacity", "kind": "histogram", "edges": [0.0, 0.5, 1.0], "counts": [120, 880]},
+        {"name": "stage", "kind": "text", "value": "training"},
+    ],
+}
 HANDLE = "A" * 86 + "=="
 
 
@@ -225,11 +269,11 @@ class FakeServer:
         assert peer.receive() == {"type": "opened", "generation": generation}
         return peer
 
-    def message_1_1(self, size=(WIDTH, HEIGHT)):
+    def message_1_1(self, size=(WIDTH, HEIGHT), capabilities=MESSAGE_CAPABILITIES):
         """A message connection that has negotiated, and been told the viewport's size."""
         peer = self.message()
         peer.hello = peer.receive()
-        peer.send(welcome())
+        peer.send(welcome(*capabilities))
         assert peer.receive() == {"type": "get_viewport_size"}
         peer.send({"type": "viewport_size", "viewport_size": list(size)})
         return peer

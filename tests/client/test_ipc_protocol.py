@@ -16,6 +16,7 @@ from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire.messages import Hello, Program
 
 from tests.client.fake_server import (
+    CAMERA,
     IPC_CAPABILITIES,
     META,
     SLOTS,
@@ -184,7 +185,17 @@ def test_a_frame_is_lent_and_released_once():
 
 
 @pytest.mark.parametrize(
-    "strange", [{"generation": 2}, {"slot": SLOTS}, {"slot": -1}, {"slot": "0"}, {"camera": None}]
+    "strange",
+    [
+        {"generation": 2},
+        {"generation": None},
+        {"slot": SLOTS},
+        {"slot": -1},
+        {"slot": "0"},
+        {"slot": SLOTS, "camera": None},
+        {"generation": 2, "camera": None},
+        {"seq": None},
+    ],
 )
 def test_a_frame_of_memory_that_is_not_open_is_ignored(strange):
     machine = opened()
@@ -192,6 +203,39 @@ def test_a_frame_of_memory_that_is_not_open_is_ignored(strange):
     assert isinstance(event, Ignored)
     assert sent(machine) == []
     assert isinstance(receive(machine, frame(8))[0], Lent)
+
+
+@pytest.mark.parametrize(
+    "malformed",
+    [
+        {"camera": None},
+        {"camera": CAMERA | {"rotation": [0.0, 0.0, 0.0, 2.0]}},
+        {"camera": CAMERA | {"near": 2.0, "far": 1.0}},
+        {"objects": [{"object": "chair"}]},
+        {"renderedAt": "now"},
+    ],
+)
+def test_a_frame_that_is_malformed_but_lent_is_given_back_unread(malformed):
+    machine = opened()
+    (event,) = receive(machine, frame(7, slot=1) | malformed)
+    assert isinstance(event, Ignored)
+    assert sent(machine) == [{"type": "release", "generation": 1, "seq": 7}]
+    assert isinstance(receive(machine, frame(8))[0], Lent)
+
+
+def test_a_malformed_frame_never_gives_back_what_is_being_read():
+    machine = opened()
+    (lent,) = receive(machine, frame(7))
+    receive(machine, frame(7) | {"camera": None})
+    assert sent(machine) == []
+    machine.release(lent.frame)
+    assert len(sent(machine)) == 1
+
+
+def test_a_malformed_frame_is_ignored_where_frames_were_not_agreed():
+    machine = opened("host_shm")
+    receive(machine, frame(7) | {"camera": None})
+    assert sent(machine) == []
 
 
 def test_a_frame_before_opened_is_ignored():

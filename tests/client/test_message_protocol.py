@@ -23,15 +23,26 @@ from splatbus_wire.messages import (
     GetCameraPose,
     GetViewportSize,
     Hello,
-    PointCloudPose,
+    Intrinsics,
+    ObjectPose,
     Pose,
     Program,
     ViewportSize,
 )
 
-from tests.client.fake_server import CAMERA_REPLY, POSITION, ROTATION, packet, packets, welcome
+from tests.client.fake_server import (
+    CAMERA_REPLY,
+    LENS,
+    MESSAGE_CAPABILITIES,
+    POSITION,
+    ROTATION,
+    packet,
+    packets,
+    welcome,
+)
 
-HELLO = Hello(("1.1", "1.0"), Program("test", "0"), ())
+HELLO = Hello(("1.1", "1.0"), Program("test", "0"), MESSAGE_CAPABILITIES)
+INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)
 SIZE = {"viewport_size": [320, 240]}
 BROKEN = [
@@ -66,10 +77,10 @@ def machine_of_1_0():
     return machine
 
 
-def machine_of_1_1():
+def machine_of_1_1(*capabilities):
     machine = MessageProtocol(HELLO)
     machine.data_to_send(0.0)
-    receive(machine, packet(welcome()), 0.0)
+    receive(machine, packet(welcome(*capabilities)), 0.0)
     receive(machine, packet({"type": "viewport_size"} | SIZE), 0.0)
     return machine
 
@@ -234,9 +245,9 @@ def test_an_error_of_an_unknown_code_closes_nothing():
 def test_the_newest_pose_of_each_kind_replaces_one_that_is_unsent():
     machine = machine_of_1_0()
     for second in range(5):
-        machine.pose(CameraPose(POSE, float(second)))
+        machine.tell(CameraPose(POSE, float(second)))
         if second == 2:
-            machine.pose(PointCloudPose(POSE, 2.5))
+            machine.tell(ObjectPose("default", POSE, 1.0, 2.5))
     cloud, camera = packets(machine.data_to_send(0.0))
     assert (cloud["timestamp"], camera["timestamp"]) == (2.5, 4.0), "timestamps leave in order"
     assert machine.data_to_send(0.0) == b""
@@ -254,9 +265,9 @@ def test_the_newest_pose_of_each_kind_replaces_one_that_is_unsent():
 )
 def test_a_pose_that_may_not_be_sent_is_refused_and_the_former_kept(pose, requirement):
     machine = machine_of_1_0()
-    machine.pose(CameraPose(POSE, 1.0))
+    machine.tell(CameraPose(POSE, 1.0))
     with pytest.raises(ProtocolError) as caught:
-        machine.pose(CameraPose(pose, 2.0))
+        machine.tell(CameraPose(pose, 2.0))
     assert caught.value.requirement == requirement
     (sent,) = packets(machine.data_to_send(0.0))
     assert sent["timestamp"] == 1.0
@@ -267,14 +278,14 @@ def test_a_pose_that_may_not_be_sent_is_refused_and_the_former_kept(pose, requir
 )
 def test_numbers_read_back_as_the_values_that_were_held(position):
     machine = machine_of_1_0()
-    machine.pose(CameraPose(POSE._replace(position=tuple(position)), 0.0))
+    machine.tell(CameraPose(POSE._replace(position=tuple(position)), 0.0))
     (sent,) = packets(machine.data_to_send(0.0))
     assert list(sent["position"].values()) == position
 
 
 def test_a_pose_may_come_in_numpy_s_numbers():
     machine = machine_of_1_0()
-    machine.pose(CameraPose(Pose(tuple(np.float32([0.1, 2, 3])), tuple(np.eye(4)[3])), 0.0))
+    machine.tell(CameraPose(Pose(tuple(np.float32([0.1, 2, 3])), tuple(np.eye(4)[3])), 0.0))
     (sent,) = packets(machine.data_to_send(0.0))
     assert np.float32(sent["position"]["x"]) == np.float32(0.1)
 

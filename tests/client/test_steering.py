@@ -5,12 +5,19 @@ import socket
 import threading
 
 import pytest
-from splatbus_client import Pose, ServerRefusedError, connect, message_protocol
+from splatbus_client import (
+    Intrinsics,
+    Pose,
+    ServerRefusedError,
+    connect,
+    message_protocol,
+)
 from splatbus_wire.errors import ProtocolError
 
 from tests.client.fake_server import (
     CAMERA_REPLY,
     HEIGHT,
+    LENS,
     POSITION,
     ROTATION,
     WIDTH,
@@ -18,6 +25,8 @@ from tests.client.fake_server import (
 )
 
 POSE = Pose(POSITION, ROTATION)
+LENS_SENT = Intrinsics(**LENS)
+BUSY = {"type": "error", "code": "busy", "message": "another client steers"}
 OTHER = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 
 

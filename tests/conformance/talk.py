@@ -124,6 +124,44 @@ ASK_CAMERA: Json = {"type": "get_camera_pose", "cam_idx": 0}
 SIZE: Json = {"viewport_size": [64, 48]}
 CAMERA: Json = {"position": [1.0, 2.0, 3.0], "rotation": [0.0, 0.6, 0.0, 0.8]}
 
+INTRINSICS: Json = {
+    "fx": 1500.0,
+    "fy": 1500.0,
+    "cx": 960.0,
+    "cy": 540.0,
+    "width": 1920,
+    "height": 1080,
+    "near": 0.01,
+    "far": 100.0,
+}
+OBJECT_POSE: Json = {**POSE, "type": "object_pose", "object": "chair", "scale": 0.5}
+SCENE: Json = {
+    "type": "scene",
+    "objects": [
+        {
+            "id": "default",
+            "name": "Garden",
+            "gaussians": 1200000,
+            "bounds": {"min": [-4.0, -2.0, -4.0], "max": [4.0, 1.0, 4.0]},
+        },
+        {"id": "chair", "name": "", "gaussians": 0, "bounds": None},
+    ],
+    "timeRange": [0.0, 2.5],
+    "cameras": 3,
+    "origin": [0.0, 0.0, 0.0],
+}
+PONG: Json = {"type": "pong", "t": 12.5, "serverTime": 1041.375}
+TELEMETRY: Json = {
+    "type": "telemetry",
+    "seq": 17,
+    "time": 1041.25,
+    "series": [
+        {"name": "render_ms", "kind": "scalar", "value": 3.5, "unit": "ms"},
+        {"name": "opacity", "kind": "histogram", "edges": [0.0, 0.5, 1.0], "counts": [120, 880]},
+        {"name": "stage", "kind": "text", "value": "training"},
+    ],
+}
+
 HANDLE = "A" * 86 + "=="
 INIT: Json = {
     "meta": {
@@ -174,6 +212,7 @@ CUDA_INIT: Json = {
     "ring": {**RING, "events": [HANDLE] * 3},
 }
 ALL = ["host_shm", "cuda_ipc", "frames", "reinit", "subscribe"]
+ALL_MSG = ["intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry"]
 PROGRAM = {"name": "example", "version": "0.1"}
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from splatbus_conformance.closed_form import FLOOR, NOTHING, render, surface
-from splatbus_conformance.pinhole import Camera, Rigid, rigid
+from splatbus_conformance.closed_form import BALL, BOBS, FLOOR, NOTHING, Setting, render, surface
+from splatbus_conformance.pinhole import Camera, Placed, Rigid, rigid
 from splatbus_server.scene import Camera as ReferenceCamera
 from splatbus_server.scene import ObjectPose, Scene, default_scene, exact_pixel
 
@@ -58,7 +58,7 @@ def test_a_moved_scene_seen_by_a_camera_that_moved_along_is_the_same_image() -> 
     q = (0.3, -0.5, 0.1, 0.8)
     alone, away = render(small()), rigid((1e6, -2e6, 3e6), q)
     along = small()._replace(pose=away)
-    moved = render(along, away)
+    moved = render(along, Setting(Placed(away)))
     assert np.mean(alone.what == moved.what) > 0.99
     both = (alone.what == moved.what) & (alone.what != NOTHING)
     assert moved.depth[both] == pytest.approx(alone.depth[both], rel=1e-8)
@@ -76,7 +76,7 @@ def test_it_agrees_with_the_reference_s_own_closed_form(seed: int) -> None:
         tuple(map(tuple, camera.pose.rotation)),
     )
     given, pose = default_scene(), ObjectPose(tuple(place), tuple(map(tuple, scene.rotation)))
-    exact = render(camera, scene)
+    exact = render(camera, Setting(Placed(scene)))
     pixels = [
         [
             exact_pixel(Scene(given.spheres, given.floor, given.light, pose), theirs, u, v)
@@ -118,3 +118,37 @@ def test_surfaces_tell_how_far_outside_of_them_a_point_lies() -> None:
     distance, normal = surface(np.array([0, FLOOR]), points)
     assert distance == pytest.approx([0.5, 0.05])
     assert normal.tolist() == [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0]]
+
+
+def test_an_object_of_half_its_size_at_half_its_distance_looks_the_same_and_is_nearer() -> None:
+    """The camera is the point from which it shrinks: colours stay, depths in world units halve."""
+    usual, small_one = render(small()), render(small(), Setting(Placed(scale=0.5)))
+    assert (small_one.what == usual.what).all()
+    assert small_one.color == pytest.approx(usual.color)
+    seen = usual.what != NOTHING
+    assert small_one.depth[seen] == pytest.approx(0.5 * usual.depth[seen])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 0.25, 7.0])
+def test_a_scaled_object_is_cut_by_the_planes_of_the_world(scale: float) -> None:
+    seen = render(small()._replace(near=3.0, far=4.0), Setting(Placed(scale=scale)))
+    depths = seen.depth[seen.what != NOTHING]
+    assert ((depths >= 3.0) & (depths <= 4.0)).all()
+
+
+def test_the_ball_is_placed_by_itself_where_it_is_an_object() -> None:
+    still, camera = Placed(), USUAL._replace(cx=160.5, cy=120.5)
+    ahead = Placed(Rigid(position=np.array((-0.75, -0.275, 0.6))), 0.5)
+    seen = render(camera, Setting(still, ahead))
+    assert seen.what[120, 160] == 2 * BALL
+    assert seen.depth[120, 160] == pytest.approx(0.5 * 2.8 + 0.6 - 0.225)
+    alone = render(small(), Setting(still, still))
+    assert (alone.what == render(small()).what).all()
+
+
+@pytest.mark.parametrize(("time", "y"), [(0.0, 0.4), (1.0, 0.15), (2.0, -0.1), (4.0, 0.4)])
+def test_one_sphere_bobs(time: float, y: float) -> None:
+    camera = USUAL._replace(pose=Rigid(position=np.array((-1.6, y, 0.0))), cx=160.5, cy=120.5)
+    seen = render(camera, Setting(time=time))
+    assert seen.what[120, 160] == 2 * BOBS
+    assert seen.depth[120, 160] == pytest.approx(2.6)

@@ -17,6 +17,8 @@ def test_a_client_s_message_is_what_its_type_says(kind: str) -> None:
         ({"type": "pose", "position": 0, "rotation": 0}, "camera_pose"),
         ({"position": 0, "rotation": 0}, "camera_pose"),
         ({"cam_idx": 0}, "get_camera_pose"),
+        ({"type": "getScene"}, "get_scene"),
+        ({"object": "a", "position": 0, "rotation": 0}, "object_pose"),
         ({"type": "Hello"}, None),
         ({"type": "welcome"}, None),
         ({"type": ["camera_pose"]}, None),
@@ -44,6 +46,13 @@ def test_a_client_s_message_that_misses_its_type(message: dict, kind: str | None
         ("msg", {"type": "hello"}, None),
         ("msg", {"type": "error"}, "error"),
         ("ipc", {"type": "frame", "meta": {}}, "frame"),
+        ("msg", {"type": "scene"}, "scene"),
+        ("msg", {"timeRange": None}, "scene"),
+        ("msg", {"type": "Pong", "serverTime": 1}, "pong"),
+        ("msg", {"type": "scene", "timeRange": None, "position": 0}, "scene"),
+        ("msg", {"type": "camera", "viewport_size": [1, 1]}, "viewport_size"),
+        ("msg", {"type": "telemetry", "series": []}, "telemetry"),
+        ("ipc", {"type": "scene", "timeRange": None}, None),
     ],
 )
 def test_a_server_s_message(channel: str, message: dict, kind: str | None) -> None:
@@ -54,4 +63,6 @@ def test_an_id_is_a_number_only_after_welcome() -> None:
     assert "id" not in shape_of("get_viewport_size", negotiated=False)
     assert shape_of("get_viewport_size", negotiated=True)["id"] == NUMBER
     assert "id" not in shape_of("camera_pose", negotiated=True)
+    assert "intrinsics" not in shape_of("camera_pose", negotiated=False)
+    assert shape_of("camera_pose", negotiated=True)["intrinsics"]["fx"] == NUMBER
     assert shape_of(None, negotiated=True) == {}

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from splatbus_conformance.closed_form import render
-from splatbus_conformance.pinhole import Camera, Reals, Rigid, rigid, rotation_matrix
+from splatbus_conformance.closed_form import Setting, render
+from splatbus_conformance.pinhole import Camera, Placed, Reals, Rigid, rigid, rotation_matrix
 from splatbus_conformance.registration import Registration, register
 
 SCENE = rigid((3e4, -2e4, 1e4), (0.2, -0.4, 0.1, 0.8))
@@ -21,9 +21,11 @@ def camera(pose: Rigid) -> Camera:
 def found(used: Rigid, *, noise: float = 0.0) -> Registration:
     """What is found of an image that names POSE and was rendered with another pose."""
     named = camera(POSE)
-    depth: Reals = render(camera(used), SCENE).depth.astype(np.float32).astype(np.float64)
+    depth: Reals = (
+        render(camera(used), Setting(Placed(SCENE))).depth.astype(np.float32).astype(np.float64)
+    )
     depth *= 1.0 + np.random.default_rng(0).normal(scale=noise, size=depth.shape)
-    result = register(named, depth, render(named, SCENE), SCENE)
+    result = register(named, depth, render(named, Setting(Placed(SCENE))), SCENE)
     assert result is not None
     return result
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from splatbus_conformance.closed_form import render
-from splatbus_conformance.pinhole import Camera, Rigid, rigid, rotation_matrix
+from splatbus_conformance.closed_form import Setting, render
+from splatbus_conformance.pinhole import Camera, Placed, Rigid, rigid, rotation_matrix
 from splatbus_conformance.reprojection import (
     APART,
     AS_SPECIFIED,
@@ -39,7 +39,7 @@ def camera(pose: Rigid, width: int = 64, height: int = 48) -> Camera:
 def view(position, rotation, seen: Rigid | None = None, scene: Rigid = Rigid()) -> View:  # noqa: B008
     """An image that names one camera and was rendered by another."""
     named = camera(rigid(position, rotation))
-    depth = render(named._replace(pose=seen or named.pose), scene).depth
+    depth = render(named._replace(pose=seen or named.pose), Setting(Placed(scene))).depth
     return View(named, position, rotation, depth)
 
 

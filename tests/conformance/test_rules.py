@@ -16,14 +16,20 @@ from splatbus_schemas.requirements import requirements
 from tests.conformance.talk import (
     ADDED,
     ALL,
+    ALL_MSG,
     ASK_CAMERA,
     ASK_SIZE,
     CAMERA,
     CUDA_INIT,
     HOST_INIT,
     INIT,
+    INTRINSICS,
+    OBJECT_POSE,
+    PONG,
     POSE,
+    SCENE,
     SIZE,
+    TELEMETRY,
     Case,
     about_generation,
     breaches,
@@ -40,6 +46,7 @@ from tests.conformance.talk import (
 MODULES = (
     *("framing", "text", "channels", "init_packets", "poses", "requests", "replies"),
     *("negotiation", "welcome", "memory", "opening", "frames"),
+    *("cameras", "objects", "replies_1_1", "telemetry"),
 )
 ONLY_WITH_THE_OTHER_SIDE_AT_FAULT = {("server", "REQ-8"), ("server", "REQ-9"), ("client", "OPN-6")}
 ONLY_SEEN_BROKEN = {("server", "CHN-5")}
@@ -92,6 +99,11 @@ MESSAGES = [
     *(about_generation(kind) for kind in ("opened", "open_failed", "closed")),
     *(about_generation("release", seq=1), {"type": "subscribe", "channels": ["color"]}),
     *(error("unauthorized"), error("unsupported_version", supported=["2.0"])),
+    *(hello(*ALL_MSG), welcome(*ALL_MSG), {**POSE, "tag": "a", "intrinsics": INTRINSICS}),
+    *(OBJECT_POSE, {"type": "set_time", "time": 1.5}, SCENE, PONG, TELEMETRY),
+    *({"type": "get_scene", "id": 1}, {"type": "set_viewport", "width": 64, "height": 48}),
+    *({"type": "ping", "t": 0.5}, {"type": "subscribe_telemetry", "names": ["render_ms"]}),
+    {**frame(2), "objects": [{"object": "chair", **CAMERA, "scale": 0.5}]},
 ]
 SCALARS = (
     st.none()
@@ -164,7 +176,7 @@ def test_no_rule_ever_raises_and_none_judges_a_peer_that_is_not_bound(found: lis
 def test_a_faultless_client_is_never_blamed(before: list[bytes], after: list[bytes]) -> None:
     rubbish = [[raw("s2c", data) for data in each] for each in (before, after)]
     said = {
-        "msg": [client(hello()), client(ASK_SIZE), client(POSE)],
+        "msg": [client(hello(*ALL_MSG)), client(ASK_SIZE), client(POSE)],
         "ipc": [client(hello(*ALL))],
     }
     for channel, steps in said.items():

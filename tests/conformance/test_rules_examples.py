@@ -11,9 +11,9 @@ from splatbus_schemas.requirements import requirements
 
 from tests.conformance.talk import (
     ALL,
+    ALL_MSG,
     ASK_CAMERA,
     ASK_SIZE,
-    GREETING,
     HANDLE,
     HOST_INIT,
     Json,
@@ -30,7 +30,9 @@ from tests.conformance.talk import (
 
 MAX_SIZE = LIMITS["max_image_size"]
 SAME_FAULT = {
-    "POS-2": {"POS-1", "REQ-5", "IMG-1"},
+    "POS-1": {"OBJ-1"},
+    "POS-2": {"POS-1", "REQ-5", "IMG-1", "OBJ-1", "OBJ-7"},
+    "CAM-3": {"IMG-1"},
     "OPN-1": {"OPN-13"},
     "OPN-3": {"OPN-13"},
     "OPN-5": {"OPN-13"},
@@ -69,10 +71,10 @@ def around(example: Example) -> list[Entry]:
     """A session in which nothing but the message can be wrong."""
     message, members = example.message, example.message
     members = members if isinstance(members, dict) else {}
-    negotiated = GREETING if example.version == "1.1" else ()
-    asked = {"id": 3} if "id" in members else {}
-    if members.get("id") in (0, 2**53 - 1):
-        asked = {"id": members["id"]}
+    capabilities = [c for c in ALL_MSG if c != "intrinsics" or c in members]
+    negotiated = greeting(*capabilities) if example.version == "1.1" else ()
+    number = whole(members.get("id"), 0)
+    asked = {"id": 3 if number is None else number} if "id" in members else {}
     match example.name:
         case "hello":
             return talk("msg", client(message))
@@ -91,6 +93,14 @@ def around(example: Example) -> list[Entry]:
             return talk("msg", *negotiated, client({**ASK_SIZE, **asked}), server(message))
         case "camera" | "camera_pose_reply":
             return talk("msg", *negotiated, client({**ASK_CAMERA, **asked}), server(message))
+        case "scene":
+            return talk("msg", *negotiated, client({"type": "get_scene", **asked}), server(message))
+        case "pong":
+            ping = {"type": "ping", "t": members.get("t") or 12.5, **asked}
+            return talk("msg", *negotiated, client(ping), server(message))
+        case "telemetry":
+            wish = {"type": "subscribe_telemetry", "names": None}
+            return talk("msg", *negotiated, client(wish), server(message))
         case "error":
             return talk("msg", *negotiated, server(message))
         case "opened" | "open_failed" | "closed":
@@ -165,7 +175,7 @@ def test_invalid_examples_break_what_they_say(example: Example) -> None:
         expected = {"JSN-1"}
     elif spells_a_number(example):
         expected = {"JSN-4"}
-    elif example.pointer == "/type" and example.name in ("welcome", "frame", "error"):
+    elif example.pointer == "/type" and example.name in ("welcome", "frame", "error", "telemetry"):
         expected = found  # without its type, nobody can know what it was meant to be
     elif example.pointer == "/type":
         expected |= {"REQ-14"}
@@ -174,6 +184,8 @@ def test_invalid_examples_break_what_they_say(example: Example) -> None:
 
 
 def spells_a_number(example: Example) -> bool:
+    if example.name == "telemetry" and example.pointer.endswith("/value"):
+        return False  # it may be a text
     value = example.message
     for name in example.pointer[1:].split("/"):
         value = value[int(name)] if isinstance(value, list) else value.get(name)

@@ -118,6 +118,44 @@ def test_a_release_of_another_image_frees_nothing() -> None:
     assert breaches(wrong) == {("client", "IMG-12"): 1, ("server", "IMG-2"): 1}
 
 
+SECOND = {**HOST_INIT, "generation": 2}
+ANNOUNCED, OPENED_2 = server(SECOND), client(about_generation("opened", 2))
+CLOSED = client(about_generation("closed"))
+
+
+def test_img_12_wants_the_release_before_closed() -> None:
+    kept = session(FIRST, ANNOUNCED, OPENED_2, release(1), CLOSED)
+    assert breaches(kept) == {}
+    assert breaches(session(FIRST, ANNOUNCED, OPENED_2, CLOSED)) == {("client", "IMG-12"): 1}
+    late = session(ANNOUNCED, OPENED_2, FIRST, CLOSED, release(1))
+    assert breaches(late) == {("client", "IMG-12"): 1}
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [
+        (ANNOUNCED, FIRST, OPENED_2, CLOSED),
+        (server({**frame(), "slot": 3}), ANNOUNCED, OPENED_2, CLOSED),
+        (ANNOUNCED, OPENED_2, CLOSED, FIRST),
+    ],
+    ids=["on its way", "of no slot", "after it"],
+)
+def test_img_12_does_not_ask_for_what_the_client_ignores(steps: tuple[Step, ...]) -> None:
+    assert not any(peer == "client" for peer, _ in breaches(session(*steps)))
+
+
+@pytest.mark.parametrize("kind", ["closed", "open_failed"])
+def test_a_lease_ends_with_its_memory(kind: str) -> None:
+    steps = (FIRST, ANNOUNCED, OPENED_2, client(about_generation(kind, reason="no")))
+    found = breaches(session(*steps, server(frame(2, 2))))
+    assert not any(peer == "server" for peer, _ in found)
+
+
+def test_a_frame_that_crossed_closed_lends_nothing() -> None:
+    crossing = (ANNOUNCED, OPENED_2, CLOSED, FIRST, server(frame(2, 2)))
+    assert breaches(session(*crossing)) == {}
+
+
 @pytest.mark.parametrize("member", ["seq", "generation"])
 def test_img_12_wants_both_members(member: str) -> None:
     incomplete = changed(about_generation("release", seq=1), f"/{member}")

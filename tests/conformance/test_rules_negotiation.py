@@ -7,12 +7,15 @@ from splatbus_conformance.recording import Channel, Entry
 
 from tests.conformance.talk import (
     ALL,
+    ALL_MSG,
     ASK_CAMERA,
     ASK_SIZE,
     CAMERA,
     GREETING,
     HOST_INIT,
     INIT,
+    INTRINSICS,
+    OBJECT_POSE,
     OPENED,
     POSE,
     SIZE,
@@ -133,6 +136,38 @@ def test_neg_5_wants_the_capability(message: dict, needed: str) -> None:
     assert breaches(opened) == {("client", "NEG-5"): 1}
 
 
+@pytest.mark.parametrize(
+    ("message", "needed"),
+    [
+        ({**POSE, "intrinsics": INTRINSICS}, "intrinsics"),
+        (OBJECT_POSE, "objects"),
+        ({"type": "get_scene"}, "scene"),
+        ({"type": "set_viewport", "width": 64, "height": 48}, "viewport"),
+        ({"type": "set_time", "time": 0.5}, "time"),
+        ({"type": "ping", "t": 0.5}, "ping"),
+        ({"type": "subscribe_telemetry", "names": None}, "telemetry"),
+    ],
+)
+def test_neg_5_wants_the_capability_of_the_message_channel(message: dict, needed: str) -> None:
+    others = [name for name in ALL_MSG if name != needed]
+    assert breaches(msg(*greeting(*ALL_MSG), client(message))) == {}
+    assert breaches(msg(*greeting(*others), client(message))) == {("client", "NEG-5"): 1}
+    assert breaches(msg(client(hello(*ALL_MSG)), client(message))) == {("client", "NEG-5"): 1}
+
+
+@pytest.mark.parametrize("member", [{"tag": "a"}, {"intrinsics": INTRINSICS}])
+def test_members_of_1_1_wait_for_welcome(member: dict) -> None:
+    pose = client({**POSE, **member})
+    early = msg(client(hello(*ALL_MSG)), pose, server(welcome(*ALL_MSG)), pose)
+    assert breaches(early) == {("client", "NEG-5"): 1}
+    assert breaches(msg(*FALLEN_BACK, pose)) == {("client", "NEG-13"): 1}
+    assert breaches(msg(pose)) == {}
+
+
+def test_a_tag_needs_no_capability() -> None:
+    assert breaches(msg(*GREETING, client({**POSE, "tag": "a"}))) == {}
+
+
 @pytest.mark.parametrize("channel", ["ipc", "msg"])
 def test_neg_5_before_welcome(channel: Channel) -> None:
     early = talk(channel, client(hello(*ALL)), RELEASE)
@@ -150,7 +185,7 @@ def test_a_message_that_cannot_be_read_is_none_before_hello() -> None:
 
 def test_what_a_client_sends_before_the_reply_arrives_shows_no_fallback() -> None:
     piped = msg(client(hello()), client(ASK_SIZE), client({**ASK_CAMERA, "id": 1}), server(SIZE))
-    assert breaches(piped) == {}
+    assert breaches(piped) == {("client", "NEG-5"): 1}
 
 
 def test_a_welcome_that_comes_too_late_is_the_server_s_fault_alone() -> None:

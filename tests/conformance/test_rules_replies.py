@@ -247,7 +247,7 @@ def test_neg_28_wants_type_and_id(reply: dict, pointer: str) -> None:
 
 
 def test_after_hello_a_message_of_a_later_version_is_no_unasked_reply() -> None:
-    assert breaches(msg(*GREETING, server({"type": "telemetry", "seq": 1}))) == {}
+    assert breaches(msg(*GREETING, server({"type": "weather", "seq": 1}))) == {}
 
 
 def test_an_error_in_answer_to_a_pose_is_no_reply_to_it() -> None:

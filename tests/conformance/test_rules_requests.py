@@ -18,6 +18,7 @@ from tests.conformance.talk import (
     check,
     client,
     first_breach,
+    greeting,
     hello,
     server,
     talk,
@@ -35,12 +36,26 @@ def asks_size(*after: Step) -> list[Entry]:
     return talk("msg", client(ASK_SIZE), server(UNKNOWN_YET), *after)
 
 
+def agreed(message: dict, capabilities: tuple[str, ...]) -> list[Entry]:
+    return talk("msg", *greeting(*capabilities), client(message))
+
+
 KEPT = asks(ASK_SIZE, ASK_CAMERA)
+RESIZE = {"type": "set_viewport", "width": 640, "height": 480}
+PING = {"type": "ping", "t": -12.5}
+KEPT_1_1 = talk(
+    "msg",
+    *greeting("scene", "viewport", "ping"),
+    *map(client, ({"type": "get_scene"}, RESIZE, PING)),
+)
 
 CASES = [
     Case("REQ-1", "client", KEPT, asks({"type": "getViewportSize"})),
     Case("REQ-2", "client", KEPT, asks(changed(ASK_CAMERA, "/cam_idx"))),
-    Case("REQ-14", "client", KEPT, asks(ASK_SIZE, {"type": "ping"})),
+    Case("SCN-1", "client", KEPT_1_1, agreed({"type": "getScene"}, ("scene",))),
+    Case("VPT-1", "client", KEPT_1_1, agreed(changed(RESIZE, "/width"), ("viewport",))),
+    Case("PNG-1", "client", KEPT_1_1, agreed(changed(PING, "/t"), ("ping",))),
+    Case("REQ-14", "client", KEPT, asks(ASK_SIZE, {"type": "weather"})),
     Case(
         "REQ-12",
         "client",
@@ -89,8 +104,8 @@ def test_a_type_that_nothing_defines_breaks_req_14(message: dict) -> None:
 def test_types_of_a_version_unknown_to_the_harness_are_not_judged() -> None:
     future = {**hello(), "versions": ["2.0", "1.1"]}
     greeted = talk("msg", client(future), server({**welcome(), "version": "2.0"}))
-    assert breaches([*greeted, *talk("msg", client({"type": "ping"}), start=2.0)[1:]]) == {}
-    strict = talk("msg", *GREETING, client({"type": "ping"}))
+    assert breaches([*greeted, *talk("msg", client({"type": "weather"}), start=2.0)[1:]]) == {}
+    strict = talk("msg", *GREETING, client({"type": "weather"}))
     assert breaches(strict) == {("client", "REQ-14"): 1}
 
 
@@ -103,3 +118,24 @@ def test_a_client_whose_reply_came_late_or_spoiled_is_not_blamed_for_the_rest() 
     assert breaches(spoiled) == {("server", "JSN-1"): 1}
     pipelined = talk("msg", client(ASK_SIZE), client(ASK_CAMERA), server(SIZE), server(CAMERA))
     assert breaches(pipelined) == {}
+
+
+@pytest.mark.parametrize("side", ["width", "height"])
+@pytest.mark.parametrize("value", [..., 0, -1, 32769, 640.5, None, [640]])
+def test_vpt_1_wants_two_integers_of_a_size(side: str, value: object) -> None:
+    broken = agreed(changed(RESIZE, f"/{side}", value), ("viewport",))
+    assert breaches(broken) == {("client", "VPT-1"): 1}
+    assert first_breach(broken).pointer == f"/{side}"
+
+
+@pytest.mark.parametrize("value", [None, True, "noon", {}])
+def test_png_1_wants_a_number(value: object) -> None:
+    assert breaches(agreed(changed(PING, "/t", value), ("ping",))) == {("client", "PNG-1"): 1}
+
+
+def test_a_fraction_of_zero_is_an_integer() -> None:
+    assert breaches(agreed(changed(RESIZE, "/width", 640.0), ("viewport",))) == {}
+
+
+def test_before_hello_requests_of_1_1_are_none() -> None:
+    assert ("client", "PNG-1") not in breaches(asks({"type": "ping"}))

@@ -12,6 +12,8 @@ from tests.conformance.talk import (
     GREETING,
     HOST_INIT,
     INIT,
+    POSE,
+    SIZE,
     Case,
     Step,
     breaches,
@@ -65,6 +67,13 @@ CASES = [
     Case("NEG-23", "server", answers(BUSY), answers(error("teapot"))),
     Case("NEG-25", "server", answers(FULL), answers(FULL, BUSY)),
 ]
+
+
+def test_with_a_welcome_to_1_0_nothing_of_1_1_is_agreed() -> None:
+    greeted = (client(hello()), server({**welcome(), "version": "1.0"}))
+    assert breaches(talk("msg", *greeted, client(ASK_SIZE), server(SIZE))) == {}
+    tagged = talk("msg", *greeted, client({**POSE, "tag": "a"}))
+    assert breaches(tagged) == {("client", "NEG-5"): 1}
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.requirement)

@@ -4,6 +4,8 @@ import math
 
 import pytest
 from splatbus_conformance.values import (
+    as_double,
+    ascending,
     integer_in,
     is_handle,
     is_number,
@@ -93,3 +95,19 @@ def test_values_are_shown_as_json_and_cut() -> None:
     assert show("\ud800") == '"\\ud800"'
     assert show(math.nan) == "NaN"
     assert len(show("x" * 10_000)) < 100
+
+
+def test_numbers_that_ascend() -> None:
+    assert ascending([1, 1, 2], 3)
+    assert ascending([1, 2], 2, 4, strictly=True)
+    assert ascending([math.inf, 1], 2)
+    assert not ascending([1, 1], 2, strictly=True)
+    assert not ascending([2, 1], 2)
+    assert not ascending([1], 2, 4)
+    assert not ascending([1, "2"], 2)
+    assert not ascending("12", 2)
+
+
+def test_a_number_beyond_double_precision_is_infinite() -> None:
+    assert as_double(-(10**400)) == -math.inf
+    assert as_double(3) == 3.0

@@ -22,9 +22,11 @@ def test_names_are_those_of_the_messages_of_a_version() -> None:
     poses = ["camera_pose", "point_cloud_pose"]
     replies = ["camera_pose_reply", "viewport_size_reply"]
     assert names("1.0") == sorted(["init_packet", *poses, *requests, *replies])
-    new = "hello welcome error opened open_failed closed frame release subscribe"
-    typed_replies = ["camera", "viewport_size"]
-    assert names("1.1") == sorted(["init_packet", *poses, *requests, *typed_replies, *new.split()])
+    of_images = "hello welcome error opened open_failed closed frame release subscribe"
+    of_scenes = "object_pose set_time get_scene set_viewport ping subscribe_telemetry telemetry"
+    typed_replies = "camera viewport_size scene pong"
+    new = f"{of_images} {of_scenes} {typed_replies}".split()
+    assert names("1.1") == sorted(["init_packet", *poses, *requests, *new])
 
 
 def test_names_of_no_version_are_those_of_the_data_files() -> None:

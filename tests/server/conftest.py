@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import splatbus_server
 
+from tests.server.stage import Stage
+
 CAMERAS = [
     splatbus_server.Pose((float(index), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)
 ]
@@ -35,3 +37,13 @@ def bus() -> Iterator[splatbus_server.Bus]:
         stop.set()
         renderer.join(10)
     assert not renderer.is_alive()
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    """A session without sockets."""
+    stage = Stage()
+    yield stage
+    stage.do_chores()
+    for memory in (*stage.exchange.replaced, stage.exchange.memory):
+        memory.close()

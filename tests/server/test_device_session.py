@@ -6,18 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 from splatbus_server.connection import Connection, Terms
-from splatbus_server.control import Poses
-from splatbus_server.exchange import BOTH, WITH_LEGACY, Exchange
+from splatbus_server.exchange import BOTH, WITH_LEGACY
 from splatbus_server.memory import Memory
-from splatbus_server.session import Session
-from splatbus_server.statistics import Statistics
-from splatbus_server.view import field_of_view
 from splatbus_wire.init_packet import CudaMemory, LegacyBuffers, Semantics
 from splatbus_wire.messages import Program
-from splatbus_wire.poses import IDENTITY
 
 from tests.server.raw_client import hello
-from tests.server.test_session import CAMERAS, READERS, TERMS, Client, Stage
+from tests.server.stage import READERS, TERMS, Client, Stage
 
 CAPABILITIES = ("cuda_ipc", "frames", "reinit", "subscribe")
 HANDLE = bytes(64)
@@ -44,10 +39,7 @@ class DeviceMemory(Memory):
 
 class DeviceStage(Stage):
     def __init__(self) -> None:
-        self.memory = DeviceMemory(4, 2, READERS, Semantics())
-        self.statistics = Statistics()
-        self.exchange = Exchange(self.memory, field_of_view(4, 2), Poses(IDENTITY), self.statistics)
-        self.session = Session(self.exchange, CAMERAS, READERS, self.statistics)
+        super().__init__(DeviceMemory(4, 2, READERS, Semantics()))
 
     def arrive(self, token: str | None = None) -> Client:
         """A connection that has said nothing yet, as the service takes it."""
@@ -55,7 +47,7 @@ class DeviceStage(Stage):
         client = Client(self, Connection("ipc", terms, 0.0))
         if token is None:
             self.session.join(client.connection)
-        self.session.catch_up(0.0)
+        self.catch_up()
         return client
 
     def reader(self, *capabilities: str) -> Client:

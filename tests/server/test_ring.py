@@ -13,7 +13,8 @@ class Slots(RuleBasedStateMachine):
     @initialize(clients=st.integers(0, 4), last_seq=st.sampled_from([0, 41]))
     def begin(self, clients, last_seq):
         self.clients = clients
-        self.ring = Ring(clients, last_seq)
+        self.ring = Ring(clients)
+        self.ring.last_seq = last_seq
         self.memory = [None] * self.ring.slots
         self.published = last_seq
         self.held = {}

@@ -1,113 +1,12 @@
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from splatbus_server.connection import Connection, Refusal, Terms
-from splatbus_server.control import Poses
-from splatbus_server.exchange import Exchange
-from splatbus_server.memory import Memory
-from splatbus_server.session import CAPABILITIES, Session
-from splatbus_server.statistics import Statistics
-from splatbus_server.view import View, field_of_view
-from splatbus_wire.init_packet import Semantics
-from splatbus_wire.messages import Program
-from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_server.connection import Connection
 
-from tests.server.raw_client import camera_pose, hello, packet
-
-TERMS = Terms(Program("s", "1"), {"ipc": CAPABILITIES, "message": ()})
-READERS = 2
-
-
-class Stage:
-    """A session and its renderer, without sockets and threads."""
-
-    def __init__(self) -> None:
-        self.memory = Memory(4, 2, READERS, Semantics())
-        self.statistics = Statistics()
-        self.exchange = Exchange(self.memory, field_of_view(4, 2), Poses(IDENTITY), self.statistics)
-        self.session = Session(self.exchange, CAMERAS, READERS, self.statistics)
-
-    def connect(self, *capabilities: str, **other: Any) -> Client:
-        client = Client(self, Connection("ipc", TERMS, 0.0))
-        client.say(hello(*(capabilities or CAPABILITIES), **other))
-        return client
-
-    def reader(self, *capabilities: str) -> Client:
-        """A client that has opened the memory."""
-        client = self.connect(*capabilities)
-        client.say({"type": "opened", "generation": self.exchange.memory.generation})
-        client.hear()
-        return client
-
-    def view(self) -> View | None:
-        return self.exchange.next_view(0, False)
-
-    def publish(self, view: View | None = None) -> None:
-        view = view or self.view()
-        assert view is not None
-        self.exchange.publish(view, 0.0, lambda slot: None)
-        self.session.catch_up(0.0)
-
-    def resize(self, width: int, height: int) -> Memory:
-        self.exchange.replace(
-            self.exchange.memory.successor(width, height), field_of_view(width, height)
-        )
-        self.session.catch_up(0.0)
-        return self.exchange.memory
-
-
-class Client:
-    def __init__(self, stage: Stage, connection: Connection) -> None:
-        self.stage = stage
-        self.connection = connection
-
-    def say(self, *messages: Any) -> list[Refusal]:
-        """Sends; returns what was refused."""
-        refused = []
-        self.connection.receive(b"".join(map(packet, messages)), 0.0)
-        while (event := self.connection.next_event(0.0)) is not None:
-            if not isinstance(event, Refusal):
-                event = self.stage.session.handle(self.connection, event, 0.0)
-            if event is not None:
-                refused.append(event)
-        self.stage.session.catch_up(0.0)
-        return refused
-
-    def hear(self) -> list[dict[str, Any]]:
-        messages, data = [], bytes(self.connection.unsent)
-        self.connection.sent(len(data), 0.0)
-        while data:
-            end = 4 + int.from_bytes(data[:4], "little")
-            messages.append(json.loads(data[4:end]))
-            data = data[end:]
-        return messages
-
-    def frame(self) -> dict[str, Any]:
-        (frame,) = self.hear()
-        assert frame["type"] == "frame"
-        return frame
-
-    def release(self, frame: dict[str, Any]) -> list[Refusal]:
-        return self.say({"type": "release", "generation": frame["generation"], "seq": frame["seq"]})
-
-    def leave(self) -> None:
-        self.stage.session.leave(self.connection)
-        self.stage.session.catch_up(0.0)
-
-
-CAMERAS = [Pose((float(index), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)]
-
-
-@pytest.fixture
-def stage() -> Iterator[Stage]:
-    stage = Stage()
-    yield stage
-    for memory in (*stage.exchange.replaced, stage.exchange.memory):
-        memory.close()
+from tests.server.raw_client import camera_pose, hello
+from tests.server.stage import READERS, TERMS, Client, Stage
 
 
 def test_a_reader_is_sent_each_image_once_and_one_at_a_time(stage: Stage) -> None:

@@ -8,6 +8,7 @@ import splatbus_server
 from splatbus_server import Semantics
 from splatbus_server.control import Poses
 from splatbus_server.view import Intrinsics, View, field_of_view
+from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.server.raw_client import Reader
@@ -21,7 +22,8 @@ FAR = (6e5, -6.4e5, 4.8e5)
 def view(
     camera: Pose, points: Pose = IDENTITY, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> View:
-    poses, size = Poses(camera, points), (1920, 1080)
+    poses = Poses(camera, {"default": Placement("default", points)})
+    size = (1920, 1080)
     return View(poses, field_of_view(*size), *size, frozenset(("color",)), 1, origin)
 
 

@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 import pytest
-from splatbus_schemas import FRAMING, VERSIONS, names, prose, schema
+from splatbus_schemas import FRAMING, VERSIONS, names, prose, requirements, schema
 from splatbus_schemas.validation import violations
 
 EXAMPLES = [(version, example) for version in VERSIONS for example in prose.examples(version)]
@@ -52,8 +52,27 @@ def test_no_example_lacks_its_other_form(version: str) -> None:
     assert len(set(shown)) == len(shown)
 
 
-def test_every_message_of_1_0_is_shown() -> None:
-    assert {message_of(e, "1.0") for e in prose.examples("1.0")} == set(names("1.0"))
+def test_every_message_is_shown() -> None:
+    shown = {
+        version: {message_of(e, version) for e in prose.examples(version)} for version in VERSIONS
+    }
+    assert shown["1.0"] == set(names("1.0"))
+    assert set(names("1.1")) - shown["1.1"] == {"get_viewport_size", "point_cloud_pose"}
+
+
+def test_the_table_of_channels_lists_every_message() -> None:
+    text = (prose.CHECKOUT / "spec/1.1/README.md").read_text("utf-8")
+    rows = re.findall(r"^\| (?:IPC|message) \| (.*) \| (.*) \| .* \|$", text, re.M)
+    assert len(rows) == len(FRAMING["channels"])
+    listed = {name for row in rows for cell in row for name in re.findall(r"`(\w+)`", cell)}
+    assert listed | {"init_packet"} == set(names("1.1"))
+
+
+def test_replies_have_the_types_that_the_prose_lists() -> None:
+    replies = ["viewport_size", "camera", "scene", "pong"]
+    assert [schema(name, "1.1")["properties"]["type"]["const"] for name in replies] == replies
+    listed = re.findall(r'`"(\w+)"`', requirements("1.1")["NEG-28"].sentence)
+    assert listed == replies
 
 
 def test_the_codes_of_error_are_those_of_the_table() -> None:

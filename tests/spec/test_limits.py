@@ -1,6 +1,7 @@
 """Every number that the prose quotes is the one in limits.json."""
 
 import re
+from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
@@ -31,14 +32,19 @@ QUOTATIONS = {
     ("max_safe_integer", "MEM-2"): "| `bytes` | integer, 1…{} |",
     ("max_safe_integer", "MEM-8"): "integer, 0…{}, multiple of 16",
     ("max_safe_integer", "IMG-1"): "| `seq` | integer, 0…{} |",
+    ("max_safe_integer", "SCN-2"): "| `cameras` | integer, 0…{} |",
+    ("max_safe_integer", "TEL-2"): "| `seq` | integer, 0…{} |",
     ("reconnect_min_seconds", "CHN-21"): "at least {} between",
     ("reconnect_max_seconds", "CHN-22"): "at most {} between",
     ("reply_seconds", "CHN-15"): "at most {},",
     ("ask_again_min_seconds", "REQ-12"): "no sooner than {} later",
     ("max_image_size", "INI-2"): "from 1 to {}",
     ("max_image_size", "REQ-3"): "from 0 to {}",
+    ("max_image_size", "CAM-4"): "| `width`, `height` | integers, 1…{} |",
+    ("max_image_size", "VPT-1"): "from 1 to {}",
     ("handle_bytes", "INI-7"): "each be {} in base64",
     ("max_position", "POS-2"): "at most {}",
+    ("max_position", "CAM-4"): "at most {}, and",
     ("rotation_norm_tolerance", "POS-3"): "by at most {}",
     ("legacy_empty_depth", "BUF-7"): "exactly {}",
     ("covered_alpha_min", "ACC-9"): "A ≥ {},",
@@ -54,6 +60,18 @@ QUOTATIONS = {
     ("max_shm_name_chars", "MEM-7"): "1 to {} from",
     ("max_slots", "MEM-8"): "| `slots` | integer, 1…{} |",
     ("frame_seconds", "IMG-11"): "within {}",
+    ("max_tag_chars", "CAM-1"): "1 to {}",
+    ("min_normal_single", "CAM-4"): "at least {}",
+    ("min_scale", "OBJ-1"): "number from {} to",
+    ("max_scale", "OBJ-1"): "to {}, optional",
+    ("max_objects", "SCN-2"): "array of at most {} objects",
+    ("reinit_seconds", "VPT-5"): "within {} on",
+    ("free_seconds", "VPT-7"): "within {} once",
+    ("let_go_seconds", "VPT-8"): "opened {} after",
+    ("max_series", "TEL-1"): "array of at most {} different",
+    ("max_series", "TEL-2"): "array of 1 to {} objects",
+    ("max_edges", "TEL-2"): "array of 2 to {} ascending",
+    ("max_text_chars", "TEL-2"): "a string of at most {} for a text",
 }
 # Numbers with a unit that are no limits.
 OTHER_NUMBERS = {"FRM-3": {"0 bytes"}, "INI-7": {"88 characters"}}
@@ -72,6 +90,8 @@ def spelled(name: str) -> str:
         return f"{value * 1000:g} milliseconds"
     if unit in ("seconds", "bytes", "characters") and value > 1:
         return f"{value:,} {unit}"
+    if isinstance(value, float) and 1e-6 <= value < 1:
+        return f"{Decimal(str(value)):f}"
     return str(value).replace("e+", "e") if isinstance(value, float) else f"{value:,}"
 
 

@@ -93,4 +93,6 @@ def test_the_table_of_contents_lists_the_subjects_of_a_chapter(version: str) -> 
 def test_chapters_are_numbered_as_their_files(version: str) -> None:
     for path in chapters(version):
         if path.name != "README.md":
-            assert headings(path)[0].startswith(f"{int(path.name[:2])}. "), page(path)
+            first, second, *_ = path.stem.split("-")
+            number = f"Annex {second.upper()}" if first == "annex" else int(first)
+            assert headings(path)[0].startswith(f"{number}. "), page(path)

@@ -14,6 +14,7 @@ from splatbus_wire.init_packet import (
     host_ring,
 )
 from splatbus_wire.messages import (
+    Box,
     CameraPose,
     CameraReply,
     Closed,
@@ -21,15 +22,30 @@ from splatbus_wire.messages import (
     Frame,
     FrameCamera,
     GetCameraPose,
+    GetScene,
     GetViewportSize,
     Hello,
+    Histogram,
+    Intrinsics,
+    ObjectPose,
     Opened,
     OpenFailed,
+    Ping,
+    Placement,
     PointCloudPose,
+    Pong,
     Pose,
     Program,
     Release,
+    Scalar,
+    Scene,
+    SceneObject,
+    SetTime,
+    SetViewport,
     Subscribe,
+    SubscribeTelemetry,
+    Telemetry,
+    Text,
     ViewportSize,
     Welcome,
 )
@@ -41,7 +57,7 @@ FARTHEST = LIMITS["max_position"]
 CODES = (
     "malformed_packet packet_too_large unsupported_version unauthorized too_many_clients"
     " malformed_json not_an_object unknown_type invalid_message invalid_rotation invalid_number"
-    " unsupported busy internal"
+    " unsupported unknown_object busy internal"
 ).split()
 
 
@@ -70,13 +86,90 @@ poses = st.builds(
     quaternions() | st.sampled_from([(0.0, 0.0, 0.0, 0.9901), (0.0, -1.0099, 0.0, 0.0)]),
 )
 
-pose_messages = st.builds(CameraPose, poses, timestamps) | st.builds(
+
+def planes(number: st.SearchStrategy[float]) -> st.SearchStrategy[list[float]]:
+    """Clipping planes, near and far."""
+    return st.lists(number, min_size=2, max_size=2, unique=True).map(sorted)
+
+
+lengths = st.floats(LIMITS["min_lens"], LIMITS["max_lens"])
+principal_points = st.floats(-LIMITS["max_lens"], LIMITS["max_lens"])
+tags = st.none() | text(1, LIMITS["max_tag_chars"])
+intrinsics = st.builds(
+    lambda near_and_far, *others: Intrinsics(*others, *near_and_far),
+    planes(lengths),
+    *(lengths, lengths, principal_points, principal_points, sizes(1), sizes(1)),
+)
+labels = text(1, LIMITS["max_name_chars"])
+scales = st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
+
+poses_of_1_0 = st.builds(CameraPose, poses, timestamps, st.none(), st.none()) | st.builds(
     PointCloudPose, poses, timestamps
 )
-requests = st.builds(GetViewportSize, ids, timestamps) | st.builds(
+steerings = (
+    st.builds(CameraPose, poses, timestamps, tags, st.none() | intrinsics)
+    | st.builds(PointCloudPose, poses, timestamps)
+    | st.builds(ObjectPose, labels, poses, scales, timestamps)
+    | st.builds(SetTime, floats)
+)
+requests_of_1_0 = st.builds(GetViewportSize, ids, timestamps) | st.builds(
     GetCameraPose, st.integers(-MAX_INTEGER, MAX_INTEGER), ids, timestamps
 )
-replies = st.builds(ViewportSize, sizes(0), sizes(0), ids) | st.builds(CameraReply, poses, ids)
+requests = (
+    requests_of_1_0
+    | st.builds(GetScene, ids)
+    | st.builds(SetViewport, sizes(1), sizes(1), ids)
+    | st.builds(Ping, floats, ids)
+)
+
+vectors = st.tuples(floats, floats, floats)
+boxes = st.tuples(vectors, vectors).map(
+    lambda pair: Box(*(tuple(map(end, *pair)) for end in (min, max)))
+)
+scenes = st.builds(
+    Scene,
+    st.lists(
+        st.builds(SceneObject, labels, names, seqs, st.none() | boxes),
+        unique_by=lambda each: each.id,
+        max_size=5,
+    ).map(tuple),
+    st.none() | st.tuples(floats, floats).map(sorted).map(tuple),
+    seqs,
+    vectors,
+    ids,
+)
+replies_of_1_0 = st.builds(ViewportSize, sizes(0), sizes(0), ids) | st.builds(
+    CameraReply, poses, ids, st.none()
+)
+replies = (
+    st.builds(ViewportSize, sizes(0), sizes(0), ids)
+    | st.builds(CameraReply, poses, ids, st.none() | intrinsics)
+    | scenes
+    | st.builds(Pong, floats, floats, ids)
+)
+
+histograms = st.lists(floats, min_size=2, max_size=6, unique=True).flatmap(
+    lambda edges: st.builds(
+        Histogram,
+        labels,
+        st.just(tuple(sorted(edges))),
+        st.tuples(*[seqs] * (len(edges) - 1)),
+    )
+)
+series = (
+    st.builds(Scalar, labels, floats, st.none() | names)
+    | histograms
+    | st.builds(Text, labels, text(0, 80))
+)
+telemetries = st.builds(
+    Telemetry,
+    seqs,
+    floats,
+    st.lists(series, min_size=1, max_size=5, unique_by=lambda each: each.name).map(tuple),
+)
+subscriptions = st.builds(
+    SubscribeTelemetry, st.none() | st.frozensets(labels, max_size=LIMITS["max_series"])
+)
 hellos = st.builds(
     Hello,
     st.lists(versions, min_size=1, max_size=LIMITS["max_versions"]).map(tuple),
@@ -107,11 +200,15 @@ ipc_replies = (
     | st.builds(Release, generations, seqs)
     | st.builds(Subscribe, st.sampled_from([{"color"}, {"depth"}, {"color", "depth"}]))
 )
-planes = st.tuples(positive, positive).filter(lambda pair: pair[0] != pair[1]).map(sorted)
 frame_cameras = st.builds(
-    lambda near_and_far, *others: FrameCamera(*others, *near_and_far),
-    planes, poses, positive, positive, floats, floats, sizes(1), sizes(1),
-)  # fmt: skip
+    lambda near_and_far, tag, *others: FrameCamera(*others, *near_and_far, tag),
+    planes(positive),
+    tags,
+    *(poses, positive, positive, floats, floats, sizes(1), sizes(1)),
+)
+placements = st.lists(
+    st.builds(Placement, labels, poses, positive), max_size=3, unique_by=lambda each: each.object
+).map(tuple)
 frames = st.builds(
     Frame,
     generations,
@@ -120,6 +217,7 @@ frames = st.builds(
     frame_cameras,
     floats,
     floats,
+    placements,
 )
 
 handles = st.binary(min_size=LIMITS["handle_bytes"], max_size=LIMITS["handle_bytes"])
@@ -140,7 +238,7 @@ semantics = st.builds(
     st.sampled_from(["harmonic", "expected", "median"]),
     st.just(math.inf) | floats,
     st.none() | positive,
-    st.tuples(floats, floats, floats),
+    vectors,
 )
 shm_names = st.from_regex(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}", fullmatch=True)
 uuids = st.uuids().map("GPU-{}".format)

@@ -38,7 +38,7 @@ def test_a_reply_to_another_request_is_refused():
         assert (error.requirement, error.pointer) == ("NEG-28", "/id")
 
 
-@pytest.mark.parametrize("kind", ["scene", 1, None, []])
+@pytest.mark.parametrize("kind", ["world", 1, None, []])
 def test_an_unknown_type_from_a_server_is_unknown(kind):
     reply = payload({"type": kind, "viewport_size": [64, 48]})
     error = refusal(decode_from_server_message, reply, GetViewportSize())

@@ -3,30 +3,44 @@ import json
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.fields import Field, object_pose
+from splatbus_wire.fields import Field
+from splatbus_wire.from_client import on_message_channel
 from splatbus_wire.json_text import parse_object
-from splatbus_wire.messages import CameraPose, PointCloudPose, Pose, message_object
+from splatbus_wire.messages import (
+    CameraPose,
+    PointCloudPose,
+    Pose,
+    decode_from_client,
+    message_object,
+)
 from splatbus_wire.plain_poses import plain_pose
 
 from tests.wire import strategies
-
-TYPES = {"camera_pose": CameraPose, "point_cloud_pose": PointCloudPose}
 
 
 def careful_pose(payload: bytes) -> CameraPose | PointCloudPose | None:
     """What the careful way makes of a payload, None if it refuses."""
     try:
-        message = Field(parse_object(payload), "", "POS-1")
-        pose = object_pose(message)
-        timestamp = message.optional("timestamp")
-        seconds = None if timestamp is None else timestamp.number()
-        return TYPES[message.member("type").one_of(TYPES)](pose, seconds)
+        message = Field(parse_object(payload), "", "")
+        found = on_message_channel(message.member("type").value, message)
     except ProtocolError:
         return None
+    return found if isinstance(found, CameraPose | PointCloudPose) else None
 
 
-@given(strategies.pose_messages, st.sampled_from([(",", ":"), (", ", ": "), ("\n,\t", " :\r\n")]))
+plain_tags = st.none() | st.text(
+    st.characters(min_codepoint=32, max_codepoint=126, exclude_characters='"\\'),
+    min_size=1,
+    max_size=LIMITS["max_tag_chars"],
+)
+plain_poses = st.builds(
+    CameraPose, strategies.poses, strategies.timestamps, plain_tags, st.none()
+) | st.builds(PointCloudPose, strategies.poses, strategies.timestamps)
+
+
+@given(plain_poses, st.sampled_from([(",", ":"), (", ", ": "), ("\n,\t", " :\r\n")]))
 def test_every_spacing_of_a_plain_pose_is_taken(message, separators):
     payload = json.dumps(message_object(message), separators=separators).encode()
     assert plain_pose(payload) == message == careful_pose(payload)
@@ -49,6 +63,12 @@ def test_what_deployed_clients_send_is_plain(payload):
     assert found is not None
     assert found.pose.position == (1.0, 0.0, 5.5)
     assert {type(number) for vector in found.pose for number in vector} == {float}
+
+
+@given(strategies.steerings)
+def test_the_short_way_agrees_with_the_careful_way_or_leaves_it_the_message(message):
+    payload = json.dumps(message_object(message), ensure_ascii=False).encode()
+    assert plain_pose(payload) in (None, careful_pose(payload))
 
 
 PLAIN = (
@@ -102,10 +122,48 @@ def test_what_is_wrong_is_not_plain(old, new):
     assert careful_pose(damaged) is None
 
 
+def with_tag(tag: bytes, payload: bytes = PLAIN) -> bytes:
+    return payload[:-1] + b',"tag":' + tag + b"}"
+
+
+def test_a_tag_is_taken_and_before_hello_is_none():
+    tagged = with_tag(b'"7c1f-41"')
+    found = plain_pose(tagged)
+    assert isinstance(found, CameraPose)
+    assert found.tag == "7c1f-41"
+    assert decode_from_client(tagged, "message", said_hello=True) == found
+    untagged = decode_from_client(tagged, "message", said_hello=False)
+    assert untagged == found._replace(tag=None) == plain_pose(PLAIN)
+
+
+def test_a_tag_of_the_gaussians_has_no_meaning():
+    gaussians = PLAIN.replace(b"camera_pose", b"point_cloud_pose")
+    tagged = with_tag(b'"7c1f-41"', gaussians)
+    assert plain_pose(tagged) == plain_pose(gaussians) == careful_pose(tagged)
+
+
+@pytest.mark.parametrize(
+    "tag",
+    [b'""', b'"' + 65 * b"t" + b'"', b'"a\tb"', b'"\\"', b'"\xc3\xbc"', b"41", b"null", b'"a'],
+)
+def test_any_other_tag_is_left_to_the_careful_way(tag):
+    tagged = with_tag(tag)
+    assert plain_pose(tagged) is None
+
+
+@pytest.mark.parametrize("tag", [b'""', b'"' + 65 * b"t" + b'"', b"41", b"null"])
+def test_a_bad_tag_is_refused_after_hello_and_ignored_before(tag):
+    tagged = with_tag(tag)
+    assert careful_pose(tagged) is None
+    assert decode_from_client(tagged, "message", said_hello=False) == plain_pose(PLAIN)
+
+
 @st.composite
 def edited(draw: st.DrawFn) -> bytes:
     """A plain pose with a few of its bytes cut, doubled, or replaced."""
-    payload = draw(st.sampled_from([PLAIN, PLAIN.replace(b'"timestamp":1.5,', b"")]))
+    payload = draw(
+        st.sampled_from([PLAIN, PLAIN.replace(b'"timestamp":1.5,', b""), with_tag(b'"7c1f-41"')])
+    )
     for _ in range(draw(st.integers(1, 3))):
         start = draw(st.integers(0, len(payload)))
         end = start + draw(st.integers(0, 12))

@@ -24,11 +24,11 @@ class Check:
     """What of the requirement can be seen from outside."""
     needs: tuple[str, ...]
     """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
-    `poses`, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter
-    beside it, `adapter:pixels`, and its engine, `axes:unity`; or `device`, that there is a GPU or
-    the stand-in CUDA runtime to show it memory of; or `stand-in`, that its calls are seen there. Of
-    a server: `opens`, `frames`, `cuda`, `pixels`, that its images can be read here, and `scene`,
-    that they are of the scene of `conformance/SCENE.md`."""
+    `poses`, `says:TYPE` of a message, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a
+    command of the adapter beside it, `adapter:pixels`, and its engine, `axes:unity`; or `device`,
+    that there is a GPU or the stand-in CUDA runtime to show it memory of; or `stand-in`, that its
+    calls are seen there. Of a server: `opens`, `frames`, `cuda`, `pixels`, that its images can be
+    read here, and `scene`, that they are of the scene of `conformance/SCENE.md`."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str

@@ -98,23 +98,28 @@ def judged(
 def all_rules() -> tuple[Rule, ...]:
     """Every rule, in the order of the specification's chapters."""
     from splatbus_conformance.rules import (
+        cameras,
         channels,
         frames,
         framing,
         init_packets,
         memory,
         negotiation,
+        objects,
         opening,
         poses,
         replies,
+        replies_1_1,
         requests,
+        telemetry,
         text,
         welcome,
     )
 
     modules = (
         *(framing, text, channels, init_packets, poses, requests, replies),
-        *(negotiation, welcome, memory, opening, frames),
+        *(negotiation, welcome, memory, opening, frames, cameras, objects, replies_1_1),
+        telemetry,
     )
     return tuple(rule for module in modules for rule in module.RULES)
 

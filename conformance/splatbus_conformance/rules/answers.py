@@ -12,12 +12,23 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
+from splatbus_schemas import LIMITS
+
 from splatbus_conformance.conversation import Conversation, Message, placed
-from splatbus_conformance.kinds import REPLIES, REQUESTS
+from splatbus_conformance.kinds import REPLIES, REPLY_TO, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.rules import Judgement
+from splatbus_conformance.rules.poses import typed
 from splatbus_conformance.values import SAFE, integer_in, is_number, show, whole
 
-REPLY_TO = dict(zip(REQUESTS, REPLIES, strict=True))
+ASKED_BY = {
+    "get_viewport_size": "REQ-1",
+    "get_camera_pose": "REQ-2",
+    "get_scene": "SCN-1",
+    "set_viewport": "VPT-1",
+    "ping": "PNG-1",
+}
+"""The requirement on the form of each request."""
+MAX_SIZE: int = LIMITS["max_image_size"]
 Id = int | str | None
 ANY = "any"
 
@@ -32,6 +43,8 @@ class Pair(NamedTuple):
     asked_after_hello: bool
     welcomed: bool
     """The answer came after `welcome`."""
+    certain: bool
+    """The request breaks nothing."""
 
 
 class Extra(NamedTuple):
@@ -111,24 +124,27 @@ class _Queue:
 
 
 def request(message: Message) -> Iterator[Judgement]:
-    """What a request shows of REQ-1 and REQ-2."""
+    """What a request shows of the requirement on its form."""
     value = message.value or {}
-    requirement = "REQ-1" if message.kind == "get_viewport_size" else "REQ-2"
-    wrong = None
-    if message.type not in REQUESTS:
-        kind = show(value["type"]) if "type" in value else "missing"
-        wrong = f"type is {kind} in what is else a request"
-    yield Judgement(requirement, wrong, "/type")
+    requirement = ASKED_BY[str(message.kind)]
+    yield from typed(value, REQUESTS, requirement, "a request")
+    numbers: dict[str, tuple[int, int]] = {}
     if message.kind == "get_camera_pose":
-        index = value.get("cam_idx")
-        text = f"cam_idx is {show(index)}, no integer from {-SAFE} to {SAFE}"
-        if "cam_idx" not in value:
-            text = "cam_idx is missing"
-        yield Judgement("REQ-2", None if integer_in(index, -SAFE) else text, "/cam_idx")
+        numbers = {"cam_idx": (-SAFE, SAFE)}
+    elif message.kind == "set_viewport":
+        numbers = dict.fromkeys(("width", "height"), (1, MAX_SIZE))
+    elif message.kind == "ping" and not is_number(value.get("t")):
+        has = show(value["t"]) if "t" in value else "missing"
+        yield Judgement(requirement, f"t is {has}, no number", "/t")
+    for name, (low, high) in numbers.items():
+        has = show(value[name]) if name in value else "missing"
+        text = f"{name} is {has}, no integer from {low} to {high}"
+        fits = integer_in(value.get(name), low, high)
+        yield Judgement(requirement, None if fits else text, f"/{name}")
 
 
 def valid_request(message: Message) -> bool:
-    """A request that breaks neither REQ-1, REQ-2 nor a rule of its text."""
+    """A request that breaks neither the requirement on its form nor a rule of its text."""
     sound = message.kind in REQUESTS and not message.faults
     return sound and all(judgement.breach is None for judgement in request(message))
 
@@ -141,12 +157,15 @@ def exchanges(conversation: Conversation) -> Exchanges:
         return found
     queue = _Queue()
     errors = 0
+    agreed = conversation.welcome is not None
     cause: Message | None = None
     for message, hello, welcome in placed(conversation):
         if message.sender == "client":
             cause = message
-            if valid_request(message):
+            known = REQUESTS_1_0 if hello is None else REQUESTS
+            if valid_request(message) and message.kind in known:
                 certain = _certain(message, after_hello=hello is not None)
+                certain = certain and (agreed or message.kind in REQUESTS_1_0)
                 queue.add(_Pending(message, certain, hello is not None))
             continue
         if message.kind == "error" and hello is None:
@@ -160,7 +179,9 @@ def exchanges(conversation: Conversation) -> Exchanges:
             queue.overtake(() if forgiven else owed)
             late = 0 if forgiven else len(owed)
             after_hello, welcomed = pending.after_hello, welcome is not None
-            found.pairs.append(Pair(pending.question, message, late, after_hello, welcomed))
+            found.pairs.append(
+                Pair(pending.question, message, late, after_hello, welcomed, pending.certain)
+            )
         elif message.kind == "error":
             errors += 1
         elif message.kind in REPLIES or message.type is None:

@@ -18,6 +18,7 @@ from splatbus_conformance.values import (
     numbers,
     positive,
     show,
+    text_of,
     unspeakable,
     whole,
 )
@@ -26,6 +27,7 @@ Json = dict[str, Any]
 Image = tuple[int | None, int | None]
 """Generation and number of an image."""
 CHANNELS = ("color", "depth")
+MAX_TAG: int = LIMITS["max_tag_chars"]
 CAMERA_NUMBERS = {"fx": True, "fy": True, "cx": False, "cy": False, "near": True, "far": True}
 """The numbers of a camera; whether they are positive."""
 
@@ -52,14 +54,22 @@ def well_formed_frame(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("IMG-2")
 def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
-    """IMG-2: a `frame` comes after `opened` for its generation and `release` of the one before."""
+    """IMG-2: a `frame` comes after `opened` for its generation and `release` of the one before.
+
+    A lease also ends with `closed` or `open_failed` for its generation (OPN-14). A frame that comes
+    later may have crossed that on its way, and lends nothing (IMG-15).
+    """
     opened: set[int | None] = set()
+    given_up: set[int | None] = set()
     lent: Image | None = None
     for message, hello, _ in placed(conversation):
         value = message.value or {}
         generation = whole(value.get("generation"))
         if message.kind == "opened":
             opened.add(generation)
+        elif message.kind in ("closed", "open_failed"):
+            given_up.add(generation)
+            lent = None if lent and lent[0] == generation else lent
         elif message.kind == "release" and lent == (generation, whole(value.get("seq"))):
             lent = None
         elif message.kind == "frame" and hello is not None:
@@ -69,7 +79,7 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
             elif lent is not None and None not in lent:
                 wrong = f"image {lent[1]} of generation {lent[0]} has not been released"
             yield about(conversation, message, "IMG-2", wrong)
-            lent = (generation, whole(value.get("seq")))
+            lent = None if generation in given_up else (generation, whole(value.get("seq")))
 
 
 @rule("IMG-23")
@@ -110,6 +120,53 @@ def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]
             yield about(conversation, message, "IMG-12", wrong)
 
 
+@rule("IMG-12")
+def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-12: what a client was lent of a generation is released before that is `closed`.
+
+    It has certainly seen the frames that came before an init packet which it has answered. One that
+    comes later may reach it when it has closed that memory, and is ignored.
+    """
+    if conversation.streams["s2c"].refused is not None:
+        return
+    slots: dict[int | None, int] = {}
+    held: set[Image] = set()
+    before: dict[int | None, set[Image]] = {}
+    seen: set[Image] = set()
+    opened: set[int | None] = set()
+    closed: set[int | None] = set()
+    for message, _, welcome in placed(conversation):
+        value = message.value or {}
+        generation = whole(value.get("generation"))
+        image = (generation, whole(value.get("seq")))
+        if message.kind == "init_packet":
+            slots[generation] = _slots(value)
+            before[generation] = set(held)
+        elif message.kind in ("opened", "open_failed"):
+            seen |= before.get(generation, set())
+            opened |= {generation} if message.kind == "opened" else set()
+        elif "frames" not in (capabilities(welcome) or ()):
+            continue
+        elif message.kind == "frame" and generation in opened - closed and None not in image:
+            if (whole(value.get("slot"), 0) or 0) < slots.get(generation, 0):
+                held.add(image)
+        elif message.kind == "release":
+            held.discard(image)
+            if generation in closed:
+                text = f"generation {generation} has been closed before"
+                yield about(conversation, message, "IMG-12", text)
+        elif message.kind == "closed":
+            left = [number for of, number in held & seen if of == generation]
+            text = f"generation {generation} is closed, and its image {left[:1]} is not released"
+            yield about(conversation, message, "IMG-12", text if left else None)
+            closed.add(generation)
+
+
+def _slots(value: Json) -> int:
+    ring = value.get("ring")
+    return (whole(ring.get("slots"), 1) or 0) if isinstance(ring, dict) else 0
+
+
 @rule("IMG-19")
 def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-19: `subscribe` names colour, depth or both."""
@@ -124,9 +181,7 @@ def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
 
 def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
     """What a `frame` shows of IMG-1, in memory that this init packet describes."""
-    ring = described.get("ring")
-    slots = whole(ring.get("slots"), 1) if isinstance(ring, dict) else None
-    most = {"slot": SAFE if slots is None else slots - 1}
+    most = {"slot": (_slots(described) or SAFE + 1) - 1}
     yield Judgement("IMG-1")
     for name in ("generation", "seq", "slot"):
         low, high = int(name == "generation"), most.get(name, SAFE)
@@ -143,6 +198,9 @@ def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
             yield Judgement("IMG-1", f"{name} is {has}, no number", f"/{name}")
     camera = value.get("camera")
     if isinstance(camera, dict):
+        tag = camera.get("tag", "none")
+        text = f"tag is {show(tag)}, no string of 1 to {MAX_TAG} characters"
+        yield Judgement("IMG-1", None if text_of(tag, 1, MAX_TAG) else text, "/camera/tag")
         yield from _camera(camera, size(described.get("meta")))
     else:
         yield Judgement("IMG-1", f"camera is {show(camera)}, no object", "/camera")
@@ -182,5 +240,6 @@ RULES: tuple[Rule, ...] = (
     lent_one_at_a_time,
     frames_are_agreed,
     one_release_for_each_frame,
+    released_before_closed,
     well_formed_subscription,
 )

@@ -1,21 +1,17 @@
 """Rules on the client's side of the negotiation (spec 1.1 chapter 2)."""
 
 from collections.abc import Iterator
-from typing import Any
-
-from splatbus_schemas import LIMITS
+from typing import NamedTuple
 
 from splatbus_conformance.conversation import Conversation, Message, placed
-from splatbus_conformance.kinds import CLIENT_1_1, REQUESTS
+from splatbus_conformance.kinds import ADDED_MEMBERS, CLIENT_1_1, NEEDS, REQUESTS
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
+from splatbus_conformance.rules.greetings import hello
 from splatbus_conformance.rules.init_packets import layout
 from splatbus_conformance.rules.memory import capabilities
 from splatbus_conformance.rules.replies import viewport_size
-from splatbus_conformance.values import MAX_CHARS, SAFE, integer_in, is_version, show, text_of
-
-Json = dict[str, Any]
-NEEDS = {"closed": "reinit", "release": "frames", "subscribe": "subscribe"}
+from splatbus_conformance.values import SAFE, integer_in, show
 
 
 @rule("NEG-1", "NEG-3")
@@ -40,10 +36,11 @@ def well_formed_hello(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("NEG-5")
 def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
-    """NEG-5: messages of 1.1 come after `welcome`, and those of a capability if it lists that.
+    """NEG-5: what 1.1 adds comes after `welcome`, and what needs a capability if it lists that.
 
-    On the IPC channel CHN-6 judges a client that never says `hello`; what a client sends although
-    its server has shown to speak 1.0 is judged by NEG-13 and NEG-14.
+    A client that never says `hello` may have members of its own, whatever their names; on the IPC
+    channel CHN-6 judges it. What a client sends although its server has shown to speak 1.0 is
+    judged by NEG-13 and NEG-14.
     """
     if _deaf(conversation):
         return
@@ -52,19 +49,18 @@ def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
     silent = conversation.hello is None
     for message, greeted, welcome in placed(conversation):
         shown = shown or message is fallback
-        if message.kind not in CLIENT_1_1 or message.kind == "hello":
+        added = _added(message, with_members=not silent)
+        if not added:
             continue
         if silent and conversation.channel == "ipc":
             return
         if welcome is None:
             if silent or (greeted is not None and not shown):
-                text = f"{message.kind} before welcome"
-                yield about(conversation, message, "NEG-5", text, "/type")
+                early = [Judgement("NEG-5", f"{a.name} before welcome", a.pointer) for a in added]
+                yield from judged(conversation, message, early)
             continue
-        granted, needed = capabilities(welcome), NEEDS.get(message.kind)
-        refused = granted is not None and needed is not None and needed not in granted
-        text = f"{message.kind} belongs to {needed}, which welcome does not list"
-        yield about(conversation, message, "NEG-5", text if refused else None, "/type")
+        granted = capabilities(welcome)
+        yield from judged(conversation, message, (_agreed(each, granted) for each in added))
 
 
 @rule("NEG-13", "NEG-14")
@@ -84,10 +80,9 @@ def falls_back(conversation: Conversation) -> Iterator[Sighting]:
     wrong: list[Message] = []
     for message in conversation.messages:
         later = later or message is fallback
-        if later and message.sender == "client" and message.value is not None:
-            of_1_1 = message.kind in CLIENT_1_1 or "id" in message.value
-            if message.kind != "hello" and (ipc or of_1_1):
-                wrong.append(message)
+        told = later and message.sender == "client" and message.value is not None
+        if told and message.kind != "hello" and (ipc or _added(message)):
+            wrong.append(message)
     for message in wrong:
         text = f"a message of type {show(message.type)} to a server that speaks 1.0"
         yield about(conversation, message, requirement, text)
@@ -107,52 +102,31 @@ def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
             yield about(conversation, message, "NEG-27", None if fits else text, "/id")
 
 
-def hello(value: Json) -> Iterator[Judgement]:
-    """What a `hello` shows of NEG-2."""
-    yield Judgement("NEG-2")
-    versions, client = value.get("versions"), value.get("client")
-    listed, token = value.get("capabilities"), value.get("token", "none")
-    if not (isinstance(versions, list) and 1 <= len(versions) <= LIMITS["max_versions"]):
-        text = f"versions is {show(versions)}, no array of 1 to {LIMITS['max_versions']} strings"
-        yield Judgement("NEG-2", text, "/versions")
-    else:
-        for i, version in enumerate(versions):
-            if not is_version(version):
-                text = f"{show(version)} is no version: two integers joined by a dot"
-                yield Judgement("NEG-2", text, f"/versions/{i}")
-    yield from named(client, "client", "NEG-2")
-    yield from listing(listed, "NEG-2")
-    if not text_of(token, 1, LIMITS["max_token_chars"]):
-        text = f"token is no string of 1 to {LIMITS['max_token_chars']} characters"
-        yield Judgement("NEG-2", text, "/token")
+class _Addition(NamedTuple):
+    """Something in a client's message that 1.1 adds, and the capability that it belongs to."""
+
+    name: str
+    pointer: str
+    needs: str | None
 
 
-def named(program: object, role: str, requirement: str) -> Iterator[Judgement]:
-    """Whether a peer names itself: an object of `name` and `version`, strings."""
-    if not isinstance(program, dict):
-        text = "is missing" if program is None else f"is {show(program)}, no object"
-        yield Judgement(requirement, f"{role} {text}", f"/{role}")
-        return
-    for member in ("name", "version"):
-        if not text_of(program.get(member), 0, MAX_CHARS):
-            has = show(program[member]) if member in program else "missing"
-            text = f"{member} is {has}, no string of up to {MAX_CHARS} characters"
-            yield Judgement(requirement, text, f"/{role}/{member}")
+def _added(message: Message, *, with_members: bool = True) -> list[_Addition]:
+    """What 1.1 adds, in a message other than `hello`."""
+    kind = str(message.kind)
+    if kind in CLIENT_1_1:
+        return [] if kind == "hello" else [_Addition(kind, "/type", NEEDS.get(kind))]
+    members = ADDED_MEMBERS.get(kind, ()) if with_members else ()
+    return [
+        _Addition(name, f"/{name}", name if name == "intrinsics" else None)
+        for name in members
+        if name in (message.value or {})
+    ]
 
 
-def listing(listed: object, requirement: str) -> Iterator[Judgement]:
-    """Whether capabilities are an array of different strings."""
-    most = LIMITS["max_capabilities"]
-    if not (isinstance(listed, list) and len(listed) <= most):
-        text = f"capabilities is {show(listed)}, no array of up to {most} strings"
-        yield Judgement(requirement, text, "/capabilities")
-        return
-    for i, capability in enumerate(listed):
-        if not text_of(capability, 0, MAX_CHARS):
-            text = f"{show(capability)} is no string of up to {MAX_CHARS} characters"
-            yield Judgement(requirement, text, f"/capabilities/{i}")
-        elif capability in listed[:i]:
-            yield Judgement(requirement, f"{show(capability)} is listed twice", "/capabilities")
+def _agreed(added: _Addition, granted: frozenset[str] | None) -> Judgement:
+    refused = granted is not None and added.needs is not None and added.needs not in granted
+    text = f"{added.name} belongs to {added.needs}, which welcome does not list"
+    return Judgement("NEG-5", text if refused else None, added.pointer)
 
 
 def _deaf(conversation: Conversation) -> bool:

@@ -1,7 +1,7 @@
 """Rules on poses (spec 1.0 section 6.1)."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from splatbus_schemas import LIMITS
@@ -12,6 +12,7 @@ from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged,
 from splatbus_conformance.values import is_number, number_in, show, unspeakable
 
 Json = dict[str, Any]
+STAMPED = (*CLIENT_1_0, "object_pose")
 MEMBERS = {"position": "xyz", "rotation": "xyzw"}
 
 
@@ -21,7 +22,7 @@ def well_formed_pose(conversation: Conversation) -> Iterator[Sighting]:
     if conversation.channel == "msg":
         for message in conversation.messages:
             if message.kind in POSES:
-                yield from judged(conversation, message, pose(message))
+                yield from judged(conversation, message, pose(message.value or {}))
 
 
 @rule("POS-8")
@@ -49,13 +50,21 @@ def timestamps_do_not_decrease(conversation: Conversation) -> Iterator[Sighting]
             before = timestamp
 
 
-def pose(message: Message) -> Iterator[Judgement]:
+def pose(value: Json) -> Iterator[Judgement]:
     """What a pose shows of POS-1 to POS-4."""
-    value = message.value or {}
-    yield Judgement("POS-1")
-    if message.type not in POSES:
-        kind = show(value["type"]) if "type" in value else "missing"
-        yield Judgement("POS-1", f"type is {kind} in what is else a pose", "/type")
+    yield from typed(value, POSES, "POS-1", "a pose")
+    yield from placement(value)
+
+
+def typed(value: Json, kinds: Collection[str], requirement: str, what: str) -> Iterator[Judgement]:
+    """Whether a message has one of these types; `what` it is else."""
+    has = show(value["type"]) if "type" in value else "missing"
+    wrong = None if value.get("type") in kinds else f"type is {has} in what is else {what}"
+    yield Judgement(requirement, wrong, "/type")
+
+
+def placement(value: Json) -> Iterator[Judgement]:
+    """What the position and rotation of a message show of POS-1 to POS-4."""
     for part in MEMBERS:
         yield from _members(value.get(part), part)
     position, rotation = value.get("position"), value.get("rotation")
@@ -107,7 +116,7 @@ def magnitudes(numbers: dict[str, Any], requirement: str) -> Iterator[Judgement]
 
 def _stamped(conversation: Conversation) -> Iterator[Message]:
     for message in conversation.messages:
-        stamped = message.kind in CLIENT_1_0 and "timestamp" in (message.value or {})
+        stamped = message.kind in STAMPED and "timestamp" in (message.value or {})
         if stamped and conversation.channel == "msg":
             yield message
 

@@ -7,15 +7,20 @@ from typing import Any, NamedTuple
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.conversation import Conversation, Message
-from splatbus_conformance.kinds import CLIENT_1_0, CLIENT_1_1, CLOSING_ERRORS, POSES, REQUESTS
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
-from splatbus_conformance.rules.answers import (
+from splatbus_conformance.kinds import (
+    CLIENT_1_0,
+    CLIENT_1_1,
+    CLOSING_ERRORS,
+    POSES,
     REPLY_TO,
-    Extra,
-    exchanges,
-    valid_request,
+    REQUESTS,
+    REQUESTS_1_0,
 )
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.answers import Extra, exchanges, valid_request
+from splatbus_conformance.rules.greetings import hello
 from splatbus_conformance.rules.init_packets import size
+from splatbus_conformance.rules.objects import STEERING
 from splatbus_conformance.rules.poses import magnitudes, pose, unit_norm
 from splatbus_conformance.values import (
     integer_in,
@@ -27,6 +32,8 @@ from splatbus_conformance.values import (
 )
 
 MAX_SIZE: int = LIMITS["max_image_size"]
+JUDGED = {**STEERING, "hello": hello}
+"""What other messages show, which a server may close on."""
 
 
 class Size(NamedTuple):
@@ -41,34 +48,35 @@ def well_formed_reply(conversation: Conversation) -> Iterator[Sighting]:
     """REQ-3, REQ-5: the members of a reply, their numbers, and the camera's rotation."""
     for question, answer, *_ in exchanges(conversation).pairs:
         if answer.value is not None and answer.kind != "error":
-            asked_size = question.kind == "get_viewport_size"
-            content = viewport_size(answer.value) if asked_size else camera(answer.value)
-            yield from judged(conversation, answer, content)
+            if question.kind == "get_viewport_size":
+                yield from judged(conversation, answer, viewport_size(answer.value))
+            elif question.kind == "get_camera_pose":
+                yield from judged(conversation, answer, camera(answer.value))
 
 
 @rule("REQ-4")
 def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
     """REQ-4: the size told is that of the init packet, or `[0,0]` while nothing was rendered.
 
-    An init packet counts from when it was sent, on whichever connection; that an image was
-    rendered shows when a `frame` is sent, on whichever connection.
+    An init packet counts from when it was sent, on whichever connection, and so does a size that a
+    `set_viewport` was granted, which an init packet follows (VPT-5); that an image was rendered
+    shows when a `frame` is sent, on whichever connection.
     """
-    announced = _announced(conversation.beside or [conversation])
+    announced = sizes(conversation)
     rendered = _rendered(conversation.beside or [conversation])
     for question, answer, *_ in exchanges(conversation).pairs:
-        told = _size_told(answer)
+        told = size_told(answer)
         if question.kind != "get_viewport_size" or told is None:
             continue
         asked = question.packet.ended
-        before = [earlier for t, earlier in announced if t < asked]
-        allowed = {*before[-1:], *(later for t, later in announced if t >= asked)}
+        before, allowed = sizes_at(announced, asked)
         wrong = None
         if told == (0, 0):
             wrong = "the size is told to be [0, 0] after a frame" if rendered < asked else None
         elif 0 in told:
             wrong = f"the size is told to be {list(told)}"
         elif before and told not in allowed:
-            wrong = f"the size is told to be {list(told)}, the init packet said {list(before[-1])}"
+            wrong = f"the size is told to be {list(told)}, the init packet said {list(before)}"
         if wrong or before:
             yield about(conversation, answer, "REQ-4", wrong, "/viewport_size")
 
@@ -197,7 +205,8 @@ def _typed(question: dict[str, Any], answer: Message) -> Iterator[Judgement]:
         yield Judgement("NEG-28", f"id is {has}, the request's was {show(question['id'])}", "/id")
 
 
-def _size_told(answer: Message) -> tuple[int, int] | None:
+def size_told(answer: Message) -> tuple[int, int] | None:
+    """The size that a reply tells, if it does."""
     if answer.value is None or any(j.breach for j in viewport_size(answer.value)):
         return None
     told = [whole(part) for part in answer.value["viewport_size"]]
@@ -205,15 +214,33 @@ def _size_told(answer: Message) -> tuple[int, int] | None:
     return None if width is None or height is None else (width, height)
 
 
-def _announced(conversations: list[Conversation]) -> list[Size]:
-    sizes = []
-    for conversation in conversations:
-        for message in conversation.messages:
-            if message.kind != "init_packet" or message.value is None:
-                continue
-            if (announced := size(message.value.get("meta"))) is not None:
-                sizes.append(Size(message.packet.ended, announced))
-    return sorted(sizes)
+def sizes(conversation: Conversation) -> list[Size]:
+    """The sizes of the server's images, on whichever connection they were announced or granted."""
+    found = []
+    for each in conversation.beside or [conversation]:
+        asked_for: set[tuple[object, object]] = set()
+        for message in each.messages:
+            value = message.value or {}
+            known = None
+            if message.kind == "init_packet":
+                known = size(value.get("meta"))
+            elif message.kind == "set_viewport":
+                asked_for.add((whole(value.get("width")), whole(value.get("height"))))
+            elif message.kind == "viewport_size" and asked_for:
+                told = size_told(message)
+                known = told if told in asked_for else None
+            if known is not None:
+                found.append(Size(message.packet.ended, known))
+    return sorted(found)
+
+
+def sizes_at(
+    announced: list[Size], t: float
+) -> tuple[tuple[int, int] | None, set[tuple[int, int]]]:
+    """The size of the images at a time, if it is known, and all that they may have had since."""
+    before = [earlier for at, earlier in announced if at < t]
+    allowed = {*before[-1:], *(later for at, later in announced if at >= t)}
+    return (before[-1] if before else None), allowed
 
 
 def _rendered(conversations: list[Conversation]) -> float:
@@ -230,7 +257,7 @@ def _blame(extra: Extra, *, negotiated: bool) -> str:
         return "POS-10"
     if cause.faults and not negotiated:
         return "CHN-11"
-    if cause.kind in REQUESTS:
+    if cause.kind in REQUESTS_1_0:
         return "REQ-7" if valid_request(cause) else "REQ-9"
     return "REQ-7" if negotiated else "REQ-8"
 
@@ -241,7 +268,7 @@ def _without_reply(message: Message) -> str | None:
         return None
     if message.kind in POSES:
         return "POS-10"
-    if message.kind in REQUESTS:
+    if message.kind in REQUESTS_1_0:
         return None if valid_request(message) or message.faults else "REQ-9"
     return None if message.kind in CLIENT_1_1 else "REQ-8"
 
@@ -279,9 +306,11 @@ def _sound(message: Message) -> bool:
     if message.value is None or message.faults:
         return False
     if message.kind in POSES:
-        return all(judgement.breach is None for judgement in pose(message))
+        return all(judgement.breach is None for judgement in pose(message.value or {}))
     if message.kind in REQUESTS:
         return valid_request(message)
+    if message.kind in JUDGED:
+        return not any(j.breach for j in JUDGED[message.kind](message.value))
     return message.kind in CLIENT_1_0 or message.kind in CLIENT_1_1
 
 

@@ -1,4 +1,4 @@
-"""Rules on what a client asks (spec 1.0 section 6.2)."""
+"""Rules on what a client asks (spec 1.0 section 6.2, spec 1.1 chapters 7 to 9)."""
 
 import math
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.conversation import Conversation, placed
-from splatbus_conformance.kinds import CLIENT_1_0, CLIENT_1_1, REQUESTS
+from splatbus_conformance.kinds import CLIENT_1_0, CLIENT_1_1, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.rules import Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges, request
 from splatbus_conformance.values import show, strings
@@ -14,12 +14,12 @@ from splatbus_conformance.values import show, strings
 KNOWN_VERSIONS = {"1.0", "1.1"}
 
 
-@rule("REQ-1", "REQ-2")
+@rule("REQ-1", "REQ-2", "SCN-1", "VPT-1", "PNG-1")
 def well_formed_request(conversation: Conversation) -> Iterator[Sighting]:
-    """REQ-1, REQ-2: the type of a request, and the index of a camera."""
+    """REQ-1, REQ-2, SCN-1, VPT-1, PNG-1: the type of a request, and its members."""
     if conversation.channel == "msg":
-        for message in conversation.messages:
-            if message.kind in REQUESTS:
+        for message, hello, _ in placed(conversation):
+            if message.kind in (REQUESTS_1_0 if hello is None else REQUESTS):
                 yield from judged(conversation, message, request(message))
 
 

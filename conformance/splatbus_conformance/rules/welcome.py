@@ -10,8 +10,8 @@ from splatbus_conformance.conversation import Conversation, Message, placed
 from splatbus_conformance.kinds import CAPABILITIES, CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
+from splatbus_conformance.rules.greetings import listing, named
 from splatbus_conformance.rules.memory import capabilities, kind_of_memory
-from splatbus_conformance.rules.negotiation import listing, named
 from splatbus_conformance.values import integer_in, is_version, show, strings, text_of
 
 Json = dict[str, Any]

@@ -64,7 +64,6 @@ class DeviceMemory:
         device: Device,
         compiler: Compiler | None = None,
         generation: int = 1,
-        last_seq: int = 0,
     ) -> None:
         """Allocates 20 bytes a pixel for each slot: readers and three.
 
@@ -76,7 +75,6 @@ class DeviceMemory:
             device: on which.
             compiler: of the kernels for this device, if there is one already.
             generation: of this memory.
-            last_seq: number of the last image of the generation before [IMG-1].
 
         Raises:
             ValueError: a size is out of its range.
@@ -86,8 +84,8 @@ class DeviceMemory:
         if not (1 <= width <= largest and 1 <= height <= largest):
             raise ValueError(f"an image of {width}×{height} pixels is not from 1 to {largest}")
         self.generation, self.width, self.height = generation, width, height
-        self.ring = Ring(readers, last_seq)
-        self._last_seq, self._readers, self._semantics = last_seq, readers, semantics
+        self.ring = Ring(readers)
+        self._readers, self._semantics = readers, semantics
         self._device = device
         self._compiler = compiler or Compiler(device.capability)
         layout, legacy_color = host_ring(width, height, self.ring.slots)
@@ -129,7 +127,6 @@ class DeviceMemory:
 
     def successor(self, width: int, height: int) -> DeviceMemory:
         """Memory for images of another size, the next generation; errors as at first."""
-        last_seq = self.ring.newest.seq if self.ring.newest else self._last_seq
         return DeviceMemory(
             width,
             height,
@@ -138,7 +135,6 @@ class DeviceMemory:
             self._device,
             self._compiler,
             self.generation + 1,
-            last_seq,
         )
 
     def writer(

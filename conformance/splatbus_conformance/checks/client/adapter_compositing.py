@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from splatbus_schemas import LIMITS
 
 from splatbus_conformance.adapter import AdapterBroken
 from splatbus_conformance.broken_packets import changed
@@ -35,6 +36,7 @@ EVIDENT = 1e-2
 """A colour that is off by more is of something else; less is a matter of accuracy (ACC-10)."""
 BUDGET_ULP = 3.0
 """Of ACC-10."""
+MIN_NORMAL: float = LIMITS["min_normal_single"]
 STEPS = 5
 NEIGHBOURS = 60
 COLOURS = st.tuples(
@@ -297,15 +299,30 @@ def _measure(
 ) -> None:
     lending.show(image)
     places = places_of(lending, most)
+    flushed = image._replace(color=_flush(image.color))
+    behind = tuple(_flush(np.array(background)).tolist())
     for place, colour in zip(places, seen(trial, lending, places, background), strict=True):
         depth = float(image.depth[place[1], place[0]])
-        right = expected(image, place, depth, background, PLANE, semantics)
-        error = max(
-            ulps(to_single(Fraction(a)), b, SINGLE) for a, b in zip(colour, right, strict=True)
+        error = min(
+            _error(colour, expected(read, place, depth, over, PLANE, semantics))
+            for read, over in ((image, background), (flushed, behind))
         )
         splat = image.color[place[1], place[0]].tolist()
         words = f"{semantics['alpha']} {splat} at depth {depth} over {background} at {PLANE}"
         trial.measured("colour", error, BUDGET_ULP, "ULP", words)
+
+
+def _error(colour: Colour, right: Sequence[Fraction]) -> float:
+    """The largest error in ULP; 0 is none for what is too small for a normal number (ACC-15)."""
+    return max(
+        0.0 if a == 0 and abs(b) < MIN_NORMAL else ulps(to_single(Fraction(a)), b, SINGLE)
+        for a, b in zip(colour, right, strict=True)
+    )
+
+
+def _flush(numbers: NDArray[Any]) -> NDArray[Any]:
+    """The numbers, subnormal ones taken for 0 as a device may (ACC-15)."""
+    return np.where(np.abs(numbers) < MIN_NORMAL, numbers.dtype.type(0), numbers)
 
 
 def _around(colour: Sequence[float], width: int, height: int, *, premultiplied: bool) -> Painting:

@@ -35,6 +35,31 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
 
 
 @check(
+    "IMG-12",
+    observable="of each generation, release of its frame before closed",
+    needs=("capability:frames", "capability:reinit", "opens"),
+)
+def check_releases_before_it_closes(trial: ClientTrial) -> None:
+    """Frames that are followed at once by the init packet of other images, several times over."""
+    connection = reading(trial)
+    dealings = trial.role.with_(connection)
+    widths = trial.role.width, max(1, trial.role.width // 2)
+    for number in range(1, 100 if trial.thorough else 12):
+        former, seq = dealings.generation, trial.role.lend(connection)
+        trial.role.width = widths[number % 2]
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        closes = trial.wait(lambda: former in dealings.closed or connection.ended)  # noqa: B023
+        if not closes or connection.ended:
+            trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
+        said = [(m.get("type"), m.get("generation"), m.get("seq")) for m in dealings.heard]
+        before = said[: said.index(("closed", former, None))]
+        what = f"it closed generation {former}, and had not released its frame {seq}"
+        trial.expect(("release", former, seq) in before, what)
+        trial.delivered += 1
+    trial.expect(trial.opens(connection), "the last memory was not opened")
+
+
+@check(
     "IMG-15",
     observable="no release for a frame of memory that is not there; the next good one is released",
     needs=("capability:frames", "returns:ipc"),

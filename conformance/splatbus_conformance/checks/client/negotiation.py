@@ -4,22 +4,40 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.client_trial import ClientTrial
-from splatbus_conformance.messages import encode
+from splatbus_conformance.kinds import (
+    ADDED_MEMBERS,
+    CAPABILITIES,
+    CLIENT_1_0,
+    CLOSING_ERRORS,
+    NEEDS,
+    OTHER_ERRORS,
+    REQUESTS,
+)
+from splatbus_conformance.messages import Json, encode, error, reply
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.values import strings
 
-LEGACY = {"camera_pose", "point_cloud_pose", "get_viewport_size", "get_camera_pose"}
+LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
-CODES = (
-    "malformed_packet packet_too_large unsupported_version unauthorized too_many_clients "
-    "malformed_json not_an_object unknown_type invalid_message invalid_rotation invalid_number "
-    "unsupported busy internal a_code_of_tomorrow"
-).split()
+CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, "a_code_of_tomorrow")
+WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
+WEATHER: Json = {"type": "weather_report", "sunny": True}
 
 
 def heard(trial: ClientTrial, connection: Connection) -> set[str]:
     """The types of all that the testee said on a connection."""
     return {str(message.get("type")) for message in trial.role.with_(connection).heard}
+
+
+def added(message: Json) -> set[str]:
+    """The members of a message of 1.0 that 1.1 adds."""
+    return message.keys() & set(ADDED_MEMBERS.get(str(message.get("type")), ()))
+
+
+def declared(trial: ClientTrial) -> list[str]:
+    """The capabilities that the testee declares on the message channel."""
+    return strings((trial.facts.hello["msg"] or {}).get("capabilities")) or []
 
 
 @check(
@@ -57,6 +75,7 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     for connection in connections:
         allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
         early = heard(trial, connection) - allowed
+        early |= set().union(*map(added, trial.role.with_(connection).heard))
         trial.expect(not early, f"it sent {', '.join(sorted(early))} before welcome")
     connection = next(c for c in connections if c.channel == "ipc")
     dealings = trial.role.with_(connection)
@@ -69,6 +88,28 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
 
 
 @check(
+    "NEG-5",
+    observable="what the testee sends on the message channel after a welcome that grants little",
+    needs=("hello:msg", "returns:msg"),
+)
+def check_sends_only_what_was_granted_on_the_message_channel(trial: ClientTrial) -> None:
+    """A welcome that grants nothing, then one for each capability that the testee declares."""
+    alone = [[name] for name in declared(trial) if name in CAPABILITIES["msg"]]
+    trial.role.welcomes = False
+    for granted in trial.each([[], *alone]):
+        connection = trial.connection("msg")
+        trial.says_hello(connection)
+        trial.role.welcome(connection, capabilities=granted)
+        trial.rest(LISTENING_SECONDS)
+        for message in trial.role.with_(connection).heard:
+            needed = NEEDS.get(str(message.get("type")))
+            needed = "intrinsics" if "intrinsics" in added(message) else needed
+            what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
+            trial.expect(needed in (None, *granted), f"{what} lists {granted}")
+        trial.delivered += 1
+
+
+@check(
     "NEG-8",
     observable="the testee opens memory after a welcome with capabilities that nobody knows",
     needs=OPENS_HOST_MEMORY,
@@ -76,8 +117,7 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
 def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
     trial.role.welcomes = False
-    word = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
-    names = st.lists(word, max_size=5, unique=True)
+    names = st.lists(WORDS, max_size=5, unique=True)
     for unknown in trial.each(drawn=names, quick=3, full=12):
         connection = trial.connection("ipc")
         trial.says_hello(connection)
@@ -88,6 +128,25 @@ def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
             f"after a welcome that lists {unknown} the memory was not opened",
         )
         trial.delivered += 1
+
+
+@check(
+    "NEG-8",
+    observable="the testee goes on after a welcome with capabilities that nobody knows",
+    needs=("hello:msg", "returns:msg"),
+)
+def check_ignores_unknown_capabilities_of_the_message_channel(trial: ClientTrial) -> None:
+    """The same on the message channel, where `welcome` lists all that the testee declared, too."""
+    trial.role.welcomes = False
+    names = st.lists(WORDS, min_size=1, max_size=5, unique=True)
+    for unknown in trial.each(drawn=names, quick=3, full=12):
+        connection = trial.connection("msg")
+        trial.says_hello(connection)
+        capabilities = dict.fromkeys([*unknown, *declared(trial)])
+        trial.role.welcome(connection, capabilities=list(capabilities))
+        outcome = trial.outcome_on_msg(connection)
+        outcome = "accepts" if outcome == "ignores" else outcome
+        trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
 
 
 @check(
@@ -107,13 +166,29 @@ def check_ignores_unknown_types(trial: ClientTrial) -> None:
             connection = trial.greeted("ipc")
         outcome = trial.outcome_on_ipc(connection, packet(encode(message)))
         trial.judge(outcome, f"a message of type {message['type']!r} on the IPC channel")
-    if trial.facts.speaks_1_1("msg") and trial.facts.poses:
-        connection = trial.greeted("msg")
-        connection.send(packet(encode({"type": "weather_report", "sunny": True})))
+
+
+@check(
+    "NEG-9",
+    observable="the testee goes on after messages of unknown types on the message channel",
+    needs=("hello:msg", "poses"),
+)
+def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> None:
+    """Messages of types that nobody knows, some with the members of replies."""
+    values = st.none() | st.integers(0, 9) | WORDS
+    replies = [reply({"type": kind}, typed=True) or {} for kind in REQUESTS]
+    messages = st.builds(
+        lambda kind, like, rest: {**like, **rest, "type": f"later_{kind}"},
+        *(WORDS, st.sampled_from([{}, *replies]), st.dictionaries(WORDS, values, max_size=4)),
+    )
+    connection = trial.greeted("msg")
+    for message in trial.each([WEATHER], messages, quick=5, full=50):
+        connection = trial.greeted("msg") if connection.ended else connection
         before = len(connection.packets)
-        trial.wait(lambda: len(connection.packets) > before or connection.ended)
+        connection.send(packet(encode(message)))
+        trial.wait(lambda: len(connection.packets) > before or connection.ended)  # noqa: B023
         outcome = "closes" if connection.ended else "ignores"
-        trial.judge(outcome, "a message of type 'weather_report' on the message channel")
+        trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
         trial.delivered += 1
 
 
@@ -185,12 +260,31 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
 def check_survives_errors(trial: ClientTrial) -> None:
     """An error of each code, and of one that nobody knows, on both channels."""
     for code in trial.each(CODES):
-        error = packet(encode({"type": "error", "code": code, "message": "a test", "pointer": "/"}))
+        sent = packet(encode(error(code, pointer="/")))
         trial.role.offers_memory = False
         connection = trial.greeted("ipc")
-        outcome = trial.outcome_on_ipc(connection, error)
+        outcome = trial.outcome_on_ipc(connection, sent)
         trial.judge(outcome, f"an error {code} on the IPC channel")
     if trial.facts.asks and trial.facts.speaks_1_1("msg"):
         trial.role.offers_memory = True
-        error = packet(encode({"type": "error", "code": "internal", "message": "a test"}))
-        trial.judge(trial.outcome_of_reply(error), "an error in place of a reply")
+        sent = packet(encode(error("internal")))
+        trial.judge(trial.outcome_of_reply(sent), "an error in place of a reply")
+
+
+@check(
+    "NEG-24",
+    observable="the process lives, and the testee goes on or comes back after a pause",
+    needs=("hello:msg", "returns:msg"),
+    may_crash=True,
+)
+def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
+    """An error of each code that nothing asked for, as poses are answered; then one in place of
+    every reply, with the id of the request.
+    """
+    for code in trial.each(CODES):
+        connection = trial.greeted("msg")
+        connection.send(packet(encode(error(code, pointer="/position/x"))))
+        trial.judge(trial.outcome_on_msg(connection), f"an error {code} on the message channel")
+    trial.role.spoil = lambda reply: error("busy", **{n: reply[n] for n in ("id",) if n in reply})
+    connection = trial.greeted("msg")
+    trial.judge(trial.outcome_on_msg(connection), "errors in place of all replies")

@@ -5,9 +5,12 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.broken_replies import BAD_REPLIES as BAD_REPLIES_OF_1_1
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
-from splatbus_conformance.messages import encode
+from splatbus_conformance.kinds import REPLY_TO, REQUESTS_1_0
+from splatbus_conformance.lenient_json import shorten
+from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.trial import JITTER_SECONDS
 
@@ -78,3 +81,34 @@ def check_survives_bad_replies(trial: ClientTrial) -> None:
     for bad in trial.each(BAD_REPLIES if trial.thorough else BAD_REPLIES[::3]):
         outcome = trial.outcome_of_reply(packet(encode(bad)))
         trial.judge(outcome, f"the reply {json.dumps(bad)}")
+
+
+@check(
+    "JSN-10",
+    observable="the process lives, and the testee goes on or connects again",
+    needs=("hello:msg", "asks", "returns:msg"),
+    may_crash=True,
+)
+def check_survives_bad_replies_of_1_1(trial: ClientTrial) -> None:
+    """Requests of 1.1 that the testee makes by itself are answered with members that are missing,
+    of another type, or of values that cannot be.
+    """
+    kinds = sorted(REPLY_TO[request] for request in trial.facts.asks - set(REQUESTS_1_0))
+    if not kinds:
+        trial.not_observable("the testee makes no request of 1.1 when it connects")
+    cases = [(kind, broken) for kind in kinds for broken in BAD_REPLIES_OF_1_1[kind]]
+    for kind, broken in trial.each(cases):
+        replied: list[Json] = []
+
+        def spoil(reply: Json) -> Json:
+            if reply["type"] != kind:  # noqa: B023 - called within the round
+                return reply
+            replied.append({n: reply[n] for n in ("type", "id") if n in reply} | broken)  # noqa: B023
+            return replied[-1]  # noqa: B023
+
+        trial.role.spoil = spoil
+        connection = trial.greeted("msg")
+        if not trial.wait(lambda: replied or connection.ended):  # noqa: B023
+            trial.not_observable(f"the testee did not ask for the {kind} again")
+        text = shorten(json.dumps(replied[-1]), 400) if replied else "none"
+        trial.judge(trial.outcome_on_msg(connection), f"the reply {text}")

@@ -7,6 +7,7 @@ from random import Random
 from hypothesis import strategies as st
 
 from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, breaches_of_1_1
+from splatbus_conformance.broken_replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.client_trial import ClientTrial
@@ -37,6 +38,9 @@ ODD_MESSAGES: tuple[Json, ...] = (
     {"type": "error", "code": 5, "message": None, "pointer": []},
     {"type": "error", "code": "\ud800", "message": "\ud800 is half a character"},
     {"type": "error", "code": "internal", "message": "m" * 100_000},
+    {"type": "error", "code": ["busy"], "message": "no", "id": "1"},
+    *({"type": kind, **broken} for kind, row in BAD_REPLIES.items() for broken in row),
+    *({"type": "telemetry", "seq": 0, "time": 0.5, **broken} for broken in BAD_TELEMETRY),
 )
 """Messages that break rules of their own; none of them announces memory."""
 

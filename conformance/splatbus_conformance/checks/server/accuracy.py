@@ -18,7 +18,7 @@ from splatbus_conformance.hard_numbers import hard_numbers, nearest, spelled_as
 from splatbus_conformance.messages import camera_pose
 from splatbus_conformance.photographer import Photographer, aside
 from splatbus_conformance.photographs import Photograph
-from splatbus_conformance.pinhole import Reals, Rigid, rigid
+from splatbus_conformance.pinhole import Placed, Reals, Rigid, rigid
 from splatbus_conformance.registration import Registration, register
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.staging import Stage, hardest, staged, stages
@@ -66,7 +66,8 @@ def shown(trial: ServerTrial, farthest: float, quick: int, full: int) -> Iterato
         photograph, scene = photographer.take(*stage), rigid(*stage.scene)
         if not np.allclose(photograph.camera.pose.position, stage.camera.position, rtol=1e-5):
             trial.not_observable("the server did not show the camera where it was put")
-        yield Shown(stage, photograph, render(photograph.camera, scene), scene)
+        setting = trial.facts.setting(photograph.frame, Placed(scene))
+        yield Shown(stage, photograph, render(photograph.camera, setting), scene)
 
 
 @check("IMG-5", observable="every pixel of images of a known scene", needs=SCENE)
@@ -119,7 +120,8 @@ def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
     for away in trial.each((1.0, 5.0, 15.0, 30.0, 50.0)):
         stage = staged(AT_ORIGIN, Pose((0.0, -0.5 * away, -0.8 * away), LOOKS_DOWN))
         photograph = photographer.take(*stage)
-        exact = render(photograph.camera, rigid(*stage.scene))
+        setting = trial.facts.setting(photograph.frame, Placed(rigid(*stage.scene)))
+        exact = render(photograph.camera, setting)
         depth = photograph.planar()
         both = exact.certain & np.isfinite(exact.depth) & np.isfinite(depth)
         order = np.argsort(exact.farthest[both])

@@ -1,18 +1,21 @@
 """Checks on `error`, and on requests after `hello` (spec 1.1 sections 2.5 and 2.6)."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
-from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
+from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS, REPLY_TO
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
-from splatbus_conformance.values import SAFE, integer_in, whole
+from splatbus_conformance.studio import placed
+from splatbus_conformance.values import SAFE, whole
 
 
 class Fault(NamedTuple):
@@ -57,6 +60,14 @@ IN_MESSAGES = [
     said("msg", "a subscription on the message channel", {"type": "subscribe", "channels": []}),
     said("msg", "a request without cam_idx", {"type": "get_camera_pose", "id": 1}),
     said("msg", "a second hello", hello([])),
+    said("msg", "a tag without characters", camera_pose() | {"tag": ""}),
+    said("msg", "intrinsics without members", camera_pose() | {"intrinsics": {}}),
+    said("msg", "an object that is not there", placed("no such object", AT_REST)),
+    said("msg", "an object of no size", placed("default", AT_REST, 0.0)),
+    said("msg", "a time that is no number", {"type": "set_time", "time": "now"}),
+    said("msg", "a viewport without width", {"type": "set_viewport", "height": 48, "id": 2}),
+    said("msg", "a ping without t", {"type": "ping", "id": 3}),
+    said("msg", "telemetry of everything", {"type": "subscribe_telemetry", "names": "all"}),
     said("ipc", "an unknown type", {"type": "weather_report"}),
     said("ipc", "opened without generation", {"type": "opened"}),
     said("ipc", "opened of another generation", {"type": "opened", "generation": 2**40}),
@@ -175,17 +186,26 @@ def outcome_of(outcome: str) -> str:
 
 @check("NEG-29", observable="answers come in order, one each, after hello", needs=("1.1",))
 def check_answers_each_request_in_order(trial: ServerTrial) -> None:
-    """Requests with and without ids, good ones and others that break REQ-2, many at a time."""
-    ids = st.none() | st.integers(0, LIMITS["max_safe_integer"])
-    good = st.builds(request, ids, st.none() | st.integers(-(2**31), 2**31))
-    bad = st.builds(request, ids, st.sampled_from(("0", 0.5, True, None, [0], 2**60)))
-    requests = st.lists(good | good | bad, min_size=1, max_size=20)
-    connection = trial.greeted("msg")
-    for asked in trial.each([GOOD_REQUESTS], requests, quick=20, full=1000):
-        if connection.ended:
-            connection = trial.greeted("msg")
+    """Requests of every kind, with and without ids, good and broken, many at a time, beside a
+    client that floods the server with poses; some on a connection that agreed on nothing.
+    """
+    requests = st.lists(st.sampled_from(GOOD) | st.sampled_from(BAD), min_size=1, max_size=20)
+    numbered = st.lists(st.none() | st.integers(0, SAFE), min_size=20, max_size=20)
+    cases = st.tuples(requests, numbered, st.booleans()).map(
+        lambda drawn: ([with_id(*each) for each in zip(*drawn[:2], strict=False)], drawn[2])
+    )
+    usual = [with_id(each, number) for number, each in enumerate((*GOOD, *BAD))]
+    listed = [(usual, True), (usual, False), ([with_id(each, None) for each in GOOD], True)]
+    flooder, flooded = trial.dial("msg"), 0
+    kept: dict[bool, Connection] = {}
+    for asked, agreed in trial.each(listed, cases, quick=18, full=1000):
+        connection = kept.get(agreed)
+        if connection is None or connection.ended:
+            offer: Json = {} if agreed else {"capabilities": []}
+            connection = kept[agreed] = trial.greeted("msg", **offer)
         heard = trial.viewer.with_(connection).heard
         before = len(heard)
+        flooded += flooder.push(FLOOD[flooded % len(POSE) :]) or 0
         connection.send(b"".join(packet(encode(each)) for each in asked))
         trial.wait(lambda: len(heard) - before >= len(asked) or connection.ended)  # noqa: B023
         answers = heard[before:]
@@ -197,26 +217,38 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-def request(id: int | None, index: Any) -> Json:
-    """A request for the size if there is no index, else for a camera."""
-    added: Json = {} if id is None else {"id": id}
-    if index is None:
-        return VIEWPORT_REQUEST | added
-    return {"type": "get_camera_pose", "cam_idx": index} | added
+GOOD: tuple[Json, ...] = (
+    VIEWPORT_REQUEST,
+    *({"type": "get_camera_pose", "cam_idx": index} for index in (0, 1, -(2**31), 2**31)),
+    {"type": "get_scene"},
+    {"type": "ping", "t": 12.5},
+)
+BAD: tuple[Json, ...] = (
+    *({"type": "get_camera_pose", "cam_idx": it} for it in ("0", 0.5, True, None, [0], 2**60)),
+    {"type": "ping"},
+    {"type": "ping", "t": "now"},
+    {"type": "ping", "t": []},
+    *({"type": "set_viewport", "width": 64, "height": it} for it in (0, -1, 1.5, 2**40, "48")),
+)
+POSE = packet(encode(camera_pose()))
+FLOOD = POSE * 1000
+"""Of a client that keeps no measure."""
 
 
-GOOD_REQUESTS = [request(1, None), request(2, 0), request(None, None), request(None, 0)]
+def with_id(request: Json, id: int | None) -> Json:
+    """A request that may have an id."""
+    return request if id is None else request | {"id": id}
 
 
 def is_good(asked: Json) -> bool:
     """Whether a request breaks no rule."""
-    return integer_in(asked.get("cam_idx", 0), -SAFE)
+    return {name: value for name, value in asked.items() if name != "id"} in GOOD
 
 
 def expect_answer(trial: ServerTrial, asked: Json, answer: Json) -> None:
     """The answer is a reply to this request, or an error that names it if it has an id."""
     text, kind = encode(asked).decode(), answer.get("type")
-    reply = "camera" if "cam_idx" in asked else "viewport_size"
+    reply = REPLY_TO[asked["type"]]
     trial.expect(kind in (reply, "error"), f"{text} was answered by {kind}")
     named = whole(answer.get("id"))
     trial.expect(named in (None, asked.get("id")), f"{text} was answered by one with id {named}")

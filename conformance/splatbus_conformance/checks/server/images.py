@@ -280,7 +280,7 @@ def _right(
 ) -> tuple[float, float]:
     """The share of the colours that are right, and that of the depths."""
     if trial.facts.scene_known:
-        exact = render(image.camera)
+        exact = render(image.camera, trial.facts.setting(image.frame))
         color = (exact.color_error(image.color) <= COLOR_BUDGET)[exact.certain]
         return float(color.mean()), float(exact.depth_is_right(image.planar()).mean())
     again = photographer.take(image.pose, AT_REST)

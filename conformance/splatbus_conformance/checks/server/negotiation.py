@@ -16,7 +16,7 @@ from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import show, strings
 
 VERSIONS = ("1.1", "1.0")
-ON_IPC = CAPABILITIES["ipc"]
+ON_IPC, ON_MSG = CAPABILITIES["ipc"], CAPABILITIES["msg"]
 CHANNEL = st.sampled_from(CHANNELS)
 UNSPOKEN = st.builds("{}.{}".format, st.integers(4000, 10**30), st.integers(0, 10**30))
 """Versions that nobody speaks yet."""
@@ -26,13 +26,15 @@ CHARACTERS = LETTERS + "AZ09 .-/\\\"'{}\x00\x1f\x7f\xa0\u00e9\u03a9\u4e2d\u202e\
 
 
 def offers() -> list[tuple[Channel, tuple[str, ...]]]:
-    """Every set of capabilities, on either channel."""
-    return [
-        (channel, offer)
-        for channel in CHANNELS
-        for count in range(len(ON_IPC) + 1)
-        for offer in combinations(ON_IPC, count)
+    """Every set of the IPC channel's capabilities on that channel; on the message channel every
+    few and nearly all of its own, and some of the other's.
+    """
+    found: list[tuple[Channel, tuple[str, ...]]] = [
+        ("ipc", offer) for count in range(len(ON_IPC) + 1) for offer in combinations(ON_IPC, count)
     ]
+    for count in (0, 1, 2, len(ON_MSG) - 1, len(ON_MSG)):
+        found += [("msg", offer) for offer in combinations(ON_MSG, count)]
+    return [*found, ("ipc", (*ON_IPC, *ON_MSG)), ("msg", (*ON_IPC, *ON_MSG)), ("msg", ON_IPC)]
 
 
 def spoken(trial: ServerTrial) -> list[str]:
@@ -66,7 +68,7 @@ def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
 @check("NEG-7", observable="the capabilities of welcome, for every set offered", needs=("1.1",))
 def check_grants_what_both_have(trial: ServerTrial) -> None:
     """Offers everything first; what is granted then is what the server has."""
-    has = {channel: granted(trial, channel, ON_IPC) for channel in CHANNELS}
+    has = {channel: granted(trial, channel, CAPABILITIES[channel]) for channel in CHANNELS}
     for channel, offer in trial.each(listed=offers()):
         found, both = granted(trial, channel, offer), has[channel] & set(offer)
         trial.expect(

@@ -30,6 +30,12 @@ REQUESTS: tuple[Json, ...] = (
     {"type": "get_camera_pose", "cam_idx": 1_000_000, "timestamp": 1_700_000_000.25},
     {"type": "get_viewport_size", "timestamp": 5e-324},
 )
+REQUESTS_1_1: tuple[Json, ...] = (
+    *({**request, "id": number} for number, request in enumerate(REQUESTS)),
+    {"type": "get_scene", "id": 0},
+    {"type": "ping", "t": 1_700_000_000.25, "id": 9_007_199_254_740_991},
+    {"type": "ping", "t": -0.0},
+)
 FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
 """A good pose that no check asks for otherwise."""
 NEAR: Json = camera_pose((-1.0153546333312988, 0.0, 2.5e-7), (0.0, 0.6, 0.0, 0.8))
@@ -52,6 +58,13 @@ ODD_MESSAGES: tuple[Json, ...] = (
     {"type": {"type": "camera_pose"}},
     {"type": "\x00" * 1000},
     {"type": "weather_report", "report": "r" * 1_000_000},
+    {"type": "object_pose", "object": {}, "scale": "large"},
+    camera_pose() | {"intrinsics": [], "tag": 5},
+    camera_pose() | {"intrinsics": {"fx": 1e300, "width": -1}},
+    {"type": "set_time", "time": None},
+    {"type": "set_viewport", "width": 1e300, "height": 0.5},
+    {"type": "subscribe_telemetry", "names": {"all": True}},
+    {"type": "ping", "t": []},
 )
 """Messages that break rules of their own."""
 
@@ -67,10 +80,15 @@ def unknown_members(message: Json, random: Random) -> bytes:
 
 
 def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
-    """Write requests so; each must be answered, and once."""
-    connection = trial.dial("msg")
+    """Write requests so; each must be answered, and once. A client of 1.1 asks in turns with one of
+    1.0, of the server that knows it.
+    """
+    asking = [(trial.dial("msg"), REQUESTS)]
+    if trial.facts.welcome["msg"] is not None:
+        asking.append((trial.greeted("msg"), REQUESTS_1_1))
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
-        payload = writer(REQUESTS[number % len(REQUESTS)], Random(seed))
+        connection, requests = asking[number % len(asking)]
+        payload = writer(requests[number // len(asking) % len(requests)], Random(seed))
         packets = len(connection.packets)
         connection.send(packet(payload) + packet(encode(VIEWPORT_REQUEST)))
         trial.wait(lambda: len(connection.packets) >= packets + 2 or connection.ended)  # noqa: B023

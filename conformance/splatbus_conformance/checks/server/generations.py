@@ -1,0 +1,207 @@
+"""Checks on memory that was replaced when images changed their size (spec 1.1 chapters 4, 8)."""
+
+import time
+from pathlib import Path
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.server.images import WHOLE
+from splatbus_conformance.closed_form import render
+from splatbus_conformance.memory_reading import LINUX_FOLDER, Opened
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.photographer import Photographer
+from splatbus_conformance.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    changed,
+    dealings_of,
+    other_sizes,
+    readers,
+    resizing,
+    size_of,
+)
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.studio import elsewhere
+from splatbus_conformance.survey import likeness
+from splatbus_conformance.watching import beside, holding
+
+FREE_SECONDS: float = LIMITS["free_seconds"]
+LET_GO_SECONDS: float = LIMITS["let_go_seconds"]
+SOON = 0.5
+"""A server that closes a client so much sooner than it may is not merely inexact."""
+
+
+def shared(trial: ServerTrial, memory: Opened) -> Path:
+    """The file that shared memory is; skips the check where that cannot be seen."""
+    path = LINUX_FOLDER / memory.name
+    if not path.exists():
+        trial.not_observable("its memory is not listed by the system")
+    return path
+
+
+def memory_of(trial: ServerTrial, connection: Connection) -> Opened:
+    """What a reader has open."""
+    memory = dealings_of(trial, connection).memory
+    if memory is None:
+        trial.not_observable("a reader has no memory open")
+    return memory
+
+
+@check("VPT-7", observable="when the name of former memory is gone", needs=(*RESIZES, "opens"))
+def check_frees_former_memory(trial: ServerTrial) -> None:
+    """Up to three readers open other memory; one closes what it had, one's connection ends, and
+    the last closes it too.
+    """
+    with resizing(trial) as client:
+        for size in trial.each(other_sizes(trial)[:2]):
+            everyone = readers(trial)
+            path = shared(trial, memory_of(trial, everyone[0]))
+            for reader in everyone:
+                dealings_of(trial, reader).keeps = True
+            changed(trial, client, size)
+            last, *others = everyone
+            trial.wait(
+                lambda: all(dealings_of(trial, it).kept for it in everyone),  # noqa: B023
+                REINIT_SECONDS,
+            )
+            for number, reader in enumerate(others):
+                if number % 2:
+                    trial.viewer.let_go(reader)
+                else:
+                    reader.close()
+            trial.viewer.let_go(last)
+            gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)  # noqa: B023
+            trial.expect(gone, f"nobody has former memory open any more, and {path.name} is there")
+            trial.delivered += 1
+            for reader in everyone:
+                reader.close()
+
+
+@check(
+    "OPN-8",
+    observable="former memory, and an image in it, until its reader closes it",
+    needs=(*RESIZES, "opens"),
+)
+def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial) -> None:
+    """A reader holds an image while the size changes and others follow; nobody may touch what it
+    reads, and images of the new size are whole.
+    """
+    with resizing(trial) as client:
+        holder, frame = holding(trial)
+        dealings = dealings_of(trial, holder)
+        dealings.keeps = True
+        memory, other = memory_of(trial, holder), beside(trial, holder)
+        path, slot = shared(trial, memory), int(frame["slot"])
+        held = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
+        changed(trial, client, other_sizes(trial)[1])
+        trial.wait(lambda: dealings.kept or holder.ended, REINIT_SECONDS)
+        for number in trial.each(range(10)):
+            trial.sees(other, trial.move())
+            told = f"after {number + 1} images of the new size, with an older one still held"
+            trial.expect(path.exists(), f"{told}, {path.name} is gone")
+            same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
+            trial.expect(same, f"{told}, that one is another")
+            trial.delivered += 1
+        dealings.holds = False
+        trial.viewer.let_go(holder)
+        seen = trial.sees(holder, trial.move())
+        trial.expect(seen, "once it had closed former memory, a reader saw no move")
+
+
+@check(
+    "IMG-5",
+    observable="every pixel of images of other sizes",
+    needs=(*RESIZES, "pixels"),
+)
+def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
+    """The size changes, while a reader looks on: each image is of the camera that it names."""
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        for size in trial.each(other_sizes(trial)[:3]):
+            changed(trial, client, size)
+            trial.wait(
+                lambda: size_of(photographer.dealings.init_packets[-1]) == size,  # noqa: B023
+                REINIT_SECONDS,
+            )
+            seen = photographer.take(elsewhere(trial), None)
+            if seen.color.shape[:2] != size[::-1]:
+                trial.not_observable("no image of the new size came")
+            if trial.facts.scene_known:
+                exact = render(seen.camera, trial.facts.setting(seen.frame))
+                right = exact.agreement(seen.color, seen.planar())
+            else:
+                photographer.take(elsewhere(trial), None)
+                right = likeness(seen, photographer.take(seen.pose, None))
+            told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
+            trial.expect(right >= WHOLE, f"{told} are not what its camera sees")
+            trial.delivered += 1
+
+
+@check("OPN-14", observable="frames of the next generation without a release", needs=RESIZES)
+def check_closed_ends_the_lease(trial: ServerTrial) -> None:
+    """A reader holds a frame when the size changes, opens the new memory, and says of the old that
+    it has closed it, or that it could not open it; it never releases the frame.
+    """
+    with resizing(trial) as client:
+        answers_: tuple[Json, ...] = (
+            {"type": "closed"},
+            {"type": "open_failed", "reason": "to see what becomes of the lease"},
+        )
+        for answer, size in trial.each(list(zip(answers_, other_sizes(trial), strict=False))):
+            holder, frame = holding(trial)
+            trial.viewer.opens, dealings = False, dealings_of(trial, holder)
+            had = len(dealings.init_packets)
+            changed(trial, client, size)
+            trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
+            if len(dealings.init_packets) == had:
+                trial.not_observable("no further init packet came (VPT-5)")
+            generation = dealings.init_packets[-1].get("generation")
+            trial.viewer.say(holder, answer | {"generation": frame["generation"]})
+            trial.viewer.say(holder, {"type": "opened", "generation": generation})
+            before = len(dealings.frames)
+            trial.move()
+            came = trial.wait(lambda: len(dealings.frames) > before)  # noqa: B023
+            trial.expect(
+                came,
+                f"a reader said {answer['type']} of memory in which it held a frame, and is sent"
+                " none of the memory that it has opened since",
+            )
+            holder.close()
+            trial.viewer.opens = True
+            trial.delivered += 1
+
+
+@check(
+    "VPT-8",
+    observable="when a reader that keeps former memory is closed",
+    needs=RESIZES,
+    profile="full",
+)
+def check_closes_who_does_not_let_go(trial: ServerTrial) -> None:
+    """A reader opens other memory and never closes what it had, beside one that does."""
+    with resizing(trial) as client:
+        keeper = trial.reading()
+        dealings_of(trial, keeper).keeps = True
+        other = beside(trial, keeper)
+        changed(trial, client, other_sizes(trial)[0])
+        trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
+        began = time.monotonic()
+        limit = LET_GO_SECONDS + LIMITS["close_seconds"]
+        while not keeper.ended and time.monotonic() < began + limit and not trial.fate():
+            trial.sees(other, trial.move())
+            trial.rest(SOON / 2)
+        lasted = time.monotonic() - began
+        trial.judge(
+            trial.fate() or ("closes" if keeper.ended else "waits"),
+            f"a reader that kept former memory for {lasted:.1f} s",
+        )
+        trial.expect(
+            lasted >= LET_GO_SECONDS - SOON,
+            f"a reader was closed {lasted:.1f} s after it had been told of other memory",
+        )
+        trial.expect(not other.ended, "with it a reader was closed that had let go")
+        trial.expect(trial.sees(other, trial.move()), "afterwards another reader sees no move")
+        changed(trial, client, other_sizes(trial)[1])
+        trial.delivered += 1

@@ -1,0 +1,244 @@
+"""Checks on `intrinsics` (spec 1.1 section 6.2)."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.closed_form import render
+from splatbus_conformance.messages import Json
+from splatbus_conformance.photographs import Photograph
+from splatbus_conformance.pinhole import Camera
+from splatbus_conformance.reprojection import APART, AS_SPECIFIED, FITS, Pair, agreement
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.studio import LENS, Studio, answers, at_rest, elsewhere
+from splatbus_conformance.survey import first_view
+from splatbus_conformance.values import number_in, show, whole
+
+LENSES = ("1.1", "frames", "pixels", "capability:intrinsics")
+LARGEST: int = LIMITS["max_image_size"]
+SINGLE = 2.0**-22
+"""Two units in the last place of single precision, relative, which a server may count in."""
+WHOLE = 0.99
+"""The share of the pixels that have to be right."""
+ASKED = (0, 1, -1, 2**31)
+FAR_SHAPES = ((1, 1), (2, 1), (1, 2), (LARGEST, 1), (1, LARGEST), (LARGEST, 2 * LARGEST // 3))
+
+
+def scaled(lens: Json, size: tuple[int, int]) -> dict[str, Any]:
+    """What a server whose images have this size makes of intrinsics (CAM-5)."""
+    across, down = size[0] / lens["width"], size[1] / lens["height"]
+    factors = {"fx": across, "cx": across, "fy": down, "cy": down, "near": 1.0, "far": 1.0}
+    return {name: lens[name] * factors[name] for name in LENS}
+
+
+def same_shape(width: int, height: int, size: tuple[int, int]) -> bool:
+    """Whether intrinsics of this size fit images of the other (CAM-6)."""
+    return abs(height * size[0] - width * size[1]) < max(width, height, *size)
+
+
+def fitting(width: int, size: tuple[int, int]) -> list[int]:
+    """The least and the greatest height that fits this width, and one between."""
+    middle = max(1, min(LARGEST, round(width * size[1] / size[0])))
+    found = [middle]
+    for step in (-1, 1):
+        height = middle
+        while 1 <= height + step <= LARGEST and same_shape(width, height + step, size):
+            height += step
+        found.append(height)
+    return found if same_shape(width, middle, size) else []
+
+
+def lens_of(photograph: Photograph, width: int, height: int, *changes: float) -> Json:
+    """Intrinsics for an image of so many pixels: those of an image, but for factors for fx and fy,
+    and parts of the size by which the principal point is moved.
+    """
+    camera = photograph.camera
+    longer, taller, right, down = changes
+    across, up = width / camera.width, height / camera.height
+    return {
+        "fx": camera.fx * across * longer,
+        "fy": camera.fy * up * taller,
+        "cx": camera.cx * across + right * width,
+        "cy": camera.cy * up + down * height,
+        "width": width,
+        "height": height,
+        "near": camera.near,
+        "far": camera.far,
+    }
+
+
+def in_force(frame: Json, lens: dict[str, float]) -> str:
+    """Which number of a frame's camera is not as these intrinsics say; nothing if all are."""
+    camera = frame["camera"]
+    for name, wanted in lens.items():
+        if not abs(camera[name] - wanted) <= SINGLE * abs(wanted):
+            return f"{name} is {camera[name]!r}, and {wanted!r} was to be expected"
+    return ""
+
+
+def drawn_lenses(first: Photograph) -> st.SearchStrategy[Json]:
+    """Intrinsics of all sizes that have the shape of an image."""
+    camera = first.camera
+    size = camera.width, camera.height
+    pairs = st.integers(1, LARGEST).flatmap(
+        lambda width: st.sampled_from(fitting(width, size) or [0]).map(
+            lambda height: (width, height)
+        )
+    )
+    factor, part = st.floats(0.6, 1.8), st.floats(-0.2, 0.2)
+    return st.builds(
+        lambda pair, *changes: lens_of(first, *pair, *changes),
+        pairs.filter(lambda pair: pair[1] > 0),
+        *(factor, factor, part, part),
+    )
+
+
+@check("CAM-5", observable="the camera of frames, and the pixels of images", needs=LENSES)
+def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
+    """Intrinsics for images of every size that has the shape of the server's, also rounded as far
+    as it may be, with other focal lengths, principal points and clipping planes.
+    """
+    first = first_view(trial)
+    size = first.camera.width, first.camera.height
+    listed = [
+        lens_of(first, size[0], size[1], 1.3, 0.8, 0.1, -0.05),
+        *(lens_of(first, w, h, 0.9, 1.1, 0.0, 0.02) for w in (854, 1920) for h in fitting(w, size)),
+        lens_of(first, 2 * size[0], 2 * size[1], 1.0, 1.0, 0.0, 0.0) | _cutting(first),
+    ]
+    studio = Studio(trial)
+    before = studio.look()
+    for lens in trial.each(listed, drawn_lenses(first), quick=8, full=500):
+        seen, wanted = studio.look(intrinsics=lens), scaled(lens, size)
+        told = f"the intrinsics {show(lens)} for images of {size[0]}×{size[1]}"
+        wrong = in_force(seen.frame, wanted)
+        trial.expect(not wrong, f"{told}: of the frame's camera {wrong}")
+        _expect_seen_so(trial, before, seen, seen.camera._replace(**wanted), told)
+        trial.delivered += 1
+
+
+def _cutting(first: Photograph) -> Json:
+    """Clipping planes between which some of what is seen lies, and some does not."""
+    depths = sorted(first.planar()[first.covered()].tolist())
+    return {"near": depths[len(depths) // 4], "far": depths[3 * len(depths) // 4]}
+
+
+def _expect_seen_so(
+    trial: ServerTrial, before: Photograph, seen: Photograph, camera: Camera, told: str
+) -> None:
+    """The pixels are those of this camera: by the scene, where that is known, or by an image from
+    before that shows the same surfaces.
+    """
+    if trial.facts.scene_known:
+        exact = render(camera, trial.facts.setting(seen.frame))
+        share = exact.agreement(seen.color, seen.planar())
+        trial.expect(share >= WHOLE, f"{told}: {1 - share:.0%} of the pixels are not as seen so")
+        return
+    unchanged = before.camera._replace(pose=camera.pose)
+    by_lens, by_former = (
+        agreement(Pair(before.view(), seen.view()._replace(camera=each)), AS_SPECIFIED)
+        for each in (camera, unchanged)
+    )
+    trial.expect(
+        by_lens >= FITS or by_former < FITS or by_former - by_lens < APART,
+        f"{told}: the image fits the intrinsics before them, at {by_former:.0%} of the points",
+    )
+
+
+def other_shapes(size: tuple[int, int]) -> Iterator[tuple[int, int]]:
+    """Sizes that just do not have the shape of images, then others."""
+    for width in (size[0], 640, 1920, 4096):
+        for height in sorted(fitting(width, size))[::2]:
+            for beyond in (height - 1, height + 1):
+                if 1 <= beyond <= LARGEST and not same_shape(width, beyond, size):
+                    yield width, beyond
+    if not same_shape(size[1], size[0], size):
+        yield size[1], size[0]
+    yield from (it for it in FAR_SHAPES if not same_shape(*it, size))
+
+
+@check("CAM-6", observable="the error, and the cameras of the frames that follow", needs=LENSES)
+def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
+    """Intrinsics whose shape is off by just as much as it may not be, and by more, in poses that
+    move the camera: no part of them is applied.
+    """
+    first, studio = first_view(trial, 0.0), Studio(trial)
+    size = first.camera.width, first.camera.height
+    good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
+    studio.look(intrinsics=good)
+    for width, height in trial.each(list(dict.fromkeys(other_shapes(size)))):
+        told = f"intrinsics for {width}×{height}, of images of {size[0]}×{size[1]}"
+        before, known = len(studio.heard), len(studio.photographer.dealings.frames)
+        bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
+        refused = elsewhere(trial)
+        studio.photographer.go(refused, intrinsics=bad, tag="refused")
+        trial.expect(studio.answers(), f"{told}: the next request was not answered")
+        errors = [it for it in studio.heard[before:] if it.get("type") == "error"]
+        codes = [(it.get("code"), it.get("pointer")) for it in errors]
+        trial.expect(
+            codes == [("invalid_message", "/intrinsics")],
+            f"{told}, were answered by {show(codes) if codes else 'no error'}",
+        )
+        seen = studio.look(at_rest())
+        cameras = [it["camera"] for it in studio.photographer.dealings.frames[known:]]
+        applied = any(
+            camera["position"] == list(refused.position) or "tag" in camera for camera in cameras
+        )
+        trial.expect(not applied, f"{told}, were refused, and the pose was applied")
+        wrong = in_force(seen.frame, scaled(good, size))
+        trial.expect(not wrong, f"{told}, were refused, and then of the frame's camera {wrong}")
+        trial.delivered += 1
+
+
+@check("CAM-7", observable="the cameras of frames after poses without intrinsics", needs=LENSES)
+def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
+    """Poses with intrinsics, and without them; others come from a client without control, and some
+    are refused.
+    """
+    first, studio = first_view(trial, 0.0), Studio(trial)
+    size = first.camera.width, first.camera.height
+    own = {name: first.frame["camera"][name] for name in LENS}
+    wrong = in_force(studio.look().frame, own)
+    trial.expect(not wrong, f"nobody sent intrinsics, and of the frame's camera {wrong}")
+    other = trial.greeted("msg")
+    lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
+    foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
+    for number in trial.each(range(3)):
+        lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
+        wanted = scaled(lens, size)
+        studio.look(intrinsics=lens)
+        trial.viewer.say(other, at_rest() | {"type": "camera_pose", "intrinsics": foreign})
+        for moment in ("the next pose had none", "another client had sent its own"):
+            wrong = in_force(studio.look().frame, wanted)
+            trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
+            answers(trial, other)
+        trial.delivered += 1
+
+
+@check(
+    "CAM-8",
+    observable="the intrinsics in replies to get_camera_pose",
+    needs=("1.1", "capability:intrinsics"),
+)
+def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
+    """Several cameras are asked for, on a connection that agreed on intrinsics."""
+    connection = trial.greeted("msg")
+    for index in trial.each(ASKED):
+        reply = trial.ask(connection, {"type": "get_camera_pose", "cam_idx": index, "id": 7}) or {}
+        told: Any = reply.get("intrinsics")
+        of = f"the intrinsics of camera {index}"
+        trial.expect(isinstance(told, dict), f"{of} are {show(told)}")
+        size = whole(told.get("width"), 1), whole(told.get("height"), 1)
+        if trial.facts.size != (0, 0):
+            across, down = trial.facts.size
+            trial.expect(
+                size == trial.facts.size,
+                f"{of} are for {size[0]}×{size[1]}, and images have {across}×{down}",
+            )
+        for name in LENS:
+            low = -LIMITS["max_position"] if name in ("cx", "cy") else LIMITS["min_normal_single"]
+            sound = number_in(told.get(name), low, LIMITS["max_position"])
+            trial.expect(sound, f"{of}: {name} is {show(told.get(name))}")
+        trial.delivered += 1

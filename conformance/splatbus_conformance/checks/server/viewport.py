@@ -1,0 +1,165 @@
+"""Checks on images of another size, which a client asked for (spec 1.1 chapter 8)."""
+
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.messages import camera_pose
+from splatbus_conformance.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    asked,
+    changed,
+    dealings_of,
+    other_sizes,
+    readers,
+    resizing,
+    size_of,
+)
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.studio import answers
+from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import show
+
+LARGEST: int = LIMITS["max_image_size"]
+BAD_SIZES: tuple[tuple[Any, Any], ...] = (
+    *((0, 0), (-1, 48), (64, LARGEST + 1), (1.5, 48), ("64", "48"), (None, 48), (2**31, 2**31)),
+)
+
+
+@check("VPT-2", observable="the reply, or the error", needs=("1.1", "capability:viewport"))
+def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
+    """Sizes that are none, and several that are, with nobody who reads images; the size that is
+    told from then on is the one that was agreed.
+    """
+    with resizing(trial) as client:
+        for size in trial.each([*BAD_SIZES, *other_sizes(trial)]):
+            told = asked(trial, client, size)
+            kind, what = told.get("type"), f"set_viewport to {show(size[0])}×{show(size[1])}"
+            agreed = kind == "viewport_size" and told.get("viewport_size") == list(size)
+            trial.expect(kind == "error" or agreed, f"{what} was answered by {show(told)}")
+            trial.expect(kind == "error" or size not in BAD_SIZES, f"{what} was agreed to")
+            if agreed:
+                now = trial.ask(client, {"type": "get_viewport_size"}) or {}
+                told_now = now.get("viewport_size")
+                trial.expect(
+                    told_now in (list(size), [0, 0]),
+                    f"{what} was agreed to, and then the size is told as {show(told_now)}",
+                )
+            trial.delivered += 1
+
+
+@check("VPT-3", observable="the error while one reader takes no reinit", needs=RESIZES)
+def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
+    """Two readers, of which one does not list `reinit`; it leaves, and then comes back."""
+    with resizing(trial) as client:
+        reader = trial.reading()
+        for number in trial.each(range(2)):
+            offer = [it for it in trial.viewer.capabilities["ipc"] if it != "reinit"]
+            stiff = trial.ready("ipc", capabilities=offer)
+            if reader.ended or not dealings_of(trial, stiff).init_packets:
+                trial.not_observable("the server announces its memory to one reader at a time")
+            told = asked(trial, client, other_sizes(trial)[number])
+            code = told.get("code") or told.get("type")
+            trial.expect(
+                code == "unsupported",
+                f"set_viewport beside a reader without reinit was answered by {show(code)}",
+            )
+            trial.rest(REACTION_SECONDS / 2)
+            sent = len(dealings_of(trial, reader).init_packets)
+            trial.expect(sent == number + 1, f"then a reader has {sent} init packets")
+            stiff.close()
+            changed(trial, client, other_sizes(trial)[number])
+            trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > number + 1)  # noqa: B023
+            trial.delivered += 1
+
+
+@check("VPT-4", observable="the error while another client has control", needs=RESIZES)
+def check_obeys_who_has_control(trial: ServerTrial) -> None:
+    """One client poses the camera; another asks for a size, then the first, then the other once
+    the first has gone.
+    """
+    with resizing(trial) as client:
+        first = trial.greeted("msg")
+        trial.viewer.say(first, camera_pose())
+        if not answers(trial, first) or "busy" in dealings_of(trial, first).errors():
+            trial.not_observable("the client that posed first was not given control")
+        one, two, three, _ = other_sizes(trial)
+        told = asked(trial, client, one)
+        code = told.get("code") or told.get("type")
+        trial.expect(code == "busy", f"a client without control was answered by {show(code)}")
+        changed(trial, first, two)
+        first.close()
+        changed(trial, client, three)
+        trial.delivered += 3
+
+
+@check("VPT-4", observable="the error while former memory is in use", needs=RESIZES)
+def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
+    """A reader opens memory of another size and keeps what it had; a third size is asked for."""
+    with resizing(trial) as client:
+        reader = trial.reading()
+        dealings = dealings_of(trial, reader)
+        dealings.keeps = True
+        one, two, *_ = other_sizes(trial)
+        changed(trial, client, one)
+        trial.wait(lambda: dealings.kept or reader.ended, REINIT_SECONDS)
+        told = asked(trial, client, two)
+        code = told.get("code") or told.get("type")
+        trial.expect(code == "busy", f"while former memory is in use the answer is {show(code)}")
+        trial.viewer.let_go(reader)
+        changed(trial, client, two)
+        trial.delivered += 1
+
+
+@check("VPT-5", observable="the init packets of all readers", needs=RESIZES)
+def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
+    """Up to three readers, of which one holds a frame, and one takes none; the size changes again
+    and again.
+    """
+    with resizing(trial) as client:
+        everyone = readers(trial, 2)
+        dealings_of(trial, everyone[0]).holds = True
+        everyone.append(trial.ready("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"]))
+        for size in trial.each(other_sizes(trial)):
+            had = {it: len(dealings_of(trial, it).init_packets) for it in everyone}
+            changed(trial, client, size)
+            told = {it: dealings_of(trial, it).init_packets for it in everyone if had[it]}
+            trial.wait(
+                lambda: all(len(now) > had[it] for it, now in told.items()),  # noqa: B023
+                REINIT_SECONDS,
+            )
+            for number, (it, packets) in enumerate(told.items(), 1):
+                what = f"reader {number} of {len(told)}, when the size was set to {size}"
+                trial.expect(not it.ended, f"{what}: its connection was closed")
+                trial.expect(len(packets) > had[it], f"{what}: no init packet within 5 s")
+                now = size_of(packets[-1])
+                trial.expect(now == size, f"{what}: its init packet is for {now[0]}×{now[1]}")
+            trial.delivered += 1
+
+
+@check("VPT-6", observable="that no init packet comes", needs=RESIZES)
+def check_announces_no_other_memory_unasked(trial: ServerTrial) -> None:
+    """The size that images have, again and again; sizes that are none; a size while another client
+    has control.
+    """
+    with resizing(trial) as client:
+        reader = trial.reading()
+        packets = dealings_of(trial, reader).init_packets
+        asks: list[tuple[Any, Any]] = [*[trial.facts.size] * 3, *BAD_SIZES, trial.facts.size]
+        for size in trial.each(asks):
+            asked(trial, client, size)
+            trial.delivered += 1
+        first = trial.greeted("msg")
+        trial.viewer.say(first, camera_pose())
+        answers(trial, first)
+        refused = asked(trial, client, other_sizes(trial)[0]).get("type") == "error"
+        trial.rest(REACTION_SECONDS)
+        trial.expect(
+            len(packets) == 1 or not refused,
+            f"{len(packets) - 1} further init packets came, of a size that images have or of"
+            " requests that were answered by errors",
+        )
+        trial.expect(not reader.ended, "the reader's connection was closed")
+        first.close()

@@ -1,0 +1,122 @@
+"""Images of another size: asks for them, and puts things back (spec 1.1 chapter 8)."""
+
+import contextlib
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.values import whole
+from splatbus_conformance.viewer import Dealings
+
+RESIZES = ("1.1", "frames", "capability:viewport", "capability:reinit")
+"""What a server must have shown whose images may have another size."""
+REINIT_SECONDS: float = LIMITS["reinit_seconds"]
+Size = tuple[int, int]
+
+
+def other_sizes(trial: ServerTrial) -> list[Size]:
+    """Sizes that images do not have, none of them large."""
+    width, height = trial.facts.size
+    return [
+        (max(1, width // 2), max(1, height // 2)),
+        (width + 3, height + 5),
+        (max(1, height // 2), max(1, width // 2) + 1),
+        (1, 1),
+    ]
+
+
+def asked(trial: ServerTrial, client: Connection, size: tuple[Any, Any], id: int = 1) -> Json:
+    """The answer to `set_viewport`; the requirement is violated without one."""
+    request: Json = {"type": "set_viewport", "width": size[0], "height": size[1], "id": id}
+    heard = trial.viewer.with_(client).heard
+    before = len(heard)
+    trial.viewer.say(client, request)
+
+    def answer() -> Json | None:
+        return next((it for it in heard[before:] if it.get("id") == id), None)
+
+    trial.wait(lambda: answer() or client.ended)
+    told = answer()
+    if told is None:
+        trial.violated(f"set_viewport to {size[0]}×{size[1]} was not answered with its id")
+    return told
+
+
+def changed(trial: ServerTrial, client: Connection, size: Size) -> None:
+    """Have images of another size; skips the check where the server has none of that size.
+
+    `busy` may be its answer while it has not noticed that former readers are gone.
+    """
+    told: list[Json] = []
+
+    def done() -> bool:
+        told.append(asked(trial, client, size))
+        if told[-1].get("code") == "busy":
+            trial.rest(REACTION_SECONDS / 4)
+        return told[-1].get("code") != "busy"
+
+    trial.peer.until(done, EFFECT_SECONDS)
+    if told[-1].get("type") != "viewport_size":
+        what = told[-1].get("code") or told[-1].get("type")
+        trial.not_observable(f"set_viewport to {size[0]}×{size[1]} was answered by {what}")
+
+
+@contextlib.contextmanager
+def resizing(trial: ServerTrial) -> Iterator[Connection]:
+    """A client for `set_viewport`, from which `move` poses the camera too; afterwards images have
+    the size that they had before.
+    """
+    if trial.facts.size == (0, 0):
+        trial.not_observable("the server announced no size")
+    try:
+        yield trial.commanding()
+    finally:
+        trial.viewer.opens = trial.viewer.releases = True
+        trial.peer.close_all()
+        _restore(trial)
+
+
+def _restore(trial: ServerTrial) -> None:
+    """Whatever the check found, those that follow rely on the size that they know."""
+    client, deadline = trial.greeted("msg"), time.monotonic() + EFFECT_SECONDS
+    width, height = trial.facts.size
+    request: Json = {"type": "set_viewport", "width": width, "height": height}
+    while (trial.ask(client, request) or {}).get("type") != "viewport_size":
+        trial.rest(REACTION_SECONDS / 4)
+        if time.monotonic() > deadline or client.ended:
+            if trial.testee.expendable:
+                trial.testee.stop()
+            return
+
+
+def size_of(init_packet: Json) -> tuple[int | None, int | None]:
+    """The width and height that an init packet tells."""
+    meta: Any = init_packet.get("meta")
+    named = meta if isinstance(meta, dict) else {}
+    return whole(named.get("w"), 1), whole(named.get("h"), 1)
+
+
+def dealings_of(trial: ServerTrial, connection: Connection) -> Dealings:
+    """What was said on a connection."""
+    return trial.viewer.with_(connection)
+
+
+def readers(trial: ServerTrial, most: int = 3) -> list[Connection]:
+    """As many readers as the server serves, up to so many."""
+    found = [trial.reading()]
+    while len(found) < most:
+        connection, _ = trial.answered("ipc")
+        dealings = dealings_of(trial, connection)
+        trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)  # noqa: B023
+        if dealings.memory is None or any(reader.ended for reader in found):
+            break
+        found.append(connection)
+    if any(reader.ended for reader in found):
+        trial.not_observable("the server ends a connection in favour of a later one")
+    return found

@@ -1,0 +1,113 @@
+"""A client of 1.1 that says all that it may, and sees in images what comes of it."""
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.photographer import AT_REST, Photographer
+from splatbus_conformance.photographs import Photograph
+from splatbus_conformance.reprojection import AS_SPECIFIED, named
+from splatbus_conformance.server_introduction import DEFAULT
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.stress import Pose
+
+STEP = 2.0**-8
+"""How far apart the cameras are from which is looked, in scene units."""
+LENS = ("fx", "fy", "cx", "cy", "near", "far")
+_looks = itertools.count(1)
+
+
+class Studio:
+    """A client in control of the camera, and a photographer who reads the images.
+
+    Attributes:
+        poser: the client's message connection.
+        photographer: whose poses go over that connection.
+    """
+
+    def __init__(self, trial: ServerTrial) -> None:
+        self.trial = trial
+        self.poser = trial.commanding()
+        self.photographer = Photographer(trial)
+        self.look(placed(DEFAULT, AT_REST) if _has_objects(trial) else at_rest())
+
+    @property
+    def heard(self) -> list[Json]:
+        """All that the server said on the message connection; it grows."""
+        return self.trial.viewer.with_(self.poser).heard
+
+    def say(self, *messages: Json) -> None:
+        """Send messages from the client in control."""
+        for message in messages:
+            self.trial.viewer.say(self.poser, message)
+
+    def look(self, *messages: Json, **members: Any) -> Photograph:
+        """The first image after these messages, from a camera next to the first view: whoever
+        shows it has handled them. `members` are added to the pose of that camera.
+        """
+        return self.take(self.elsewhere(), *messages, **members)
+
+    def take(self, camera: Pose, *messages: Json, **members: Any) -> Photograph:
+        """The first image from this camera after these messages; skips the check without one."""
+        self.say(*messages)
+        photograph = self.photographer.take(camera, None, **members)
+        if named(photograph.camera.pose, camera) is not AS_SPECIFIED:
+            self.trial.not_observable(f"no image shows the camera at {camera}")
+        return photograph
+
+    def elsewhere(self) -> Pose:
+        """A camera next to the first view, where none was lately."""
+        return elsewhere(self.trial)
+
+    def answers(self) -> bool:
+        """Whether the client in control is answered, after all that it said before."""
+        return answers(self.trial, self.poser)
+
+
+@contextlib.contextmanager
+def studio(trial: ServerTrial) -> Iterator[Studio]:
+    """A studio, whose objects are put back at the end: they stay where they are otherwise."""
+    it = Studio(trial)
+    try:
+        yield it
+    finally:
+        if _has_objects(trial):
+            it.say(*(placed(name, AT_REST) for name in trial.facts.objects()))
+            it.answers()
+
+
+def elsewhere(trial: ServerTrial) -> Pose:
+    """A camera next to the first view, where none was lately."""
+    first = trial.facts.first
+    position, rotation = first.pose if first else AT_REST
+    row, column = divmod(next(_looks), 16)
+    x, y, z = position
+    return Pose((x + STEP * column, y - STEP * (row % 16), z), rotation)
+
+
+def answers(trial: ServerTrial, connection: Connection) -> bool:
+    """Whether a request on this connection is answered by its reply, after what was said before."""
+    replies = trial.replies(connection)
+    before = len(replies)
+    trial.viewer.say(connection, VIEWPORT_REQUEST)
+    return trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended) and (
+        not connection.ended
+    )
+
+
+def placed(name: str, pose: Pose, scale: float | None = None) -> Json:
+    """An `object_pose`."""
+    added: Json = {} if scale is None else {"scale": scale}
+    return camera_pose(*pose, kind="object_pose") | {"object": name} | added
+
+
+def at_rest() -> Json:
+    """A `point_cloud_pose` that puts the Gaussians where they were at first."""
+    return camera_pose(*AT_REST, kind="point_cloud_pose")
+
+
+def _has_objects(trial: ServerTrial) -> bool:
+    return trial.facts.lacks("capability:objects") is None

@@ -1,0 +1,174 @@
+"""What a client may send: checked before it leaves, and no more of it than was agreed [NEG-5].
+
+Functions from messages to messages; nothing here sends.
+"""
+
+from collections.abc import Collection
+
+from splatbus_schemas import LIMITS
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.fields import MAX_SAFE_INTEGER, Field
+from splatbus_wire.messages import (
+    DEFAULT_OBJECT,
+    CameraPose,
+    GetCameraPose,
+    GetScene,
+    Intrinsics,
+    ObjectPose,
+    Ping,
+    PointCloudPose,
+    Pose,
+    Request,
+    SetTime,
+    SetViewport,
+    SubscribeTelemetry,
+)
+from splatbus_wire.parts import MAX_IMAGE_SIZE, MAX_NAME_CHARS, intrinsics
+from splatbus_wire.rotations import check_quaternion
+
+Told = CameraPose | ObjectPose | SetTime | SubscribeTelemetry
+"""What has no reply, and of which only the newest of a kind matters [POS-7]."""
+Kind = tuple[type[Told], str | None]
+"""What it is about: a type, and which object where it moves one."""
+
+_CAPABILITIES: dict[type, str] = {
+    ObjectPose: "objects",
+    SetTime: "time",
+    SubscribeTelemetry: "telemetry",
+    GetScene: "scene",
+    SetViewport: "viewport",
+    Ping: "ping",
+}
+
+
+def kind(message: Told) -> Kind:
+    """Return the kind, of which a newer message takes the place of this one."""
+    return type(message), message.object if isinstance(message, ObjectPose) else None
+
+
+def succeeding(former: Told | None, message: Told) -> Told:
+    """Return the message, with what stays in force of the one whose place it takes [CAM-7]."""
+    if isinstance(message, CameraPose) and isinstance(former, CameraPose):
+        return message._replace(intrinsics=message.intrinsics or former.intrinsics)
+    return message
+
+
+def needs(message: Told | Request) -> str | None:
+    """Return the capability without which the message, or a part of it, may not be sent."""
+    match message:
+        case CameraPose(intrinsics=lens):
+            return None if lens is None else "intrinsics"
+        case ObjectPose(name, _, scale):
+            return None if (name, scale) == (DEFAULT_OBJECT, 1.0) else "objects"
+    return _CAPABILITIES.get(type(message))
+
+
+def only_1_1(message: Told | Request) -> bool:
+    """Whether the message has anything that 1.0 does not know."""
+    return needs(message) is not None or (
+        isinstance(message, CameraPose) and message.tag is not None
+    )
+
+
+def permitted(
+    message: Told, version: str | None, capabilities: Collection[str]
+) -> Told | PointCloudPose | None:
+    """Return what of the message may be sent on a connection, None for nothing [NEG-5].
+
+    The pose of the object that 1.0 knows goes as 1.0 has it [OBJ-2].
+    """
+    needed = needs(message)
+    missing = needed is not None and needed not in capabilities
+    match message:
+        case CameraPose():
+            lens = None if missing else message.intrinsics
+            tag = message.tag if version == "1.1" else None
+            return message._replace(intrinsics=lens, tag=tag)
+        case ObjectPose(_, pose, _, timestamp) if needed is None:
+            return PointCloudPose(pose, timestamp)
+    return None if missing else message
+
+
+def checked(message: Told) -> Told:
+    """Return the message in plain numbers, whatever numbers it came in.
+
+    Raises:
+        ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
+    """
+    match message:
+        case CameraPose(pose, timestamp, tag, lens):
+            if tag is not None:
+                _text(Field(tag, "/tag", "CAM-1"), LIMITS["max_tag_chars"])
+            return CameraPose(_pose(pose), timestamp, tag, lens and _lens(lens))
+        case ObjectPose(name, pose, scale, timestamp):
+            _text(Field(name, "/object", "OBJ-1"), MAX_NAME_CHARS)
+            return ObjectPose(name, _pose(pose), _scale(scale), timestamp)
+        case SetTime(time):
+            return SetTime(Field(float(time), "/time", "TIM-1").number())
+        case SubscribeTelemetry(names):
+            _names(names)
+            return message
+
+
+def checked_request(request: Request) -> Request:
+    """Return the request in plain numbers.
+
+    Raises:
+        ProtocolError: it breaks REQ-2, VPT-1 or PNG-1.
+    """
+    match request:
+        case GetCameraPose(index):
+            most = MAX_SAFE_INTEGER
+            return GetCameraPose(Field(index, "/cam_idx", "REQ-2").integer(-most, most))
+        case SetViewport(width, height):
+            return SetViewport(
+                Field(width, "/width", "VPT-1").integer(1, MAX_IMAGE_SIZE),
+                Field(height, "/height", "VPT-1").integer(1, MAX_IMAGE_SIZE),
+            )
+        case Ping(t):
+            return Ping(Field(float(t), "/t", "PNG-1").number())
+    return request
+
+
+def _pose(pose: Pose) -> Pose:
+    """The pose in plain floats [POS-2, POS-3, ACC-1]."""
+    x, y, z = map(float, pose.position)
+    i, j, k, w = map(float, pose.rotation)
+    if not all(abs(coordinate) <= LIMITS["max_position"] for coordinate in (x, y, z)):
+        raise ProtocolError(
+            "invalid_number",
+            f"the position {(x, y, z)} is not within single precision",
+            requirement="POS-2",
+            pointer="/position",
+        )
+    check_quaternion((i, j, k, w), pointer="/rotation")
+    return Pose((x, y, z), (i, j, k, w))
+
+
+def _lens(lens: Intrinsics) -> Intrinsics:
+    plain = {name: float(value) for name, value in lens._asdict().items()}
+    return intrinsics(Field(plain, "/intrinsics", "CAM-4"))
+
+
+def _scale(scale: float) -> float:
+    field = Field(float(scale), "/scale", "OBJ-1")
+    least, most = LIMITS["min_scale"], LIMITS["max_scale"]
+    if not least <= field.number() <= most:
+        raise field.refused(f"is {scale!r}, not from {least} to {most}")
+    return field.number()
+
+
+def _names(names: frozenset[str] | None) -> None:
+    if names is None:
+        return
+    listed = Field(sorted(names, key=str), "/names", "TEL-1").items(0, LIMITS["max_series"])
+    for name in listed:
+        _text(name, MAX_NAME_CHARS)
+
+
+def _text(field: Field, most: int) -> None:
+    """Refuse what is no text of 1 to `most` characters, and what UTF-8 cannot hold [JSN-1]."""
+    try:
+        field.string(1, most).encode()
+    except UnicodeEncodeError:
+        raise field.under("JSN-1").refused("holds half of a surrogate pair") from None

@@ -1,0 +1,123 @@
+"""Figures from a renderer, printed as they come: a table on a terminal, lines or JSON elsewhere."""
+
+import json
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import TextIO
+
+from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, Text, message_object
+
+from splatbus_client.loop import clock
+from splatbus_client.session import Session
+from splatbus_client.terminal import Lines, columns, printable
+
+_PATIENCE_SECONDS = 0.25
+_CURVE_LETTERS = 32
+
+Show = Callable[[Telemetry], None]
+
+
+def watch(
+    session: Session,
+    names: Iterable[str] | None,
+    *,
+    seconds: float,
+    stopped: threading.Event,
+    show: Show,
+) -> None:
+    """Show what a server tells of itself until `stopped` is set or `seconds` have passed.
+
+    Args:
+        session: with any server, or none yet.
+        names: of the series to subscribe to; None for all.
+        seconds: how long to run; may be infinite.
+        stopped: set by somebody else to end it.
+        show: called with each message.
+
+    Raises:
+        NotOfferedError: the server does not offer telemetry.
+        ProtocolError: there are too many names, or one is too long [TEL-1].
+    """
+    session.subscribe_telemetry(names)
+    end = clock() + seconds
+    while not stopped.is_set() and (now := clock()) < end:
+        try:
+            show(session.next_telemetry(min(_PATIENCE_SECONDS, end - now)))
+        except TimeoutError:
+            continue
+
+
+def as_json(out: TextIO) -> Show:
+    """Show each message as one line of JSON, with the members that it had on the wire."""
+
+    def show(telemetry: Telemetry) -> None:
+        out.write(json.dumps(message_object(telemetry), ensure_ascii=False) + "\n")
+        out.flush()
+
+    return show
+
+
+def as_text(out: TextIO) -> Show:
+    """Show a table that is written over on a terminal; else one line for each series."""
+    return _table(out) if out.isatty() else _lines(out)
+
+
+def _table(out: TextIO) -> Show:
+    """The newest of each series, with the course of those that are numbers."""
+    newest: dict[str, Series] = {}
+    courses: dict[str, deque[float]] = {}
+    lines = Lines(out)
+
+    def show(telemetry: Telemetry) -> None:
+        for series in telemetry.series:
+            newest[series.name] = series
+            if isinstance(series, Scalar):
+                course = courses.setdefault(series.name, deque(maxlen=_CURVE_LETTERS))
+                course.append(series.value)
+        rows = [_cells(series, courses.get(series.name, ())) for series in newest.values()]
+        name, value = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
+        head = f"telemetry {telemetry.seq}, {telemetry.time:.3f} s on the server's clock"
+        lines.write([head, *(f"  {row[0]:<{name}}  {row[1]:>{value}}  {row[2]}" for row in rows)])
+
+    return show
+
+
+def _lines(out: TextIO) -> Show:
+    def show(telemetry: Telemetry) -> None:
+        for series in telemetry.series:
+            cells = " ".join(cell for cell in _cells(series) if cell)
+            out.write(f"{telemetry.time:.3f} {cells}\n")
+        out.flush()
+
+    return show
+
+
+def _cells(series: Series, course: Iterable[float] = ()) -> tuple[str, str, str]:
+    """What a row shows: a name, a value, and a picture or a text."""
+    name = printable(series.name)
+    match series:
+        case Scalar(_, value, unit):
+            return name, f"{value:.6g} {printable(unit or '')}".rstrip(), _curve(list(course))
+        case Histogram(_, edges, counts):
+            shape = columns(_fewer(counts), 0, max(_fewer(counts)))
+            return name, f"{sum(counts)} counted", f"{edges[0]:.4g} |{shape}| {edges[-1]:.4g}"
+        case Text(_, value):
+            return name, "", printable(value)
+
+
+def _curve(course: list[float]) -> str:
+    if len(course) < 2:
+        return ""
+    least, most = min(course), max(course)
+    if least == most:
+        return f"{columns(course, least - 1, most + 1)} {least:.4g}"
+    visible = least - (most - least) / 8
+    return f"{columns(course, visible, most)} {least:.4g} to {most:.4g}"
+
+
+def _fewer(counts: tuple[int, ...]) -> list[int]:
+    """The counts of so few bins that each can have a letter: neighbours are added up."""
+    group = math.ceil(len(counts) / _CURVE_LETTERS)
+    return [sum(counts[i : i + group]) for i in range(0, len(counts), group)]

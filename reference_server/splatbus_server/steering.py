@@ -1,0 +1,44 @@
+"""What a message that steers must be, to be taken: agreed upon, and about this scene."""
+
+from __future__ import annotations
+
+from splatbus_wire.messages import CameraPose, ObjectPose, SetTime, Steering
+
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.control import Poses
+from splatbus_server.lens import fits
+
+TimeRange = tuple[float, float]
+
+
+def objection(
+    connection: Connection, message: Steering, poses: Poses, width: int, height: int
+) -> Refusal | None:
+    """Why the message is refused, whoever has control; None if it is valid.
+
+    Args:
+        connection: that sent it.
+        message: as decoded.
+        poses: of the scene's objects.
+        width: of the images.
+        height: of the images.
+    """
+    match message:
+        case CameraPose(intrinsics=lens) if lens is not None:
+            if not connection.has("intrinsics"):
+                reason = "intrinsics were not agreed upon [NEG-5]"
+                return Refusal("unsupported", reason, "/intrinsics")
+            if not fits(lens, width, height):
+                reason = f"{lens.width}×{lens.height} has not the shape of {width}×{height} [CAM-6]"
+                return Refusal("invalid_message", reason, "/intrinsics")
+        case ObjectPose(name) if name not in poses.objects:
+            return Refusal("unknown_object", f"the scene has no object {name!r} [OBJ-3]", "/object")
+    return None
+
+
+def within(message: Steering, time_range: TimeRange | None) -> Steering:
+    """The message, with a time that the scene has [TIM-2]."""
+    if isinstance(message, SetTime) and time_range is not None:
+        first, last = time_range
+        return SetTime(min(max(message.time, first), last))
+    return message

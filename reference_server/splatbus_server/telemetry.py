@@ -1,0 +1,156 @@
+"""What a renderer tells of itself, on its way to the clients that subscribed (1.1 annex A)."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any, SupportsFloat
+
+import numpy as np
+from numpy.typing import ArrayLike
+from splatbus_schemas import LIMITS
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, Text
+
+from splatbus_server.connection import Connection
+from splatbus_server.statistics import Statistics
+
+Reading = SupportsFloat | tuple[SupportsFloat, str] | str | tuple[ArrayLike, ArrayLike]
+"""A number, a number and its unit, a text, or counts and edges as `numpy.histogram` returns them.
+"""
+Given = Reading | Callable[[], Reading]
+
+MOST_SERIES: int = LIMITS["max_series"]
+
+log = logging.getLogger("splatbus_server")
+
+
+class Readings:
+    """The newest readings: the render loop gives them, the I/O thread passes them on."""
+
+    def __init__(self, statistics: Statistics) -> None:
+        self._statistics = statistics
+        self._subscribers: dict[Connection, frozenset[str] | None] = {}
+        self._wanted: frozenset[str] | None = frozenset()
+        self._lock = threading.Lock()
+        self._pending: dict[str, Series] = {}
+        self._taken_at = 0.0
+        self._seq = 0
+        self._is_too_long = False
+
+    # The render loop's side
+
+    def give(self, values: Mapping[str, Given], now: float) -> bool:
+        """Takes what somebody subscribed to, and looks at nothing else [TEL-4].
+
+        Returns whether there is something to pass on.
+
+        Raises:
+            ValueError: a reading is none that can be sent; nothing of the call is.
+        """
+        wanted = self._wanted
+        if wanted is not None and wanted.isdisjoint(values):
+            return False
+        found = [
+            series(name, value() if callable(value) else value)
+            for name, value in values.items()
+            if wanted is None or name in wanted
+        ]
+        self._statistics.series_computed += len(found)
+        if len(found) > MOST_SERIES:
+            raise ValueError(f"{len(found)} series at a time; {MOST_SERIES} can be sent [TEL-2]")
+        with self._lock:
+            self._pending.update((each.name, each) for each in found)
+            self._taken_at = now
+        return bool(found)
+
+    # The I/O thread's side
+
+    def subscribe(self, connection: Connection, names: frozenset[str] | None) -> None:
+        """Takes what a connection wants from now on; None for everything [TEL-1, TEL-3]."""
+        self._subscribers[connection] = names
+        self._add_up()
+
+    def unsubscribe(self, connection: Connection) -> None:
+        """Forgets a connection."""
+        if self._subscribers.pop(connection, frozenset()) != frozenset():
+            self._add_up()
+
+    def pass_on(self) -> None:
+        """Sends what is new to who wants it and has taken what came before [TEL-5]."""
+        if not self._pending:
+            return
+        with self._lock:
+            pending, self._pending = self._pending, {}
+            now = self._taken_at
+        self._seq += 1
+        for connection, names in self._subscribers.items():
+            chosen = [s for s in pending.values() if names is None or s.name in names]
+            if chosen and not connection.unsent and connection.ending is None:
+                self._send(connection, Telemetry(self._seq, now, tuple(chosen[-MOST_SERIES:])))
+
+    def _send(self, connection: Connection, message: Telemetry) -> None:
+        try:
+            connection.send(message)
+        except ProtocolError as error:
+            if not self._is_too_long:
+                log.error("telemetry is left out that no packet can hold: %s", error)
+            self._is_too_long = True
+        else:
+            self._statistics.telemetry_sent += 1
+
+    def _add_up(self) -> None:
+        everyone = self._subscribers.values()
+        named = [names for names in everyone if names is not None]
+        self._wanted = frozenset().union(*named) if len(named) == len(everyone) else None
+
+
+def series(name: str, value: Any) -> Series:
+    """A reading as it is sent.
+
+    Raises:
+        ValueError: its name, or the value, is none that can be [TEL-2].
+    """
+    try:
+        return _series(_text(name, 1, LIMITS["max_name_chars"]), value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"telemetry {name!r}: {error} [TEL-2]") from None
+
+
+def _series(name: str, value: Any) -> Series:
+    match value:
+        case str():
+            return Text(name, _text(value, 0, LIMITS["max_text_chars"]))
+        case (number, str(unit)):
+            return Scalar(name, _number(number), _text(unit, 0, LIMITS["max_name_chars"]))
+        case (counts, edges):
+            return _histogram(name, np.asarray(counts), np.asarray(edges, np.float64))
+    return Scalar(name, _number(value))
+
+
+def _text(text: str, least: int, most: int) -> str:
+    if not least <= len(text) <= most:
+        raise ValueError(f"{len(text)} characters are not {least} to {most}")
+    text.encode()  # a surrogate by itself is no text
+    return text
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    return number
+
+
+def _histogram(name: str, counts: Any, edges: Any) -> Histogram:
+    most = LIMITS["max_edges"]
+    if edges.ndim != 1 or counts.shape != (len(edges) - 1,) or not 2 <= len(edges) <= most:
+        shapes = f"counts of shape {counts.shape} and edges of shape {edges.shape}"
+        raise ValueError(f"{shapes} are not n and n + 1, of at most {most}")
+    if not (np.isfinite(edges).all() and (edges[1:] > edges[:-1]).all()):
+        raise ValueError("the edges do not ascend, or are not finite")
+    if not ((counts >= 0) & (counts <= LIMITS["max_safe_integer"]) & (counts % 1 == 0)).all():
+        raise ValueError("the counts are not all whole numbers from 0 on")
+    return Histogram(name, tuple(edges.tolist()), tuple(map(int, counts.tolist())))

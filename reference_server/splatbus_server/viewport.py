@@ -1,0 +1,118 @@
+"""Images of another size because a client asked for it: one change at a time, off the I/O thread.
+
+Memory for images takes up to seconds to be had. Meanwhile all others are served; what the client
+that asked sends after its request waits, since replies come in order [NEG-29].
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from splatbus_wire.messages import SetViewport, ViewportSize
+
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.exchange import Exchange
+from splatbus_server.memory import FrameMemory
+
+Chore = Callable[[], None]
+"""Work that takes long, to be done off the I/O thread, which is rung afterwards."""
+
+log = logging.getLogger("splatbus_server")
+
+
+class Change:
+    """Memory of the size that a client asked for.
+
+    Attributes:
+        asker: the client's connection.
+        request: what it asked for.
+        former: memory in use then.
+        outcome: the memory, or why there is none; None while it is being made.
+    """
+
+    def __init__(self, asker: Connection, request: SetViewport, former: FrameMemory) -> None:
+        self.asker = asker
+        self.request = request
+        self.former = former
+        self.outcome: FrameMemory | Exception | None = None
+
+    def allocate(self) -> None:
+        """Makes the memory."""
+        try:
+            self.outcome = self.former.successor(self.request.width, self.request.height)
+        except Exception as error:
+            self.outcome = error
+
+
+class Viewport:
+    """The change that is under way, if there is one.
+
+    Attributes:
+        chores: to be done; whoever does them takes them off the list.
+    """
+
+    def __init__(self, exchange: Exchange) -> None:
+        self.chores: list[Chore] = []
+        self._exchange = exchange
+        self._change: Change | None = None
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether there is one."""
+        return self._change is not None
+
+    def set(self, asker: Connection, request: SetViewport) -> None:
+        """Begins what nothing hinders; replies at once where nothing changes [VPT-6]."""
+        memory = self._exchange.memory
+        if (memory.width, memory.height) == (request.width, request.height):
+            asker.send(ViewportSize(*request))
+            return
+        self._change = Change(asker, request, memory)
+        self.chores.append(self._change.allocate)
+        asker.hold()
+
+    def settle(
+        self, hindrance: Callable[[Connection], Refusal | None], now: float
+    ) -> Refusal | None:
+        """Replies once the memory has been had, or could not be [VPT-2]; returns an error sent.
+
+        Args:
+            hindrance: why a client's wish cannot be granted, which may have changed meanwhile.
+            now: the moment.
+        """
+        change = self._change
+        if change is None or change.outcome is None:
+            return None
+        self._change = None
+        refusal = hindrance(change.asker) or self._replace(change)
+        if refusal is None:
+            change.asker.send(ViewportSize(*change.request))
+        else:
+            change.asker.complain(refusal._replace(id=change.request.id))
+            log.warning("%d×%d refused: %s", *change.request[:2], refusal.reason)
+            self._discard(change)
+        change.asker.go_on(now)
+        return refusal
+
+    def close(self) -> None:
+        """Frees what was made for a reply that will not be sent any more."""
+        if self._change is not None:
+            self._discard(self._change)
+        while self.chores:
+            self.chores.pop(0)()
+
+    def _replace(self, change: Change) -> Refusal | None:
+        made = change.outcome
+        if isinstance(made, OSError):
+            return Refusal("unsupported", made.strerror or str(made))
+        if isinstance(made, Exception):
+            log.error("a defect of this server", exc_info=made)
+            return Refusal("internal", "a defect of this server")
+        if made is None or not self._exchange.replace(change.former, made):
+            return Refusal("busy", "the renderer has changed the size itself [VPT-4]")
+        return None
+
+    def _discard(self, change: Change) -> None:
+        if change.outcome is not None and not isinstance(change.outcome, Exception):
+            self.chores.append(change.outcome.close)

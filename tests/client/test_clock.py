@@ -1,0 +1,39 @@
+"""The server's clock, as pings tell it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from splatbus_client.clock import Sample, best
+
+DELAYS = st.tuples(st.floats(1e-6, 1.0), st.floats(1e-6, 1.0))
+
+
+def sample(ahead, sent, there, back):
+    """A ping that took so long on its way there, and its pong so long on its way back."""
+    return Sample(sent, sent + there + ahead, sent + there + back)
+
+
+@given(st.floats(-1e4, 1e4), st.floats(0, 1e4), st.lists(DELAYS, min_size=1, max_size=9))
+def test_the_clock_is_estimated_to_within_half_the_shortest_round_trip(ahead, sent, delays):
+    samples = [sample(ahead, sent + i, *delay) for i, delay in enumerate(delays)]
+    tick = best(samples)
+    shortest = min(there + back for there, back in delays)
+    assert tick.error <= shortest / 2 + 1e-9
+    assert abs(tick.ahead - ahead) <= tick.error + 1e-9
+
+
+def test_the_examples_of_the_specification():
+    first, second = Sample(12.5, 1041.375, 12.51), Sample(13.5, 1042.371, 13.502)
+    for each, error in ((first, 0.005), (second, 0.001)):
+        assert each.ahead == pytest.approx(1028.87)
+        assert each.error == pytest.approx(error)
+    assert best([first, second]) == second
+
+
+def test_a_time_of_the_server_is_told_in_ours():
+    assert sample(1000.0, 5.0, 0.5, 0.5).here(1007.0) == pytest.approx(7.0)
+
+
+def test_without_a_sample_nothing_is_known():
+    with pytest.raises(ValueError, match="empty"):
+        best([])

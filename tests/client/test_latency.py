@@ -1,0 +1,75 @@
+"""Waits of poses for their images."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from splatbus_client.latency import Latencies, histogram, percentiles
+from splatbus_wire.messages import FrameCamera
+from splatbus_wire.poses import IDENTITY, Pose
+
+POSE = Pose((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def camera(pose=IDENTITY, tag=None):
+    return FrameCamera(pose, 1.0, 1.0, 0.5, 0.5, 1, 1, 0.1, 1.0, tag)
+
+
+def test_a_tag_ends_the_wait_of_its_pose_whatever_the_pose():
+    latencies = Latencies()
+    for number in range(3):
+        latencies.asked_for(f"v-{number}", float(number))
+    latencies.shown(camera(tag="v-1"), 1.25)
+    latencies.shown(camera(), 5.0)
+    latencies.shown(camera(tag="v-1"), 5.0)
+    latencies.shown(camera(tag="another viewer's"), 5.0)
+    latencies.shown(camera(tag="v-2"), 2.5)
+    assert list(latencies.seconds) == [0.25, 0.5]
+
+
+def test_without_tags_poses_are_compared():
+    latencies = Latencies()
+    latencies.asked_for(POSE, 1.0)
+    latencies.asked_for(POSE, 2.0)
+    latencies.shown(camera(IDENTITY), 3.0)
+    latencies.shown(camera(POSE), 3.0)
+    latencies.shown(camera(POSE), 4.0)
+    assert list(latencies.seconds) == [2.0]
+
+
+def test_what_never_comes_back_is_forgotten():
+    latencies = Latencies()
+    for number in range(10_000):
+        latencies.asked_for(str(number), 0.0)
+    assert len(latencies._asked) < 1000
+    latencies.shown(camera(tag="9999"), 1.0)
+    assert list(latencies.seconds) == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"),
+    [([0.5], (0.5, 0.5)), ([1.0, 2.0], (1.5, 1.99)), (list(range(101)), (50, 99))],
+)
+def test_percentiles(seconds, expected):
+    assert percentiles(seconds) == pytest.approx(expected)
+
+
+@given(st.lists(st.floats(0.0, 1e3), min_size=1, max_size=50))
+def test_every_wait_is_counted_once_and_in_its_row(seconds):
+    head, *rows = histogram(seconds)
+    assert f"{len(seconds)} images" in head
+    for row in rows:
+        least, _, end, _, *_, count = row.split()
+        within = [wait for wait in seconds if float(least) <= 1e3 * wait < float(end)]
+        assert len(within) == int(count)
+    assert sum(int(row.split()[-1]) for row in rows) == len(seconds)
+
+
+def test_rows_reach_from_the_shortest_to_the_longest_wait():
+    _, *rows = histogram([0.0021, 0.0022, 0.0109])
+    assert [row.split()[0] for row in rows] == ["2", "3", "5", "7", "10"]
+    assert rows[0].endswith("█" * 40 + " 2")
+    assert rows[-1].split()[2] == "15"
+
+
+def test_nothing_has_no_histogram():
+    assert histogram([]) == []

@@ -1,0 +1,121 @@
+"""What is wrong with a client's message: code, requirement and pointer, where no schema can say."""
+
+import pytest
+from splatbus_schemas import examples
+from splatbus_wire.messages import (
+    CameraPose,
+    Intrinsics,
+    ObjectPose,
+    Pose,
+    SubscribeTelemetry,
+    decode_from_client,
+)
+
+from tests.wire.payloads import payload, refusal
+
+POSE = {
+    "type": "camera_pose",
+    "position": {"x": 0.0, "y": 0.0, "z": 0.0},
+    "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+}
+LENS = {
+    "fx": 300.0, "fy": 300.0, "cx": 160.0, "cy": 120.0,
+    "width": 320, "height": 240, "near": 0.01, "far": 100.0,
+}  # fmt: skip
+
+
+def after_welcome(message: object):
+    return decode_from_client(payload(message), "message", said_hello=True)
+
+
+def refused(message: object) -> tuple[str, str, str | None]:
+    error = refusal(after_welcome, message)
+    return error.code, error.requirement, error.pointer
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "pointer"),
+    [
+        ({"near": 100.0}, "invalid_message", "/intrinsics/far"),
+        ({"near": 100.5}, "invalid_message", "/intrinsics/far"),
+        ({"fx": 0}, "invalid_message", "/intrinsics/fx"),
+        ({"fy": -1.0}, "invalid_message", "/intrinsics/fy"),
+        ({"fx": 1e-40}, "invalid_number", "/intrinsics/fx"),
+        ({"near": 5e-324}, "invalid_number", "/intrinsics/near"),
+        ({"far": 1e39}, "invalid_number", "/intrinsics/far"),
+        ({"cx": -1e39}, "invalid_number", "/intrinsics/cx"),
+        ({"width": 32769}, "invalid_message", "/intrinsics/width"),
+        ({"height": True}, "invalid_message", "/intrinsics/height"),
+    ],
+)
+def test_a_lens_that_cannot_be_is_refused(change, code, pointer):
+    message = POSE | {"intrinsics": LENS | change}
+    assert refused(message) == (code, "CAM-4", pointer)
+
+
+def test_before_hello_a_camera_has_neither_tag_nor_intrinsics():
+    message = POSE | {"tag": 1, "intrinsics": {"fx": "wide"}}
+    found = decode_from_client(payload(message), "message", said_hello=False)
+    assert found == CameraPose(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+    assert refused(message) == ("invalid_message", "CAM-1", "/tag")
+
+
+def test_a_lens_is_taken_beside_another_order_of_members():
+    message = {"intrinsics": LENS, "tag": "a"} | POSE
+    assert after_welcome(message) == CameraPose(
+        Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), None, "a", Intrinsics(**LENS)
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "requirement", "pointer"),
+    [
+        ({"object": ""}, "invalid_message", "OBJ-1", "/object"),
+        ({"object": "o" * 65}, "invalid_message", "OBJ-1", "/object"),
+        ({"scale": 0}, "invalid_message", "OBJ-1", "/scale"),
+        ({"scale": 9.9e-7}, "invalid_message", "OBJ-1", "/scale"),
+        ({"scale": None}, "invalid_message", "OBJ-1", "/scale"),
+        ({"position": {"x": 1e39, "y": 0, "z": 0}}, "invalid_number", "POS-2", "/position/x"),
+        ({"position": [0, 0, 0]}, "invalid_message", "POS-1", "/position"),
+        ({"rotation": POSE["rotation"] | {"w": 1.011}}, "invalid_rotation", "POS-3", "/rotation"),
+        ({"rotation": POSE["rotation"] | {"w": "1"}}, "invalid_message", "POS-1", "/rotation/w"),
+        ({"timestamp": "now"}, "invalid_message", "POS-8", "/timestamp"),
+    ],
+)
+def test_a_broken_pose_of_an_object_is_refused(change, code, requirement, pointer):
+    message = POSE | {"type": "object_pose", "object": "chair"}
+    assert after_welcome(message) == ObjectPose(
+        "chair", Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 1.0
+    )
+    assert refused(message | change) == (code, requirement, pointer)
+
+
+@pytest.mark.parametrize(
+    ("message", "code", "requirement", "pointer"),
+    [
+        ({"type": "set_time", "time": True}, "invalid_message", "TIM-1", "/time"),
+        ({"type": "ping", "t": 0, "id": 2**53}, "invalid_message", "NEG-27", "/id"),
+        ({"type": "get_scene", "id": "a"}, "invalid_message", "NEG-27", "/id"),
+        ({"type": "set_viewport", "width": 0, "height": 1}, "invalid_message", "VPT-1", "/width"),
+        ({"type": "subscribe_telemetry"}, "invalid_message", "TEL-1", "/names"),
+        ({"type": "subscribe_telemetry", "names": 2 * ["a"]}, "invalid_message", "TEL-1", "/names"),
+    ],
+)
+def test_other_broken_messages_are_refused(message, code, requirement, pointer):
+    assert refused(message) == (code, requirement, pointer)
+
+
+def test_all_series_are_not_the_same_as_none():
+    every, none = (
+        after_welcome({"type": "subscribe_telemetry", "names": names}) for names in (None, [])
+    )
+    assert (every, none) == (SubscribeTelemetry(None), SubscribeTelemetry(frozenset()))
+
+
+@pytest.mark.parametrize(
+    "name", "object_pose set_time get_scene set_viewport ping subscribe_telemetry".split()
+)
+def test_before_hello_the_new_types_are_unknown(name):
+    for example in examples(name, "1.1")[0]:
+        error = refusal(decode_from_client, payload(example.message), "message", said_hello=False)
+        assert (error.code, error.requirement) == ("unknown_type", "REQ-8")
