@@ -48,7 +48,7 @@ def shown(
 def composed(
     color: Float32Array,
     depth: Float32Array,
-    camera: FrameCamera,
+    camera: FrameCamera | None,
     semantics: Semantics,
     background: Float32Array,
     background_depth: Float32Array,
@@ -58,7 +58,7 @@ def composed(
     Args:
         color: (H, W, 4) float32 RGBA as `semantics` says.
         depth: (H, W) float32 as `semantics` says.
-        camera: what they were rendered with.
+        camera: what they were rendered with; only distances along rays need it.
         semantics: of the init packet.
         background: (H, W, 3) float32 colour of the geometry, in the image's colour space.
         background_depth: (H, W) float32, its planar depth, +∞ where there is none.
@@ -72,12 +72,12 @@ def composed(
 
 
 def planar_depth(
-    color: Float32Array, depth: Float32Array, camera: FrameCamera, semantics: Semantics
+    color: Float32Array, depth: Float32Array, camera: FrameCamera | None, semantics: Semantics
 ) -> Float32Array:
     """Return (H, W) float32: z in camera axes and scene units, +∞ where there is no surface."""
     surface = _surface(depth, color[..., 3], semantics)
     z: Float32Array = np.where(surface, depth, np.float32(np.inf))
-    if semantics.depth_kind == "ray_distance":
+    if semantics.depth_kind == "ray_distance" and camera is not None:
         z = (z / np.linalg.norm(rays(camera), axis=-1)).astype(np.float32)
     return z
 

@@ -58,6 +58,10 @@ class Lent(NamedTuple):
     channels: frozenset[str]
 
 
+class Look(NamedTuple):
+    """It is time to look at the buffers of 1.0: nobody announces what comes into them."""
+
+
 class Replied(NamedTuple):
     """A request was answered; `ticket` is what `ask` returned."""
 
@@ -103,7 +107,7 @@ class MustClose(NamedTuple):
     reason: str
 
 
-IpcEvent = Negotiated | Announced | Declined | Lent | ServerError | Ignored | MustClose
+IpcEvent = Negotiated | Announced | Declined | Lent | Look | ServerError | Ignored | MustClose
 MessageEvent = (
     Negotiated | Replied | Refused | NotOffered | Measured | ServerError | Ignored | MustClose
 )

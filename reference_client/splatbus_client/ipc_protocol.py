@@ -31,6 +31,7 @@ from splatbus_client.events import (
     Ignored,
     IpcEvent,
     Lent,
+    Look,
     MustClose,
     Negotiated,
     ServerError,
@@ -72,6 +73,8 @@ class IpcProtocol:
         self._before_welcome: list[InitPacket | _Broken] = []
         self._last_generation = 0
         self._slots: dict[int, int] = {}  # of each generation that is open
+        self._look_at: float | None = None
+        self._look_every = 0.0
         self._retired: set[int] = set()  # open, but not to be read any more
         self._leases: set[tuple[int, int]] = set()
         self._wanted = channels
@@ -81,11 +84,15 @@ class IpcProtocol:
 
     def opened(self, packet: InitPacket) -> None:
         """Tell the server that the memory of an announced packet is mapped and checked [OPN-2]."""
-        if packet.generation is None or packet.ring is None:
-            raise ValueError("only memory with a generation and a ring can be opened")
-        self._slots[packet.generation] = packet.ring.slots
+        if packet.generation is None:
+            return  # 1.0 asks for no answer
+        self._slots[packet.generation] = packet.ring.slots if packet.ring else 0
         self._send(Opened(packet.generation))
         self._written = self._wanted_and_written()
+
+    def look(self, every: float) -> None:
+        """Say when it is time to look at the buffers of 1.0: now, and every so many seconds."""
+        self._look_at, self._look_every = 0.0, every
 
     def open_failed(self, packet: InitPacket, reason: str) -> None:
         """Tell the server, where it speaks 1.1, that an announced packet cannot be opened."""
@@ -122,12 +129,16 @@ class IpcProtocol:
 
     def deadline(self) -> float | None:
         """Return when `expire` is to be called, if nothing comes before."""
-        return self._incoming.deadline
+        due = (self._incoming.deadline, self._look_at)
+        return min((time for time in due if time is not None), default=None)
 
     def expire(self, now: float) -> list[IpcEvent]:
         """Return what follows from the time alone [FRM-5]; an init packet has no limit [CHN-9]."""
         if self._incoming.deadline is not None and now >= self._incoming.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
+        if self._look_at is not None and now >= self._look_at:
+            self._look_at = now + self._look_every
+            return [Look()]
         return []
 
     def receive(self, data: bytes, now: float) -> Iterator[IpcEvent]:

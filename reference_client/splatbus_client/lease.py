@@ -1,8 +1,9 @@
 """A frame in the hands of its reader: the right to read one slot, until it is given back."""
 
+import math
 from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,17 @@ class OnDevice(Protocol):
         """Return which device it is on."""
 
 
+class Glimpse(NamedTuple):
+    """A copy of the buffers of 1.0, which say nothing of the image: neither camera nor time."""
+
+    seq: int
+    slot: int = 0
+    camera: None = None
+    objects: tuple[Placement, ...] = ()
+    time: float = math.nan
+    rendered_at: float = math.nan
+
+
 class FrameLease:
     """One whole image: colour and depth of one moment, and the camera that it was rendered with.
 
@@ -36,18 +48,21 @@ class FrameLease:
     outlive the `with` block. Nothing may still be reading them when it ends [IMG-13]; reads on a
     GPU through DLPack are waited for then.
 
+    Of a server of 1.0 it is a copy of what its buffers hold when it is read first: colour and depth
+    may be of different images, camera and times are not known, and `seq` counts the copies.
+
     Attributes:
-        camera: what it was rendered with, and the tag of the pose that it is the first to show.
+        has_camera: whether `camera` is known.
         objects: where objects were, as far as they were moved; see `placement`.
         semantics: how the numbers are meant (alpha, colour space, kind of depth).
         seq: number of the image.
-        time: time in the scene, seconds.
-        rendered_at: seconds on the server's monotonic clock.
+        time: time in the scene, seconds; NaN where it is not known.
+        rendered_at: seconds on the server's monotonic clock; NaN where it is not known.
     """
 
     def __init__(
         self,
-        frame: Frame,
+        frame: Frame | Glimpse,
         semantics: Semantics,
         color: Image | OnDevice | None,
         depth: Image | OnDevice | None,
@@ -55,7 +70,8 @@ class FrameLease:
         give_back: Callable[[], None],
         lasts: Callable[[], bool],
     ) -> None:
-        self.camera: FrameCamera = frame.camera
+        self._camera: FrameCamera | None = frame.camera
+        self.has_camera = frame.camera is not None
         self.objects: tuple[Placement, ...] = frame.objects
         self.semantics = semantics
         self.seq = frame.seq
@@ -73,6 +89,17 @@ class FrameLease:
         will be in a later image: with that the mesh would swim against the splats.
         """
         return placement(self.objects, name)
+
+    @property
+    def camera(self) -> FrameCamera:
+        """What it was rendered with, and the tag of the pose that it is the first to show.
+
+        Raises:
+            RuntimeError: the server speaks 1.0, which does not say.
+        """
+        if self._camera is None:
+            raise RuntimeError("the server speaks 1.0, which does not say what camera it renders")
+        return self._camera
 
     @property
     def color(self) -> Image:

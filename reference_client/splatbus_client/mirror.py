@@ -17,7 +17,7 @@ class Copied(NamedTuple):
         seq: number of the image.
         color: (H, W, 4) float32 RGBA, rows top-down; None where it was not subscribed to.
         depth: (H, W) float32 in scene units, rows top-down; None where it was not subscribed to.
-        camera: what it was rendered with.
+        camera: what it was rendered with; None where a server of 1.0 does not say.
         semantics: how its numbers are meant.
         objects: where objects were in it, as far as they were moved.
     """
@@ -25,7 +25,7 @@ class Copied(NamedTuple):
     seq: int
     color: Image | None
     depth: Image | None
-    camera: FrameCamera
+    camera: FrameCamera | None
     semantics: Semantics
     objects: tuple[Placement, ...] = ()
 
@@ -60,4 +60,5 @@ class Mirror:
 def _copied(lease: FrameLease) -> Copied:
     color = np.array(lease.color) if "color" in lease.channels else None
     depth = np.array(lease.depth) if "depth" in lease.channels else None
-    return Copied(lease.seq, color, depth, lease.camera, lease.semantics, lease.objects)
+    camera = lease.camera if lease.has_camera else None
+    return Copied(lease.seq, color, depth, camera, lease.semantics, lease.objects)

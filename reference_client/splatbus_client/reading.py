@@ -6,16 +6,19 @@ Nothing here waits or locks; the session does.
 import logging
 from typing import Any, NamedTuple, Protocol
 
-from splatbus_wire.init_packet import CudaMemory, InitPacket, Semantics
+from splatbus_wire.init_packet import InitPacket, Semantics
 from splatbus_wire.messages import Frame, Hello
 
 from splatbus_client import cuda
-from splatbus_client.events import Announced, Declined, IpcEvent, Lent
+from splatbus_client.events import Announced, Declined, IpcEvent, Lent, Look
 from splatbus_client.host_memory import CannotOpenError, HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.lease import Glimpse
 
 log = logging.getLogger("splatbus_client")
 
+LOOK_SECONDS = 1 / 60
+"""Between two looks at the buffers of 1.0, which nobody announces new images in."""
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 """What this client can do on the IPC channel; with a GPU, `cuda_ipc` too."""
 
@@ -65,7 +68,7 @@ class ImagesOpen(NamedTuple):
 class Loan(NamedTuple):
     """A frame that the server lends, and which of `"color"` and `"depth"` may be read of it."""
 
-    frame: Frame
+    frame: Frame | Glimpse
     channels: frozenset[str]
     mapped: Mapped
 
@@ -90,6 +93,7 @@ class Reading:
         self._mapped: Mapped | None = None
         self._retired: list[Mapped] = []
         self._said: str | None = None
+        self._looks = 0
 
     def begin(self) -> IpcProtocol:
         """Return the machine of a new connection."""
@@ -105,6 +109,8 @@ class Reading:
                 self._go_without(reason)
             case Lent(frame, channels):
                 self._lend(frame, channels)
+            case Look():
+                self._look()
 
     def end(self) -> None:
         """Regard the buffers as gone, because the connection has ended [CHN-18]."""
@@ -121,7 +127,7 @@ class Reading:
     def give_back(self, loan: Loan) -> None:
         """Release the frame that was handed out; reads of it have finished [IMG-13]."""
         self.held = None
-        loan.mapped.machine.release(loan.frame)
+        _release(loan)
         self.sweep()
 
     def lasts(self, loan: Loan) -> bool:
@@ -159,7 +165,7 @@ class Reading:
     def _open(self, packet: InitPacket) -> None:
         assert self._machine is not None
         try:
-            images = _opened(packet)
+            images = _opened(packet, self._machine.capabilities)
         except CannotOpenError as problem:
             self._machine.open_failed(packet, str(problem))
             self._go_without(str(problem))
@@ -167,6 +173,8 @@ class Reading:
             self._machine.opened(packet)
             self._retire()
             self._mapped, self.problem = Mapped(images, self._machine), None
+            if _is_legacy(packet, self._machine.capabilities):
+                self._machine.look(LOOK_SECONDS)
 
     def _go_without(self, reason: str) -> None:
         if reason != self._said:
@@ -182,12 +190,17 @@ class Reading:
             self._mapped.machine.release(frame)
             return
         if self.lent is not None:  # two at a time, against IMG-2: the newer one is worth more
-            self.lent.mapped.machine.release(self.lent.frame)
+            _release(self.lent)
         self.lent = Loan(frame, channels, self._mapped)
+
+    def _look(self) -> None:
+        if self._mapped is not None and self.lent is None and self.held is None:
+            self._looks += 1
+            self.lent = Loan(Glimpse(self._looks), self._channels, self._mapped)
 
     def _retire(self) -> None:
         if self.lent is not None:
-            self.lent.mapped.machine.release(self.lent.frame)
+            _release(self.lent)
             self.lent = None
         if self._mapped is not None:
             self._retired.append(self._mapped)
@@ -204,11 +217,19 @@ class Reading:
         return True
 
 
-def _opened(packet: InitPacket) -> Images:
-    if packet.memory is None and cuda.usable():
-        raise CannotOpenError("it speaks 1.0 and lends no frames, and this client reads no others")
-    if isinstance(packet.memory, CudaMemory) and cuda.usable():
-        from splatbus_client.cuda.images import CudaImages  # it needs cuda-bindings
+def _release(loan: Loan) -> None:
+    if isinstance(loan.frame, Frame):
+        loan.mapped.machine.release(loan.frame)
 
-        return CudaImages(packet)
+
+def _is_legacy(packet: InitPacket, capabilities: frozenset[str]) -> bool:
+    return packet.legacy is not None and (packet.ring is None or "frames" not in capabilities)
+
+
+def _opened(packet: InitPacket, capabilities: frozenset[str]) -> Images:
+    if packet.legacy is not None and cuda.usable():
+        from splatbus_client.cuda.images import CudaImages  # they need cuda-bindings
+        from splatbus_client.cuda.legacy import LegacyImages
+
+        return (LegacyImages if _is_legacy(packet, capabilities) else CudaImages)(packet)
     return HostImages(packet)

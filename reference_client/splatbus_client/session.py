@@ -269,7 +269,8 @@ class Session:
                 why = why_no_frame(self.status, self._where, announced=self._reading.open)
                 raise TimeoutError(f"no frame came in time: {why}")
             loan = self._reading.hold()
-            self._steering.shown(loan.frame.camera.tag)
+            if loan.frame.camera is not None:
+                self._steering.shown(loan.frame.camera.tag)
             return self._lease(loan)
 
     def next_telemetry(self, timeout: float) -> Telemetry:

@@ -40,6 +40,11 @@ def _frame_from(session: Session, pose: Pose | None, end: float) -> Shown:
                 ) from None
             raise error
         with lease as frame:
+            if not frame.has_camera:
+                raise TimeoutError(
+                    "images came, but the server speaks 1.0 and does not say what camera they are"
+                    " of; splatbus-client view reads them"
+                )
             if pose is None or same_view(frame.camera.pose, pose):
                 image = shown(frame.color, frame.depth, frame.camera, frame.semantics)
                 if frame.intact:

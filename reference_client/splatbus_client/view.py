@@ -121,7 +121,8 @@ class _Frames:
         np.copyto(self._depth, frame.depth)
         self.count += 1
         self.times.append(now)
-        self.latencies.shown(frame.camera, now)
+        if frame.has_camera:
+            self.latencies.shown(frame.camera, now)
 
     def rate(self, now: float) -> float:
         """Return frames per second, over the last second."""

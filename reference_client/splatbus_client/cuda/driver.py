@@ -8,7 +8,7 @@ from typing import Any
 
 from cuda.bindings import driver as api  # type: ignore[import-not-found,unused-ignore]
 
-__all__ = ["CudaError", "Device", "api", "call", "device", "filled"]
+__all__ = ["CudaError", "Device", "api", "call", "device", "filled", "numbered"]
 
 _HINTS = {
     "CUDA_ERROR_INVALID_CONTEXT": "a process cannot open its own memory: is the server in it?",
@@ -75,13 +75,7 @@ def device(wanted: str) -> Device:
         CudaError: there is no driver, or this process does not see the device.
     """
     if wanted not in _devices:
-        try:
-            call(api.cuInit, 0)
-        except CudaError:
-            raise
-        except Exception as problem:  # of cuda.pathfinder: its type differs between versions
-            raise CudaError(f"there is no CUDA driver on this machine: {problem}") from None
-        found = [_uuid(ordinal) for ordinal in range(call(api.cuDeviceGetCount))]
+        found = _seen()
         if wanted not in found:
             raise CudaError(
                 f"the images are on device {wanted}, and this process sees"
@@ -89,6 +83,31 @@ def device(wanted: str) -> Device:
             )
         _devices[wanted] = Device(found.index(wanted))
     return _devices[wanted]
+
+
+def numbered(ordinal: int) -> Device:
+    """Return the device with this number, which is right where the server counts alike [CUD-6].
+
+    Raises:
+        CudaError: there is no driver, or this process does not see so many devices.
+    """
+    found = _seen()
+    if ordinal >= len(found):
+        raise CudaError(
+            f"the images are on device {ordinal}, and this process sees {len(found)} devices:"
+            " look at CUDA_VISIBLE_DEVICES"
+        )
+    return device(found[ordinal])
+
+
+def _seen() -> list[str]:
+    try:
+        call(api.cuInit, 0)
+    except CudaError:
+        raise
+    except Exception as problem:  # of cuda.pathfinder: its type differs between versions
+        raise CudaError(f"there is no CUDA driver on this machine: {problem}") from None
+    return [_uuid(ordinal) for ordinal in range(call(api.cuDeviceGetCount))]
 
 
 def _uuid(ordinal: int) -> str:

@@ -14,7 +14,7 @@ from splatbus_wire.init_packet import CudaMemory, InitPacket, Ring, Semantics, c
 
 from splatbus_client.cuda.arrays import DeviceArray
 from splatbus_client.cuda.driver import CudaError, Device, api, call, device, filled
-from splatbus_client.cuda.opened import close_memory, open_memory
+from splatbus_client.cuda.opened import Allocation, close_memory, open_memory
 from splatbus_client.host_memory import CannotOpenError
 
 Image = NDArray[np.float32]
@@ -33,33 +33,21 @@ class CudaImages:
     """
 
     def __init__(self, packet: InitPacket) -> None:
-        memory, ring, semantics = packet.memory, packet.ring, packet.semantics
-        if not isinstance(memory, CudaMemory) or ring is None or semantics is None:
-            raise CannotOpenError("a server without frames (MEM-8) is not read by this client")
         self.generation = packet.generation or 0
-        self.semantics: Semantics = semantics
+        self.semantics = packet.semantics or Semantics()
         self.size = packet.width, packet.height
-        self._ring: Ring = ring
         self._staging: dict[str, Image] = {}
         self._arrays: weakref.WeakSet[DeviceArray] = weakref.WeakSet()
         self._readers: dict[int, set[int | None]] = {}  # streams that read a slot
         try:
-            self._device = device(memory.device_uuid)
+            self._device = self._find(packet)
             with self._device.current(), ExitStack() as undo:
-                pointer, size = open_memory(self._device, memory.handle)
-                undo.callback(close_memory, self._device, memory.handle)
-                check_fits(packet, size)
-                self._events = []
-                for handle in ring.events:
-                    event = filled(api.CUipcEventHandle(), handle)
-                    self._events.append(call(api.cuIpcOpenEventHandle, event))
-                    undo.callback(call, api.cuEventDestroy, self._events[-1])
+                self._pointer, self._ring, self._events = self._open(packet, undo)
                 self._stream = call(api.cuStreamCreate, _NON_BLOCKING)
                 undo.callback(call, api.cuStreamDestroy, self._stream)
                 self._undo = undo.pop_all()
         except (CudaError, ProtocolError) as problem:
             raise CannotOpenError(str(problem)) from None
-        self._pointer = pointer
 
     def color(self, slot: int) -> DeviceArray:
         """Return (h, w, 4) float32, RGBA, rows bottom-up, where it lies."""
@@ -82,7 +70,7 @@ class CudaImages:
             if name not in self._staging:
                 self._staging[name] = _pinned(self._device, array.shape)
             image = self._staging[name]
-            call(api.cuStreamWaitEvent, self._stream, self._events[slot], 0)
+            self._order(self._stream, slot)
             address = image.ctypes.data
             call(api.cuMemcpyDtoHAsync, address, array.pointer, image.nbytes, self._stream)
             call(api.cuStreamSynchronize, self._stream)
@@ -115,6 +103,22 @@ class CudaImages:
             self._undo.close()
         return True
 
+    def _find(self, packet: InitPacket) -> Device:
+        assert isinstance(packet.memory, CudaMemory)
+        return device(packet.memory.device_uuid)
+
+    def _open(self, packet: InitPacket, undo: ExitStack) -> tuple[int, Ring, list[Any]]:
+        """Return where the ring begins, what it looks like, and the event of each slot."""
+        assert isinstance(packet.memory, CudaMemory)
+        assert packet.ring is not None
+        pointer, size = opened_memory(self._device, packet.memory.handle, undo)
+        check_fits(packet, size)
+        return pointer, packet.ring, [opened_event(handle, undo) for handle in packet.ring.events]
+
+    def _order(self, stream: Any, slot: int) -> None:
+        """Make a stream wait for the image in a slot."""
+        call(api.cuStreamWaitEvent, stream, self._events[slot], 0)
+
     def _array(self, slot: int, offset: int, channels: tuple[int, ...]) -> DeviceArray:
         width, height = self.size
         where = _CUDA, self._device.ordinal
@@ -130,10 +134,28 @@ class CudaImages:
             self._readers.setdefault(slot, set()).add(stream)
             waits: Any = self._stream if stream is None else stream
             with self._device.current():
-                call(api.cuStreamWaitEvent, waits, self._events[slot], 0)
+                self._order(waits, slot)
             return int(waits)
 
         return read_on
+
+
+def opened_memory(device: Device, handle: bytes, undo: ExitStack) -> Allocation:
+    """Map an allocation until `undo` is closed; errors as of `open_memory`."""
+    allocation = open_memory(device, handle)
+    undo.callback(close_memory, device, handle)
+    return allocation
+
+
+def opened_event(handle: bytes, undo: ExitStack) -> Any:
+    """Open an event until `undo` is closed.
+
+    Raises:
+        CudaError: the handle is of no use here.
+    """
+    event = call(api.cuIpcOpenEventHandle, filled(api.CUipcEventHandle(), handle))
+    undo.callback(call, api.cuEventDestroy, event)
+    return event
 
 
 def _pinned(device: Device, shape: tuple[int, ...]) -> Image:
