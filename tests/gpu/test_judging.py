@@ -1,0 +1,76 @@
+"""The harness with real handles: the references pass, and those with a defect fail for it (L3)."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+
+import pytest
+from splatbus_conformance.checks.client import device_images as client_images
+from splatbus_conformance.checks.client import device_pictures
+from splatbus_conformance.checks.server import device_images, device_opening, images, views
+from splatbus_conformance.plan import Plan
+
+from tests.conformance.stand_in_testing import checks_in, findings_of
+from tests.gpu import require_gpu
+
+require_gpu()
+
+CLIENT = checks_in(client_images, device_pictures)
+SERVER = checks_in(device_images, device_opening, images)
+
+
+def command(module: str, *arguments: str) -> str:
+    return shlex.join([sys.executable, "-m", module, *arguments])
+
+
+def of_client(program: str, checks: dict[str, object]) -> dict[str, str]:
+    plan = Plan("client", None, "127.0.0.1", (0, 0), (64, 48), 20.0, adapter=program)
+    return findings_of(plan, checks)
+
+
+def of_server(program: str, checks: dict[str, object]) -> dict[str, str]:
+    return findings_of(Plan("server", program, "127.0.0.1", (0, 0), (0, 0), 20.0), checks)
+
+
+def test_the_reference_client_conforms():
+    assert of_client(command("splatbus_client.adapter"), CLIENT) == dict.fromkeys(CLIENT, "")
+
+
+@pytest.mark.parametrize(
+    ("defect", "check", "why"),
+    [
+        ("no-wait", "check_shows_a_frame_after_its_event", "before the event of slot 1"),
+        ("no-wait", "check_shows_no_image_before_its_event", "while the event was pending"),
+        ("next-slot", "check_releases_when_it_has_read_the_device", "while nobody was to read it"),
+        ("next-slot", "check_shows_a_frame_after_its_event", "while nobody was to read it"),
+        ("beside", "check_releases_when_it_has_read_the_device", "of no image whole"),
+        ("any-device", "check_goes_on_without_device_memory", "took it as valid"),
+        ("any-device", "check_opens_nothing_on_another_device", "on device 99"),
+        ("too-early", "check_releases_when_it_has_read_the_device", "before it was read"),
+    ],
+)
+def test_a_client_with_a_defect_is_failed(defect, check, why):
+    program = command("tests.gpu.broken_client", defect)
+    assert why in of_client(program, {check: CLIENT[check]})[check]
+
+
+def test_the_reference_server_conforms():
+    found = of_server(command("tests.gpu.demo_server"), SERVER)
+    assert found == dict.fromkeys(SERVER, "")
+
+
+@pytest.mark.parametrize(
+    ("defect", "check", "why"),
+    [
+        ("another-device", "check_announces_device_memory_that_is_there", "cannot be opened"),
+        ("upside-down", "check_rows_are_bottom_up", ""),
+        ("another-place", "check_rows_are_bottom_up", ""),
+    ],
+)
+def test_a_server_with_a_defect_is_failed(defect, check, why):
+    checks = SERVER | checks_in(views)
+    found = of_server(command("tests.gpu.demo_server", defect), {check: checks[check]})[check]
+    assert found
+    assert not found.startswith("skipped")
+    assert why in found
