@@ -22,6 +22,7 @@ from splatbus_wire.message_types import (
     Telemetry,
     Welcome,
 )
+from splatbus_wire.plain_frames import plain_frame
 from splatbus_wire.plain_poses import plain_pose
 
 Channel = Literal["ipc", "message"]
@@ -78,6 +79,8 @@ def decode_from_server_ipc(payload: bytes) -> InitPacket | Welcome | Frame | Err
         ProtocolError: as `decode_from_client`, with `unknown_type` also for an object that is no
             init packet [INI-11]. See `readable_generation` for what to answer to a bad init packet.
     """
+    if (frame := plain_frame(payload)) is not None:
+        return frame
     message = Field(parse_object(payload), "", "")
     match message.value.get("type"):
         case "welcome":

@@ -1,8 +1,7 @@
 """The short way for poses, which are most of what arrives: one regular expression is the grammar.
 
-What it matches is a JSON text of known members, each once, in the order that POS-4 recommends and
-every deployed client keeps; so neither nesting, nor names, nor types are left to check. What it
-does not match may be valid all the same: that is for the careful way to judge.
+The members are in the order that POS-4 recommends and every deployed client keeps. What is not
+plainly valid may be valid all the same: that is for the careful way to judge.
 """
 
 import math
@@ -11,43 +10,29 @@ import re
 from splatbus_schemas import LIMITS
 
 from splatbus_wire.message_types import CameraPose, PointCloudPose
+from splatbus_wire.plain import NUMBER, member, members, object_of, spaced, text, then
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import NORM_TOLERANCE
 
 _MAX_POSITION: float = LIMITS["max_position"]
 
-# Possessive throughout, so that a hostile text costs time linear in its length.
-_NUMBER = rb"(-?+(?>0|[1-9][0-9]*+)(?:\.[0-9]++)?+(?:[eE][+-]?+[0-9]++)?+)"
-_WHITE_SPACE = rb"[ \t\n\r]*+"
 
-
-def _spaced(*tokens: bytes) -> bytes:
-    return _WHITE_SPACE.join(tokens)
-
-
-def _member(name: bytes, value: bytes) -> bytes:
-    return _spaced(b'"' + name + b'"', b":", value)
-
-
-def _vector(*axes: bytes) -> bytes:
-    comma = _spaced(b"", b",", b"")
-    return _spaced(rb"\{", comma.join(_member(axis, _NUMBER) for axis in axes), rb"\}")
+def _vector(axes: str) -> bytes:
+    return object_of(members(*(member(axis.encode(), NUMBER) for axis in axes)))
 
 
 _POSE = re.compile(
-    _spaced(
+    spaced(
         b"",
-        rb"\{",
-        _member(b"type", rb'"(camera_pose|point_cloud_pose)"'),
-        b",",
-        b"(?:" + _spaced(_member(b"timestamp", _NUMBER), b",", b"") + b")?+"
-        + _member(b"position", _vector(b"x", b"y", b"z")),
-        b",",
-        _member(b"rotation", _vector(b"x", b"y", b"z", b"w"))
-        + rb"(?:"
-        + _spaced(b"", b",", _member(b"tag", rb'"([ !#-\[\]-~]{1,%d}+)"' % LIMITS["max_tag_chars"]))
-        + b")?+",
-        rb"\}",
+        object_of(
+            members(
+                member(b"type", rb'"(camera_pose|point_cloud_pose)"'),
+                b"(?:" + spaced(member(b"timestamp", NUMBER), b",", b"") + b")?+"
+                + member(b"position", _vector("xyz")),
+                member(b"rotation", _vector("xyzw")),
+            )
+            + then(member(b"tag", text(LIMITS["max_tag_chars"])))
+        ),
         b"",
     )
 )  # fmt: skip
