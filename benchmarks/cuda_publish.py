@@ -120,6 +120,7 @@ WAYS = {"gpu": gpu_us, "gpu_with_event": gpu_us, "wall": wall_us, "loop": loop_u
 def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
     import splatbus_server
     import torch
+    from splatbus_server.cuda import launching
     from splatbus_server.cuda.driver import Device, api, interprocess_event
 
     with Device(0).current():
@@ -162,11 +163,11 @@ def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
                 fills[number % count](number % memory.ring.slots, view.wants)
 
             def kernel(number: int, fills: Any = fills, write: Call = write_only) -> None:
-                record, api.cuEventRecord = api.cuEventRecord, lambda *_: (0,)
+                record, launching.record = launching.record, lambda *_: 0
                 try:
                     write(number)
                 finally:
-                    api.cuEventRecord = record
+                    launching.record = record
 
             def publish(number: int, images: Any = images) -> None:
                 color, others = images[number % count]

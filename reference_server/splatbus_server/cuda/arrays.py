@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from splatbus_server.cuda import dlpack
@@ -19,12 +18,14 @@ class Form(NamedTuple):
     Attributes:
         shape: lengths of the axes.
         strides: in numbers, not bytes.
-        bits: of a number: 32 or 16, 0 if it is none of ours.
+        bits: of a number: 32 or 16, 0 if it is none of ours; or what `bits_of` tells that from.
+        device: ordinal, -1 where it is not known.
     """
 
     shape: tuple[int, ...]
     strides: tuple[int, ...]
-    bits: int
+    bits: Any
+    device: int
 
 
 class DeviceArray(NamedTuple):
@@ -33,7 +34,6 @@ class DeviceArray(NamedTuple):
     Attributes:
         pointer: to the first.
         form: how the others lie.
-        device: ordinal.
         stream: on which they are ready, a handle of the driver; 0 or 1 for the default one.
         owner: what keeps the memory alive for as long as it is read, where freeing it is not
             ordered by that stream; None where it is.
@@ -41,7 +41,6 @@ class DeviceArray(NamedTuple):
 
     pointer: int
     form: Form
-    device: int
     stream: int
     owner: Any
 
@@ -55,7 +54,7 @@ def device_array(what: str, array: Any, stream: int | None) -> DeviceArray:
         stream: on which it is going to be read; None for the one that it is made on.
 
     Raises:
-        ValueError: it is not on a GPU, or its numbers are not float32 or float16.
+        ValueError: it is not on a GPU.
     """
     if hasattr(array, "data_ptr"):
         found = _of_tensor(array, stream)
@@ -68,9 +67,15 @@ def device_array(what: str, array: Any, stream: int | None) -> DeviceArray:
             f"{what} is in memory of the host, but the server's images are on a GPU: "
             "give it an array that is there too, such as a CUDA tensor"
         )
-    if not found.form.bits:
-        raise ValueError(f"{what} is not of float32 or float16 numbers: convert it on the GPU")
     return found
+
+
+def bits_of(form: Form) -> int:
+    """How many bits a number has: 32 or 16, 0 if it is none of ours."""
+    bits = form.bits
+    if isinstance(bits, int):
+        return bits if bits in (16, 32) else 0
+    return {"torch.float32": 32, "torch.float16": 16}.get(str(bits), 0)
 
 
 def handle(stream: Any) -> int:
@@ -99,13 +104,8 @@ def _of_tensor(tensor: Any, stream: int | None) -> DeviceArray | None:
         return None
     if stream is None:
         stream = _current_stream(device)
-    return DeviceArray(
-        tensor.data_ptr(),
-        Form(tensor.shape, tensor.stride(), _tensor_bits(tensor.dtype)),
-        device,
-        stream,
-        None,
-    )
+    form = Form(tensor.shape, tensor.stride(), tensor.dtype, device)
+    return DeviceArray(tensor.data_ptr(), form, stream, None)
 
 
 def _current_stream(device: int) -> int:
@@ -114,11 +114,6 @@ def _current_stream(device: int) -> int:
     raw = getattr(torch._C, "_cuda_getCurrentRawStream", None)
     found: int = raw(device) if raw else torch.cuda.current_stream(device).cuda_stream
     return found
-
-
-@lru_cache
-def _tensor_bits(dtype: Any) -> int:
-    return {"torch.float32": 32, "torch.float16": 16}.get(str(dtype), 0)
 
 
 def _interface(array: Any) -> dict[str, Any]:
@@ -141,13 +136,8 @@ def _of_interface(
     if strides is not None and bits:
         steps = tuple(8 * stride // bits for stride in strides)
     made_on = interface.get("stream") or 0
-    return DeviceArray(
-        interface["data"][0],
-        Form(shape, steps, bits),
-        _ordinal(array),
-        made_on if stream is None else stream,
-        array,
-    )
+    form = Form(shape, steps, bits, _ordinal(array))
+    return DeviceArray(interface["data"][0], form, made_on if stream is None else stream, array)
 
 
 def _ordinal(array: Any) -> int:
@@ -163,6 +153,5 @@ def _of_dlpack(array: Any, stream: int | None) -> DeviceArray | None:
         return None
     ours = stream or LEGACY_STREAM
     found = dlpack.shared(array.__dlpack__(stream=ours))
-    bits = found.bits if found.bits in (16, 32) else 0
-    form = Form(found.shape, found.strides, bits)
-    return DeviceArray(found.pointer, form, found.device[1], ours, found.owner)
+    form = Form(found.shape, found.strides, found.bits, found.device[1])
+    return DeviceArray(found.pointer, form, ours, found.owner)

@@ -6,9 +6,7 @@ record of its slot's event behind it; who reads the slot waits for that event, o
 
 from __future__ import annotations
 
-import ctypes
 import math
-import struct
 from collections.abc import Callable, Set
 from typing import Any
 
@@ -30,14 +28,14 @@ from splatbus_server.cuda.driver import (
     event_handle,
     interprocess_event,
     memory_handle,
-    refused,
 )
-from splatbus_server.cuda.kernels import THREADS, Compiler
-from splatbus_server.cuda.source import DepthKind, Source, source
+from splatbus_server.cuda.kernels import Compiler
+from splatbus_server.cuda.launching import Launch
+from splatbus_server.cuda.source import DepthKind, Layout, Source, source
 from splatbus_server.ring import Ring
 
-_IMAGE = struct.Struct("=Qqqq Qqq Qqq QQ IIf4x")
-"""The kernels' parameter, as publish.cu declares it."""
+_MOST_LAUNCHES = 1024
+"""Prepared and kept; more are of arrays that never lie alike."""
 _INFINITY = 0x7F800000
 
 
@@ -120,9 +118,7 @@ class DeviceMemory:
         self._places.append((base + legacy_color, base + legacy_depth))
         self._wrote: list[int | None] = [0] * len(self._places)  # stream that wrote the slot last
         self._in_use: dict[int, list[Any]] = {}  # owners of what a slot's kernel may still read
-        self._blocks = math.ceil(width * height / THREADS)
-        self._image = ctypes.create_string_buffer(_IMAGE.size)
-        self._arguments = (ctypes.c_void_p * 1)(ctypes.addressof(self._image))
+        self._launches: dict[tuple[str, Layout, int, int], Launch] = {}
         self._context = int(device.context)
 
     def successor(self, width: int, height: int) -> DeviceMemory:
@@ -166,14 +162,13 @@ class DeviceMemory:
         if foreign:
             call(api.cuCtxPushCurrent, self._device.context)
         try:
-            kernels = self._compiler.kernels(image.format)
-            if "depth" not in wants or not image.format.depth:
-                kernel = kernels.color_only
+            if "depth" not in wants or not image.pointers[1]:
+                kernel = "color_only"
             else:
-                kernel = kernels.color_depth if "color" in wants else kernels.depth_only
-            self._launch(kernel, slot, image, self._semantics.depth_empty)
+                kernel = "color_depth" if "color" in wants else "depth_only"
+            self._launch(kernel, slot, image)
             if "legacy" in wants:
-                self._launch(kernels.legacy, len(self._places) - 1, image, math.inf)
+                self._launch("legacy", len(self._places) - 1, image)
             if self._in_use:
                 self._let_go()
             if image.owners:
@@ -182,22 +177,30 @@ class DeviceMemory:
             if foreign:
                 call(api.cuCtxPopCurrent)
 
-    def _launch(self, kernel: Any, slot: int, image: Source, empty: float) -> None:
+    def _launch(self, kernel: str, slot: int, image: Source) -> None:
         """Fills a slot and records its event behind that [IMG-7, BUF-10]."""
-        stream, event = image.stream, self._events[slot]
+        layout, pointers, stream, _ = image
+        launch = self._launches.get((kernel, layout, slot, stream))
+        if launch is None:
+            launch = self._prepared(kernel, layout, slot, stream)
         if self._wrote[slot] != stream:  # what another stream still writes there comes first
-            call(api.cuStreamWaitEvent, stream, event, 0)
+            call(api.cuStreamWaitEvent, stream, self._events[slot], 0)
             self._wrote[slot] = stream
-        _IMAGE.pack_into(
-            self._image, 0, *image.planes, *self._places[slot], self.width, self.height, empty
+        launch(*pointers)
+
+    def _prepared(self, kernel: str, layout: Layout, slot: int, stream: int) -> Launch:
+        if len(self._launches) == _MOST_LAUNCHES:
+            self._launches.clear()
+        launch = self._launches[kernel, layout, slot, stream] = Launch(
+            int(getattr(self._compiler.kernels(layout.format), kernel)),
+            layout,
+            self._places[slot],
+            (self.width, self.height),
+            math.inf if kernel == "legacy" else self._semantics.depth_empty,
+            stream,
+            int(self._events[slot]),
         )
-        (status,) = api.cuLaunchKernel(
-            *(kernel, self._blocks, 1, 1, THREADS, 1, 1, 0),
-            *(stream, ctypes.addressof(self._arguments), 0),
-        )
-        if status:
-            raise refused("cuLaunchKernel", status)
-        call(api.cuEventRecord, event, stream)
+        return launch
 
     def _let_go(self) -> None:
         """Lets go of what kernels have read that are done by now."""

@@ -2,29 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
-from splatbus_server.cuda.arrays import DeviceArray, Form, device_array
+from splatbus_server.cuda.arrays import Form, bits_of, device_array
 from splatbus_server.cuda.kernels import Format
 
 DepthKind = Literal["linear", "inverse", "accumulated"]
 _RULES = {"linear": 1, "inverse": 2, "accumulated": 3}
+_VECTOR_BYTES = 16
+_NOTHING = 0, None, 0, None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Layout:
+    """What follows from how the arrays lie, whatever their addresses are; there is one of each.
+
+    Attributes:
+        format: of the numbers.
+        color: strides in numbers of row, column and channel.
+        depth: strides in numbers of row and column.
+        alpha: the same.
+    """
+
+    format: Format
+    color: tuple[int, int, int]
+    depth: tuple[int, int]
+    alpha: tuple[int, int]
 
 
 class Source(NamedTuple):
     """An image on a GPU, top row first.
 
     Attributes:
-        format: of its numbers.
-        planes: as the kernels take them: of colour, pointer and strides of row, column and channel;
-            of depth and of alpha, pointer and strides of row and column.
+        layout: how its arrays lie.
+        pointers: to colour, depth and alpha; 0 for what there is not.
         stream: to work on.
         owners: what keeps the memory alive until the kernel has read it.
     """
 
-    format: Format
-    planes: tuple[int, ...]
+    layout: Layout
+    pointers: tuple[int, int, int]
     stream: int
     owners: list[Any]
 
@@ -57,42 +76,28 @@ def source(
     Raises:
         ValueError: an array has another shape, other numbers, or is elsewhere; no such kind.
     """
-    pixels = device_array("colour", color, stream)
-    stream = pixels.stream if stream is None else stream
-    depths = None if depth is None else device_array("depth", depth, stream)
-    alphas = None if alpha is None else device_array("alpha", alpha, stream)
+    at, form, own_stream, owner = device_array("colour", color, stream)
+    if stream is None:
+        stream = own_stream
+    depth_at, depth_form, _, depth_owner = _NOTHING
+    if depth is not None:
+        depth_at, depth_form, _, depth_owner = device_array("depth", depth, stream)
+    alpha_at, alpha_form, _, alpha_owner = _NOTHING
+    if alpha is not None:
+        alpha_at, alpha_form, _, alpha_owner = device_array("alpha", alpha, stream)
     layout = _layout(
-        pixels.form,
-        depths and depths.form,
-        alphas and alphas.form,
+        form,
+        depth_form,
+        alpha_form,
         depth_kind,
         width,
         height,
         premultiplied,
-        pixels.pointer % (pixels.form.bits // 2) == 0,
+        at % _VECTOR_BYTES,
+        device,
     )
-    planes: tuple[int, ...] = (pixels.pointer, *layout.color)
-    owners = [] if pixels.owner is None else [pixels.owner]
-    for what, array, strides in (
-        ("depth", depths, layout.depth),
-        ("alpha", alphas, layout.alpha),
-    ):
-        planes += (0 if array is None else array.pointer, *strides)
-        if array is not None:
-            if array.owner is not None:
-                owners.append(array.owner)
-            _check_device(what, array, device)
-    _check_device("colour", pixels, device)
-    return Source(layout.format, planes, stream, owners)
-
-
-class _Layout(NamedTuple):
-    """Strides in numbers: of colour row, column, channel; of depth and alpha row, column."""
-
-    format: Format
-    color: tuple[int, int, int]
-    depth: tuple[int, int]
-    alpha: tuple[int, int]
+    owners = [it for it in (owner, depth_owner, alpha_owner) if it is not None]
+    return Source(layout, (at, depth_at, alpha_at), stream, owners)
 
 
 @lru_cache(maxsize=64)
@@ -104,28 +109,43 @@ def _layout(
     width: int,
     height: int,
     premultiplied: bool,
-    is_aligned: bool,
-) -> _Layout:
-    """What follows from how the arrays lie, whatever their addresses are."""
+    misaligned: int,
+    device: int,
+) -> Layout:
     if depth_kind not in _RULES:
         raise ValueError(f"depth_kind {depth_kind!r} is none of {', '.join(_RULES)}")
+    bits = _bits("colour", color, device)
+    depth_bits, alpha_bits = _bits("depth", depth, device), _bits("alpha", alpha, device)
     channels, row, column, channel = _color_strides(color, width, height)
+    is_aligned = misaligned % (bits // 2) == 0
     found = Format(
         channels=channels,
-        color_half=color.bits == 16,
+        color_half=bits == 16,
         packed=is_aligned and (channels, channel, row % 4, column % 4) == (4, 1, 0, 0),
         depth=0 if depth is None else _RULES[depth_kind],
-        depth_half=depth is not None and depth.bits == 16,
+        depth_half=depth_bits == 16,
         alpha=alpha is not None,
-        alpha_half=alpha is not None and alpha.bits == 16,
+        alpha_half=alpha_bits == 16,
         premultiplied=premultiplied,
     )
-    return _Layout(
+    return Layout(
         found,
         (row, column, channel),
         _plane_strides("depth", depth, width, height),
         _plane_strides("alpha", alpha, width, height),
     )
+
+
+def _bits(what: str, form: Form | None, device: int) -> int:
+    """Of a number, where it is one that the kernels read and on their device."""
+    if form is None:
+        return 0
+    if form.device not in (device, -1):
+        raise ValueError(f"{what} is on device {form.device}, the server's memory on {device}")
+    bits = bits_of(form)
+    if not bits:
+        raise ValueError(f"{what} is not of float32 or float16 numbers: convert it on the GPU")
+    return bits
 
 
 def _color_strides(color: Form, width: int, height: int) -> tuple[int, int, int, int]:
@@ -151,8 +171,3 @@ def _plane_strides(what: str, plane: Form | None, width: int, height: int) -> tu
     if shape == (1, height, width):
         return strides[1], strides[2]
     raise ValueError(f"{what} of shape {shape} is not ({height}, {width})")
-
-
-def _check_device(what: str, array: DeviceArray, device: int) -> None:
-    if array.device not in (device, -1):
-        raise ValueError(f"{what} is on device {array.device}, the server's memory on {device}")
