@@ -92,8 +92,8 @@ def legacy(ports: list[int]) -> Any:
             base = open_memory(where, handle).pointer
             event = filled(api.CUipcEventHandle(), base64.b64decode(packet["evt_done"]))
             event = call(api.cuIpcOpenEventHandle, event)
-            color = np.empty((meta["h"], meta["w"], 4), np.float32)
-            depth = np.empty((meta["h"], meta["w"]), np.float32)
+            color = np.zeros((meta["h"], meta["w"], 4), np.float32)
+            depth = np.zeros((meta["h"], meta["w"]), np.float32)
             end = time.monotonic() + 20
             while not color.any() and time.monotonic() < end:
                 for array, offset in (color, meta["offsetColor"]), (depth, meta["offsetDepth"]):

@@ -65,7 +65,6 @@ def test_the_reference_server_conforms():
     [
         ("another-device", "check_announces_device_memory_that_is_there", "cannot be opened"),
         ("upside-down", "check_rows_are_bottom_up", ""),
-        ("another-place", "check_rows_are_bottom_up", ""),
     ],
 )
 def test_a_server_with_a_defect_is_failed(defect, check, why):
