@@ -1,6 +1,8 @@
 """Every message that the protocol defines, at random and valid."""
 
+import json
 import math
+from typing import Any
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
@@ -275,3 +277,34 @@ def rings(width: int, height: int) -> st.SearchStrategy[Ring]:
         units.map(lambda gap: depth_bytes + gap),
         st.just(()),
     )
+
+
+bits = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=5,
+)
+
+
+@st.composite
+def damaged(draw: st.DrawFn, message: Any) -> Any:
+    """A valid message, one value of which at any depth is another or is not there."""
+    message = json.loads(json.dumps(message))
+    place = message
+    while True:
+        name = draw(
+            st.sampled_from(sorted(place) if isinstance(place, dict) else range(len(place)))
+        )
+        inner = place[name]
+        if not isinstance(inner, dict | list) or not inner or draw(st.booleans()):
+            break
+        place = inner
+    if draw(st.booleans()) and isinstance(place, dict):
+        del place[name]
+    else:
+        place[name] = draw(bits)
+    return message
