@@ -20,9 +20,10 @@ STEPS = 60
 
 def placed(number: int) -> Placement:
     angle = number / 9
-    half = (0.0, math.sin(angle / 4), 0.0, math.cos(angle / 4))
-    where = (0.4 * math.sin(angle), 0.1 * angle / 6, 0.3 * math.cos(angle))
-    return Placement("default", Pose(where, half), 1.0 + 0.4 * math.sin(angle / 2))
+    half = 0.1 * math.sin(angle / 2)
+    turned = (0.0, math.sin(half), 0.0, math.cos(half))
+    where = (0.4 * math.sin(angle), 0.02 * angle, 0.3 * math.cos(angle))
+    return Placement("default", Pose(where, turned), 1.0 + 0.4 * math.sin(angle / 2))
 
 
 def in_object(points: np.ndarray, camera: object, placement: Placement) -> np.ndarray:
