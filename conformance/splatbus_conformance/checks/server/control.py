@@ -84,6 +84,50 @@ def check_tells_who_has_no_control(trial: ServerTrial) -> None:
     trial.expect(busy(trial, first) == 0, "the client in control was told busy")
 
 
+@check("CTL-4", observable="who has control after poses that are refused", needs=SPEAKS)
+def check_refused_poses_count_for_nothing(trial: ServerTrial) -> None:
+    """A client sends a pose that is refused, before anybody has control, and then others pose; the
+    same after one has it.
+    """
+    for what, refused in trial.each(list(refused_poses(trial).items())):
+        trial.peer.close_all()
+        early = trial.greeted("msg")
+        trial.viewer.say(early, refused)
+        if not answers(trial, early):
+            trial.not_observable("the server serves one connection at a time, or closes it")
+        first = controlling(trial)
+        trial.expect(not early.ended, f"{what}: the connection was closed")
+        trial.viewer.say(early, refused)
+        answers(trial, early)
+        trial.expect(not busy(trial, early), f"{what}, refused, was answered busy as well")
+        trial.viewer.say(early, camera_pose())
+        answers(trial, early)
+        trial.expect(
+            busy(trial, early), f"after {what}, a good pose beside a client in control: no busy"
+        )
+        first.close()
+        trial.delivered += 1
+
+
+def refused_poses(trial: ServerTrial) -> dict[str, Json]:
+    """What is no valid pose, in different ways."""
+    found = {
+        "a pose without members": {"type": "camera_pose"},
+        "a pose with a rotation of norm 2": camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)),
+        "a pose with a tag that is none": camera_pose() | {"tag": ""},
+    }
+    if trial.facts.lacks("capability:objects") is None:
+        found["a pose of an unknown object"] = placed("no such object", AT_REST)
+        found["a pose of an object without size"] = placed(DEFAULT, AT_REST, 0.0)
+    if trial.facts.lacks("capability:time") is None:
+        found["a time that is no number"] = {"type": "set_time", "time": "now"}
+    if trial.facts.lacks("capability:intrinsics") is None and trial.facts.first is not None:
+        width, height = trial.facts.size
+        lens = lens_of(trial.facts.first, width, 2 * height + 2, 1.0, 1.0, 0.0, 0.0)
+        found["a pose with intrinsics of another shape"] = camera_pose() | {"intrinsics": lens}
+    return found
+
+
 @check("CTL-2", observable="how many errors come of many poses", needs=SPEAKS)
 def check_tells_it_once(trial: ServerTrial) -> None:
     """Two clients without control send poses of every kind, many times, beside one of 1.0; then
@@ -116,7 +160,7 @@ def check_tells_it_once(trial: ServerTrial) -> None:
 
 
 @check(
-    "POS-11",
+    "CTL-5",
     observable="the first frames after control passed on, and nobody posed",
     needs=("1.1", "frames"),
 )

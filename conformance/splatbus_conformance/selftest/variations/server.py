@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_server import api, cli, memory, service
 from splatbus_server.connection import Connection, Refusal
-from splatbus_server.control import Control, Poses
+from splatbus_server.control import ONE_AT_REST, Control
 from splatbus_server.service import Peer, Service
 from splatbus_server.session import Session
 from splatbus_wire import decoding
@@ -204,7 +204,8 @@ def server_goes_home(patch: Patch) -> None:
     def leave(original: Any, self: Control, connection: Any) -> bool:
         had_control = next(iter(self._sent), None) is connection
         if had_control:
-            self.poses = Poses(IDENTITY)
+            there = {"camera": IDENTITY, "objects": ONE_AT_REST}
+            self.poses = self.poses._replace(**there, tag=None)
         return bool(original(self, connection)) or had_control
 
     wrap(patch, Control, "leave", leave)

@@ -97,7 +97,7 @@ def server_counts_otherwise(patch: Patch) -> None:
         self.init_packet = self.init_packet._replace(generation=generation)
 
     def publish(original: Any, self: ring.Ring, slot: int) -> int:
-        self._last_seq += 1000
+        self.last_seq += 1000
         number: int = original(self, slot)
         return number
 
