@@ -184,7 +184,8 @@ class Role:
         }
         if width is None or height is None:
             return "invalid_message"
-        if messages.ring_bytes(width, height, self.slots) > self.memory.size:
+        room = messages.ring_bytes(width, height, self.slots) <= self.memory.size
+        if not (room and self.offers_memory and self.lends_frames):  # else a check decides on sizes
             return "unsupported"
         if any("reinit" not in dealings.granted for dealings in readers.values()):
             return "unsupported"
