@@ -187,7 +187,7 @@ def test_three_clients_follow_changes_of_size_and_read_whole_images(server, sess
             except ServerRefusedError as refused:
                 if refused.error.code != "busy":  # former memory is still in use
                     raise
-                time.sleep(0.02)
+                time.sleep(0.1)
         deadline = time.monotonic() + 20
         while (size[1], size[0], 4) not in sizes and time.monotonic() < deadline:
             time.sleep(0.01)

@@ -118,6 +118,15 @@ def test_capabilities_are_only_those_that_both_have():
     assert event.capabilities == {"frames"}
 
 
+def test_a_welcome_to_1_0_agrees_on_nothing():
+    machine = IpcProtocol(HELLO, COLOR)
+    machine.data_to_send(0.0)
+    (event,) = receive(machine, welcome(*IPC_CAPABILITIES, version="1.0"))
+    assert (event.version, event.capabilities) == ("1.0", frozenset())
+    receive(machine, cuda_init_packet(), frame(1))
+    assert sent(machine) == []
+
+
 def test_each_init_packet_is_answered_once():
     machine = greeted()
     (event,) = receive(machine, init_packet())
