@@ -171,7 +171,7 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     old = trial.dial("msg")
     trial.answers(old)
     third = second(trial, first, old)
-    clients = ((old, -1.0), (third, -2.0))
+    clients = ((old, -1.0), (third, -4.0))
     for number in range(3):
         for client, place in clients:
             for pose in (camera_pose((place, number, 0.0)), _cloud(place + number)):
@@ -179,26 +179,19 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
             trial.answers(client)
     left = first
     for client, place in trial.each(clients):
-        wanted, since = camera_pose((place, 2.0, 0.0)), steering.count
+        wanted, since = camera_of(camera_pose((place, 2.0, 0.0))), steering.count
         left.close()
-
-        def shown() -> bool:
-            seen = steering.cameras(since)  # noqa: B023
-            return any(camera.shows(camera_of(wanted)) for camera in seen)  # noqa: B023
-
-        who = "1.0" if client is old else "1.1"
+        what = f"control passed to a client of {'1.0' if client is old else '1.1'};"
         trial.expect(
-            trial.wait(shown),
-            f"control passed to a client of {who}; no frame shows the newest camera that it sent",
+            trial.wait(lambda: any(it.shows(wanted) for it in steering.cameras(since))),  # noqa: B023
+            f"{what} no frame shows the newest camera that it sent",
         )
-        told = told_of(frames_last(trial, steering), DEFAULT)
-        if told is not None and trial.facts.lacks("capability:objects") is None:
-            z = told["position"][2]
-            trial.expect(
-                abs(z - (place + 2)) < 1e-4,
-                f"control passed to a client of {who}; the Gaussians are at z = {z}, and its newest"
-                f" pose of them has {place + 2}",
-            )
+        trial.wait(lambda: _depth_of_cloud(trial, steering) == place + 2.0, EFFECT_SECONDS)  # noqa: B023
+        z = _depth_of_cloud(trial, steering)
+        trial.expect(
+            z == place + 2.0,
+            f"{what} the Gaussians are at z = {z}, and its newest pose of them has {place + 2.0}",
+        )
         left = client
         trial.delivered += 1
     steering.shows(third, camera_pose((0.0, 0.0, 3.0)))
@@ -206,9 +199,10 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     trial.answers(third)
 
 
-def frames_last(trial: ServerTrial, steering: Steering) -> Json:
-    """The newest frame."""
-    return trial.viewer.with_(steering.reader).frames[-1]
+def _depth_of_cloud(trial: ServerTrial, steering: Steering) -> float:
+    """Where the newest frame has the Gaussians, along z, which is a small integer here."""
+    told = told_of(trial.viewer.with_(steering.reader).frames[-1], DEFAULT)
+    return 0.0 if told is None else round(float(told["position"][2]), 4)
 
 
 def _cloud(z: float) -> Json:
