@@ -101,7 +101,10 @@ def test_a_tag_that_waited_for_its_first_connection_is_sent_on_it(server):
     with connect("127.0.0.1", server.ipc_port, server.message_port) as session:
         session.send_camera(POSE, tag="a-1")
         server.start()
-        assert server.message_1_1().receive()["tag"] == "a-1"
+        message = server.message_1_1()
+        assert message.receive()["tag"] == "a-1"
+        message.close()
+        assert "tag" not in server.message_1_1().receive()
 
 
 def test_what_the_server_does_not_offer_is_not_sent_and_said_once(server, session, caplog):
