@@ -16,6 +16,7 @@ from splatbus_wire.init_packet import (
     host_ring,
 )
 from splatbus_wire.messages import (
+    DEFAULT_OBJECT,
     Box,
     CameraPose,
     CameraReply,
@@ -128,13 +129,18 @@ vectors = st.tuples(floats, floats, floats)
 boxes = st.tuples(vectors, vectors).map(
     lambda pair: Box(*(tuple(map(end, *pair)) for end in (min, max)))
 )
+
+
+def scene_objects(identifier: str) -> st.SearchStrategy[SceneObject]:
+    return st.builds(SceneObject, st.just(identifier), names, seqs, st.none() | boxes)
+
+
 scenes = st.builds(
     Scene,
-    st.lists(
-        st.builds(SceneObject, labels, names, seqs, st.none() | boxes),
-        unique_by=lambda each: each.id,
-        max_size=5,
-    ).map(tuple),
+    st.lists(labels.filter(lambda name: name != DEFAULT_OBJECT), unique=True, max_size=4)
+    .map(lambda others: [DEFAULT_OBJECT, *others])
+    .flatmap(st.permutations)
+    .flatmap(lambda ids: st.tuples(*map(scene_objects, ids))),
     st.none() | st.tuples(floats, floats).map(sorted).map(tuple),
     seqs,
     vectors,
