@@ -13,8 +13,15 @@ import numpy as np
 import pytest
 import splatbus_server
 from splatbus_schemas import LIMITS
-from splatbus_server.demo import OBJECTS, render_until, turning_time
-from splatbus_server.scene import Camera, ObjectPose, default_scene, exact_pixel, multiply
+from splatbus_server.demo import BOBBING_TIME, OBJECTS, render_until, turning_time
+from splatbus_server.scene import (
+    Camera,
+    ObjectPose,
+    Scene,
+    default_scene,
+    exact_pixel,
+    multiply,
+)
 from splatbus_wire.rotations import rotation_matrix
 
 from tests.server.raw_client import RawClient, Reader, camera_pose, hello
@@ -38,7 +45,11 @@ def serving(degrees: float) -> Iterator[tuple[splatbus_server.Bus, Reader, RawCl
     """The demo, one who reads and one who steers."""
     stop = threading.Event()
     with splatbus_server.serve(
-        *SIZE, objects=OBJECTS, time_range=turning_time(degrees), ipc_port=0, message_port=0
+        *SIZE,
+        objects=OBJECTS,
+        time_range=turning_time(degrees) or BOBBING_TIME,
+        ipc_port=0,
+        message_port=0,
     ) as bus:
         renderer = threading.Thread(target=render_until, args=(stop, bus, 500.0, degrees))
         renderer.start()
@@ -70,15 +81,7 @@ def check_image(reader: Reader, frame: dict[str, Any], degrees: float) -> int:
         told["near"],
         told["far"],
     )
-    half = math.radians(degrees * frame["time"]) / 2.0
-    turn = matrix((0.0, math.sin(half), 0.0, math.cos(half)))
-    (placed,) = frame.get(
-        "objects", [{"position": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": 1}]
-    )
-    pose = ObjectPose(
-        tuple(placed["position"]), multiply(matrix(placed["rotation"]), turn), placed["scale"]
-    )
-    scene = replace(default_scene(), pose=pose)
+    scene = shown(frame, degrees)
     color, depth = reader.color(frame)[::-1], reader.depth(frame)[::-1]
     wrong, seen = 0, 0
     for row in range(0, told["height"], 3):
@@ -92,6 +95,27 @@ def check_image(reader: Reader, frame: dict[str, Any], degrees: float) -> int:
     return seen
 
 
+def shown(frame: dict[str, Any], degrees: float) -> Scene:
+    """The scene, from what the frame says and from conformance/SCENE.md."""
+    half = math.radians(degrees * frame["time"]) / 2.0
+    turn = matrix((0.0, math.sin(half), 0.0, math.cos(half)))
+    moved = {each["object"]: each for each in frame.get("objects", [])}
+    at_rest = {"position": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": 1}
+
+    def pose(name: str) -> ObjectPose:
+        placed = moved.get(name, at_rest)
+        rotation = multiply(matrix(placed["rotation"]), turn)
+        return ObjectPose(tuple(placed["position"]), rotation, placed["scale"])
+
+    whole = default_scene()
+    one, two, three, *others = whole.spheres
+    if degrees == 0.0:
+        y = 0.4 - 0.25 * (1.0 - math.cos(math.pi * frame["time"] / 2.0))
+        two = replace(two, center=(-1.6, y, 3.2))
+    ball = Scene((three,), None, whole.light, pose("ball"))
+    return Scene((one, two, *others), whole.floor, whole.light, pose("default"), (ball,))
+
+
 def settled(reader: Reader, holds: Any) -> dict[str, Any]:
     """The first frame for which it holds; it is not given back."""
     while True:
@@ -101,23 +125,25 @@ def settled(reader: Reader, holds: Any) -> dict[str, Any]:
         reader.release(frame)
 
 
-def test_every_image_shows_what_its_frame_says() -> None:
+@pytest.mark.parametrize("degrees", [0.0, DEGREES])
+def test_every_image_shows_what_its_frame_says(degrees: float) -> None:
     """[CAM-2, CAM-5, OBJ-5 to OBJ-7, TIM-3]"""
     planes = {"near": 0.5, "far": 6.0}
-    with serving(DEGREES) as (_, reader, client):
+    with serving(degrees) as (_, reader, client):
         for number, changes in enumerate(
             (
                 [],
                 [camera_pose(0.25, tag="1")],
                 [camera_pose(0.25, tag="2", intrinsics=LENS | planes)],
                 [MOVED, camera_pose(0.1, tag="3", rotation=TURNED | {"y": -0.6})],
-                [{"type": "set_time", "time": 2.75}, camera_pose(0.25, tag="4")],
+                [MOVED | {"object": "ball", "scale": 2.0}, camera_pose(0.1, tag="4")],
+                [{"type": "set_time", "time": 2.75}, camera_pose(0.25, tag="5")],
             )
         ):
             client.send(*changes)
             tag = str(number) if changes else None
             frame = settled(reader, lambda f: f["camera"].get("tag") == tag)  # noqa: B023
-            assert check_image(reader, frame, DEGREES) > 10
+            assert check_image(reader, frame, degrees) > 10
             reader.release(frame)
 
 
@@ -153,13 +179,16 @@ def test_another_size_shows_the_scene_too() -> None:
 
 def test_the_scene_lists_what_can_be_seen() -> None:
     """[SCN-2]"""
-    (listed,) = OBJECTS
-    centers = [sphere.center for sphere in default_scene().spheres]
-    assert listed.gaussians == len(centers)
-    assert listed.bounds == (
-        tuple(np.min(centers, axis=0).tolist()),
-        tuple(np.max(centers, axis=0).tolist()),
-    )
+    *_, last = spheres = default_scene().spheres
+    for listed, its in zip(
+        OBJECTS, ((*spheres[:2], *spheres[3:5], last), spheres[2:3]), strict=True
+    ):
+        centers = [sphere.center for sphere in its]
+        assert listed.gaussians == len(centers)
+        assert listed.bounds == (
+            tuple(np.min(centers, axis=0).tolist()),
+            tuple(np.max(centers, axis=0).tolist()),
+        )
 
 
 def test_it_tells_how_it_does_even_while_nobody_looks() -> None:
