@@ -189,7 +189,7 @@ class Role:
             return "unsupported"
         if any("reinit" not in dealings.granted for dealings in readers.values()):
             return "unsupported"
-        if any(d.opened - d.closed - {d.generation} for d in readers.values()):
+        if any(set(range(1, d.generation)) - d.closed - d.failed for d in readers.values()):
             return "busy"
         if (width, height) != (self.width, self.height):
             self.width, self.height = width, height
