@@ -216,10 +216,10 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
         lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
         wanted = scaled(lens, size)
         studio.look(intrinsics=lens)
-        trial.viewer.say(other, at_rest() | {"type": "camera_pose", "intrinsics": foreign})
         for moment in ("the next pose had none", "another client had sent its own"):
             wrong = in_force(studio.look().frame, wanted)
             trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
+            trial.viewer.say(other, camera_pose() | {"intrinsics": foreign})
             answers(trial, other)
         trial.delivered += 1
 

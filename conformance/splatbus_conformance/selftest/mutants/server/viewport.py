@@ -102,7 +102,7 @@ def server_makes_the_same_memory_again(patch: Patch) -> None:
 def server_frees_nothing(patch: Patch) -> None:
     """Keeps former memory, and forgets it."""
     kept: list[Memory] = []
-    patch.setattr(Memory, "close", kept.append)
+    patch.setattr(Memory, "close", lambda self: kept.append(self))
 
 
 @mutant("VPT-8", check="check_closes_who_does_not_let_go", reason="keeps former memory, for 1")
