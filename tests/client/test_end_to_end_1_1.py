@@ -50,7 +50,8 @@ def server():
 @pytest.fixture
 def session(server):
     with splatbus_client.connect(*server) as session:
-        session.send_object(AHEAD)
+        for name in ("default", "ball"):
+            session.send_object(AHEAD, name)
         session.send_camera(elsewhere(), tag="at rest")
         first_with(session, "at rest").release()
         yield session
@@ -72,8 +73,33 @@ def first_with(session, tag):
     raise TimeoutError(tag)
 
 
-def exact(camera, placement, pixels):
-    """RGBA and depth of some pixels, and whether no edge is near."""
+def scene_of(frame, degrees_per_second=0.0):
+    """The closed-form scene with its objects where the frame says they were, at its time."""
+    whole = scene.default_scene()
+    spheres = list(whole.spheres)
+    if not degrees_per_second:
+        x, y, z = spheres[1].center
+        bob = 0.25 * (1 - np.cos(np.pi * frame.time / 2))
+        spheres[1] = replace(spheres[1], center=(x, y - bob, z))
+    turn = rotation_about_y(np.radians(degrees_per_second * frame.time))
+    ball = scene.Scene((spheres.pop(2),), None, whole.light, posed(frame.placement("ball"), turn))
+    rest = posed(frame.placement(), turn)
+    return replace(whole, spheres=tuple(spheres), pose=rest, beside=(ball,))
+
+
+def posed(placement, turn):
+    turned = scene.multiply(matrix(placement.pose.rotation), turn)
+    return scene.ObjectPose(placement.pose.position, turned, placement.scale)
+
+
+def rotation_about_y(angle):
+    return matrix((0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2)))
+
+
+def check_pixels(frame, count=40, degrees_per_second=0.0):
+    """Hold a frame against the scene as its own camera sees it, where no edge is near."""
+    color, depth, camera = frame.color, frame.depth, frame.camera
+    shown = scene_of(frame, degrees_per_second)
     pinhole = scene.Camera(
         *(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
         camera.pose.position,
@@ -81,31 +107,19 @@ def exact(camera, placement, pixels):
         camera.near,
         camera.far,
     )
-    pose = scene.ObjectPose(
-        placement.pose.position, matrix(placement.pose.rotation), placement.scale
-    )
-    moved = replace(scene.default_scene(), pose=pose)
-    for row, column in pixels:
-        shown = [
-            scene.exact_pixel(moved, pinhole, column + 0.5 + du, row + 0.5 + dv)
+    for row, column in np.random.default_rng(frame.seq).integers((0, 0), depth.shape, (count, 2)):
+        around = [
+            scene.exact_pixel(shown, pinhole, column + 0.5 + du, row + 0.5 + dv)
             for du, dv in ((0, 0), (-0.02, -0.02), (0.02, 0.02), (-0.02, 0.02), (0.02, -0.02))
         ]
-        if np.ptp([color for color, _ in shown], axis=0).max() < 0.02:
-            yield row, column, *shown[0]
+        if np.ptp([color for color, _ in around], axis=0).max() < 0.02:
+            np.testing.assert_allclose(color[row, column], around[0][0], atol=2e-5)
+            np.testing.assert_allclose(depth[row, column], around[0][1], rtol=2e-5)
 
 
 def matrix(rotation):
     r = rotation_matrix(rotation)
     return r[0:3], r[3:6], r[6:9]
-
-
-def check_pixels(frame, placement, count=40):
-    """Hold a frame against the scene as its own camera sees it, the object being there."""
-    color, depth = frame.color, frame.depth
-    pixels = np.random.default_rng(frame.seq).integers((0, 0), depth.shape, (count, 2))
-    for row, column, rgba, z in exact(frame.camera, placement, pixels):
-        np.testing.assert_allclose(color[row, column], rgba, atol=2e-5)
-        np.testing.assert_allclose(depth[row, column], z, rtol=2e-5)
 
 
 def test_a_lens_is_scaled_to_the_images_and_stays_in_force(session):
@@ -114,11 +128,11 @@ def test_a_lens_is_scaled_to_the_images_and_stays_in_force(session):
         camera = frame.camera
         assert (camera.fx, camera.fy, camera.cx, camera.cy) == (60.0, 55.0, 45.0, 37.5)
         assert (camera.near, camera.far) == (0.05, 50.0)
-        check_pixels(frame, frame.placement())
+        check_pixels(frame)
     session.send_camera(elsewhere(), tag="moved")
     with first_with(session, "moved") as frame:
         assert frame.camera.fx == 60.0
-        check_pixels(frame, frame.placement())
+        check_pixels(frame)
     assert session.camera(0, 10).intrinsics.width == WIDTH
 
 
@@ -130,28 +144,28 @@ def test_a_lens_of_another_shape_is_refused_and_its_pose_with_it(session):
     assert "invalid_message" in session.status.message.problem
 
 
-def test_a_moving_object_is_where_its_frame_says_it_is(session):
-    """What a bound mesh needs [OBJ-7]: the newest pose that was sent would not do."""
+def test_moving_objects_are_where_their_frame_says(session):
+    """What a bound mesh needs [OBJ-7]: the newest poses that were sent would not do."""
     stopped, lagging, moved = threading.Event(), 0, 0
-    newest = [Placement("default", AHEAD)]
+    newest = {"ball": Placement("ball", AHEAD), "default": Placement("default", AHEAD)}
 
     def move():
         for step in itertools.count():
             if stopped.wait(0.002):
                 return
             pose = Pose((0.3 * np.sin(step / 9), 0.0, 0.01 * (step % 50)), (0.0, 0.1, 0.0, 0.995))
-            newest[0] = Placement("default", pose, 0.8 + 0.01 * (step % 30))
-            session.send_object(pose, scale=newest[0].scale)
+            for name, scale in (("default", 0.8 + 0.01 * (step % 30)), ("ball", 1.2)):
+                newest[name] = Placement(name, pose, scale)
+                session.send_object(pose, name, scale)
 
     mover = threading.Thread(target=move)
     mover.start()
     try:
         for _ in range(25):
             with session.next_frame(10) as frame:
-                now, there = newest[0], frame.placement("default")
-                lagging += there != now
-                moved += there.scale != 1.0
-                check_pixels(frame, there)
+                lagging += frame.placement() != newest["default"]
+                moved += frame.placement("ball").scale == 1.2
+                check_pixels(frame)
     finally:
         stopped.set()
         mover.join()
@@ -168,7 +182,7 @@ def test_three_clients_follow_changes_of_size_and_read_whole_images(server, sess
                 while not stopped.is_set():
                     with other.next_frame(10) as frame:
                         sizes.add(frame.color.shape)
-                        check_pixels(frame, frame.placement(), 20)
+                        check_pixels(frame, 20)
             except TimeoutError:
                 pass
             except AssertionError as problem:
@@ -249,13 +263,15 @@ def test_the_commands_tell_of_it(server, monkeypatch, capsys):
     assert {series["name"] for line in lines for series in line["series"]} == {"stage"}
     assert main(["info"]) == 0
     out = capsys.readouterr().out
-    assert "default (six spheres): 6 Gaussians" in out
+    assert "ball (blue sphere): 1 Gaussians" in out
     assert "give or take" in out
 
 
-def test_time_is_set_and_the_object_moves_with_it():
+@pytest.mark.parametrize("degrees_per_second", [0.0, 90.0])
+def test_time_is_set_and_the_scene_moves_with_it(degrees_per_second):
+    turning = ["--turntable", str(degrees_per_second)] if degrees_per_second else []
     with (
-        serving("--size", f"{WIDTH}x{HEIGHT}", "--turntable", "90") as where,
+        serving("--size", f"{WIDTH}x{HEIGHT}", *turning) as where,
         splatbus_client.connect(*where) as session,
     ):
         first, last = session.scene(10).time_range
@@ -264,10 +280,8 @@ def test_time_is_set_and_the_object_moves_with_it():
             deadline = time.monotonic() + 10
             while time.monotonic() < deadline:
                 with session.next_frame(10) as frame:
+                    check_pixels(frame, degrees_per_second=degrees_per_second)
                     if frame.time == shown:
-                        angle = np.radians(90 * shown) / 2
-                        turned = Pose((0.0, 0.0, 0.0), (0.0, np.sin(angle), 0.0, np.cos(angle)))
-                        check_pixels(frame, Placement("default", turned))
                         break
             else:
                 pytest.fail(f"no image at {shown}")
