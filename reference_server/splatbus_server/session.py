@@ -180,8 +180,10 @@ class Session:
                 self._lend(connection, reader, memory)
         wanted: frozenset[str] = frozenset().union(*(r.needs for r in ready.values()))
         self._exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
-        self._end_who_keeps(now)
-        self._free(now)
+        self.deadline = math.inf
+        if self._exchange.replaced:
+            self._end_who_keeps(now)
+            self._free(now)
         self._readings.pass_on()
 
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
@@ -194,8 +196,8 @@ class Session:
         )
 
     def _move(self, connection: Connection, message: Steering) -> Refusal | None:
-        memory, poses = self._exchange.memory, self._control.poses
-        refusal = objection(connection, message, poses, memory.width, memory.height)
+        memory = self._exchange.memory
+        refusal = objection(connection, message, self._control.poses, memory.width, memory.height)
         if refusal is not None:
             return connection.complain(refusal)
         if self._control.move(connection, within(message, self.scene.time_range)):
@@ -313,7 +315,6 @@ class Session:
 
     def _end_who_keeps(self, now: float) -> None:
         """Disconnects who has had former memory for too long [VPT-8]."""
-        self.deadline = math.inf
         for connection, reader in self._readers.items():
             late_at = reader.late_at
             if late_at is None or connection.ending is not None:

@@ -86,6 +86,8 @@ class Readings:
 
     def pass_on(self) -> None:
         """Sends one message to each who wants something new and has taken the last [TEL-5]."""
+        if not self._subscribers:
+            return
         with self._lock:
             given, self._given, moment = self._given, {}, self._given_at
         for connection, subscriber in self._subscribers.items():
