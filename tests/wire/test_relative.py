@@ -1,3 +1,4 @@
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -70,9 +71,10 @@ def test_scale_is_in_the_matrix(camera, points, origin, scale):
     scaled = as_array(object_to_camera(near, points, scale=scale))[:3]
     np.testing.assert_allclose(scaled, scale * plain, rtol=1e-15, atol=1e-15 * scale)
     counted = as_array(object_to_camera(near, points, origin, scale))[:3]
-    reach = scale * float(np.linalg.norm(origin))
+    # Numbers below 1e-300 have, or are made of some that have, less than 16 digits.
+    tolerance = 1e-14 * scale * math.hypot(*origin) + 1e-300
     np.testing.assert_allclose(
-        counted[:, 3], scaled[:, :3] @ origin + scaled[:, 3], rtol=0, atol=1e-14 * reach
+        counted[:, 3], scaled[:, :3] @ origin + scaled[:, 3], rtol=0, atol=tolerance
     )
     moved, matrix = relative_view([[1.0, 2.0, 3.0]], camera, points, origin, scale)
     there = as_array(object_to_camera(camera, points, scale=scale), np.float32)
