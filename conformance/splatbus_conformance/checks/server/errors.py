@@ -249,8 +249,10 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
     cases = st.tuples(requests, numbered, st.booleans()).map(
         lambda drawn: ([with_id(*each) for each in zip(*drawn[:2], strict=False)], drawn[2])
     )
-    usual = [with_id(each, number) for number, each in enumerate((*GOOD, *BAD))]
-    listed = [(usual, True), (usual, False), ([with_id(each, None) for each in GOOD], True)]
+    good, all_ = (
+        [with_id(each, number) for number, each in enumerate(some)] for some in (GOOD, GOOD + BAD)
+    )
+    listed = [(good, True), (list(GOOD), True), (all_, True), (all_, False)]
     flooder, flooded = trial.dial("msg"), 0
     kept: dict[bool, Connection] = {}
     for asked, agreed in trial.each(listed, cases, quick=18, full=1000):

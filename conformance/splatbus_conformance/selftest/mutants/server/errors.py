@@ -105,7 +105,7 @@ def server_forgets_ids(patch: Patch) -> None:
     messages(patch, of_type("camera", without("id")))
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was not answered")
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by one with id")
 def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
     """Says nothing to a request that breaks REQ-2."""
 

@@ -8,11 +8,13 @@ from splatbus_server import api, cli, demo
 from splatbus_server.control import Poses
 from splatbus_server.raycast import Raycaster
 from splatbus_server.session import MESSAGE_CAPABILITIES
+from splatbus_server.view import View
 from splatbus_wire.messages import PointCloudPose
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.mutants.server.control import unsaid
 from splatbus_conformance.selftest.mutants.server.lenses import read_again
+from splatbus_conformance.selftest.mutants.server.text import trusts_its_scene
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
@@ -94,6 +96,12 @@ def server_scales_where_objects_are(patch: Patch) -> None:
     wrap(patch, demo, "_object_pose", pose)
 
 
+@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+def server_moves_all_objects_at_once(patch: Patch) -> None:
+    """Puts every object where the default one is."""
+    wrap(patch, View, "of", lambda original, self, name: self)
+
+
 @mutant("OBJ-6", check="check_depth_is_in_world_units", reason="of the depths are not those")
 def server_stores_depth_in_units_of_the_object(patch: Patch) -> None:
     """Stores depths as the renderer has them, in the units of what is seen."""
@@ -113,7 +121,7 @@ def server_does_not_say_where_objects_are(patch: Patch) -> None:
     messages(patch, of_type("frame", lambda m: {n: it for n, it in m.items() if n != "objects"}))
 
 
-@mutant("OBJ-7", check=LISTED, reason="a frame tells of default that it is at")
+@mutant("OBJ-7", check=LISTED, reason="ball")
 def server_says_where_objects_were(patch: Patch) -> None:
     """Lists in each frame what the one before it should have listed."""
     former: list[Any] = []
@@ -161,7 +169,7 @@ def server_tells_another_origin(patch: Patch) -> None:
 @mutant("SCN-2", reason="is beyond max", through="SCN-2")
 def server_turns_bounds_round(patch: Patch) -> None:
     """Swaps the ends of bounds."""
-    patch.setattr(api, "_checked", lambda scene: scene)
+    trusts_its_scene(patch)
 
     def turned(item: Json) -> Json:
         box = item["bounds"]
