@@ -2,9 +2,10 @@
 
 The command `splatbus-server` answers `get_viewport_size`, and so does a blocking echo, each in a
 process of its own: while nothing is rendered, while the demo scene turns at 60 images a second,
-and while it is rendered without a pause (320×240; a client has the memory open, or nothing would
-be rendered). While the server renders, the echo is asked beside it, so that both have the same
-neighbour. Conditions take turns, so that a disturbance of the machine touches all alike.
+while another client sends 10,000 poses a second besides, and while it is rendered without a pause
+(320×240; a client has the memory open, or nothing would be rendered). The echo is asked beside all
+that, so that both have the same neighbours. Conditions take turns, so that a disturbance of the
+machine touches all alike.
 
     python -m benchmarks round_trip [--seconds 1.0] [--rounds 5]
 
@@ -24,7 +25,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +34,15 @@ import numpy as np
 RESULTS = Path(__file__).parent / "results"
 READY = re.compile(r"IPC port (\d+), message port (\d+)")
 GOAL = 3.0
+SIXTY = ("--turntable", "30", "--fps", "60")
 STATES = {
     "idle": None,
-    "60 images a second": ("--turntable", "30", "--fps", "60"),
+    "60 images a second": SIXTY,
+    "60 images, 10,000 poses a second": SIXTY,
     "without a pause": ("--turntable", "30", "--fps", "100000"),
 }
+FLOODED = "60 images, 10,000 poses a second"
+BATCH_POSES, BATCH_SECONDS = 10, 0.001
 HELLO = {
     "type": "hello",
     "versions": ["1.1"],
@@ -52,6 +57,24 @@ def packet(message: dict[str, Any]) -> bytes:
 
 
 REQUEST = packet({"type": "get_viewport_size"})
+IDENTITY = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+
+
+def flood(port: int) -> None:
+    """Prints a line, then sends poses, each another one, until it is ended."""
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        print("ready", flush=True)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        due, x = time.perf_counter(), 0.0
+        while True:
+            batch = b""
+            for _ in range(BATCH_POSES):
+                x = (x + 1e-6) % 1.0
+                position = {"x": x, "y": 0.0, "z": -2.0}
+                batch += packet({"type": "camera_pose", "position": position, "rotation": IDENTITY})
+            connection.sendall(batch)  # a server that is too slow is felt here
+            due += BATCH_SECONDS
+            time.sleep(max(0.0, due - time.perf_counter()))
 
 
 def serve_echo() -> None:
@@ -112,15 +135,18 @@ def round_trips(port: int, seconds: float) -> list[float]:
     return times
 
 
-def measure(options: tuple[str, ...] | None, seconds: float) -> tuple[list[float], list[float]]:
+def measure(state: str, seconds: float) -> tuple[list[float], list[float]]:
     """Round trips of the echo and of the server."""
-    with server(options or ()) as (ipc_port, message_port), process(__file__, "--echo") as echo:
-        if options is None:
-            time.sleep(0.3)
-            return round_trips(int(echo), seconds), round_trips(message_port, seconds)
-        with watched(ipc_port):
-            time.sleep(0.3)
-            return round_trips(int(echo), seconds), round_trips(message_port, seconds)
+    options = STATES[state]
+    with ExitStack() as running:
+        ipc_port, message_port = running.enter_context(server(options or ()))
+        echo = int(running.enter_context(process(__file__, "--echo")))
+        if options is not None:
+            running.enter_context(watched(ipc_port))
+        if state == FLOODED:
+            running.enter_context(process(__file__, "--flood", str(message_port)))
+        time.sleep(0.3)
+        return round_trips(echo, seconds), round_trips(message_port, seconds)
 
 
 def summary(times: list[float]) -> dict[str, float]:
@@ -157,15 +183,19 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1.0)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--echo", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--flood", type=int, metavar="PORT", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.echo:
         serve_echo()
         return
+    if options.flood:
+        flood(options.flood)
+        return
     floors: dict[str, list[float]] = defaultdict(list)
     times: dict[str, list[float]] = defaultdict(list)
     for _ in range(options.rounds):
-        for state, arguments in STATES.items():
-            floor, ours = measure(arguments, options.seconds)
+        for state in STATES:
+            floor, ours = measure(state, options.seconds)
             floors[state] += floor
             times[state] += ours
     rows = []

@@ -1,6 +1,6 @@
 """Audit: judge a recorded session by what its bytes show of either peer (L0)."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from splatbus_schemas.requirements import Requirement, requirements
@@ -83,7 +83,11 @@ class Audit:
 
 def audit(entries: Iterable[Entry]) -> Audit:
     """Judge a recording by every rule; never raises for what it holds."""
-    found = conversations(entries)
+    return audit_of(conversations(entries))
+
+
+def audit_of(found: Sequence[Conversation]) -> Audit:
+    """Judge what was recorded so far, put together already."""
     known = requirements(VERSION)
     sightings: dict[tuple[str, str], list[Sighting]] = {}
     for sighting in judge(found):

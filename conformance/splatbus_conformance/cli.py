@@ -1,6 +1,7 @@
 """The command `splatbus-conformance`."""
 
 import argparse
+import math
 import os
 import signal
 import sys
@@ -31,6 +32,8 @@ examples:
       start my-renderer, and judge it as a server
   splatbus-conformance audit session.jsonl
       judge a recorded session, both sides of it
+  splatbus-conformance proxy --to 127.0.0.1:6001,6000
+      stand between a client and a server, and judge both while they talk
   splatbus-conformance explain FRM-3
       the sentence, what it accepts, and how it is checked
 
@@ -112,10 +115,40 @@ def parser() -> argparse.ArgumentParser:
         "is in conformance/RECORDING.md.",
     )
     audit.add_argument("files", nargs="+", metavar="FILE")
-    audit.add_argument("--peer", choices=("client", "server", "both"), default="both")
-    audit.add_argument("--strict", action="store_true", help="a warning fails the run")
-    audit.add_argument("--json", metavar="FILE", help="write a report for programs")
+    _audit_options(audit)
     audit.set_defaults(run=commands.audit)
+
+    proxy = commands_.add_parser(
+        "proxy",
+        help="record and judge a live session of a client and a server",
+        description="Stand between a real client and a real server: pass on what they say, show "
+        "it as it goes, write it down, and judge both at the end. Start the server, start this, "
+        "and have the client connect to the ports of --listen. Handles of memory pass through, so "
+        "images go their usual way.",
+    )
+    proxy.add_argument(
+        "--listen",
+        metavar="HOST:IPC,MSG",
+        default="127.0.0.1:7001,7000",
+        help="where the client connects to (%(default)s)",
+    )
+    proxy.add_argument(
+        "--to",
+        metavar="HOST:IPC,MSG",
+        default="127.0.0.1:6001,6000",
+        help="where the server listens (%(default)s)",
+    )
+    proxy.add_argument(
+        "--record",
+        metavar="FILE",
+        default="splatbus-session.jsonl",
+        help="what passes, for `audit` (%(default)s)",
+    )
+    proxy.add_argument(
+        "--seconds", type=float, metavar="S", default=math.inf, help="end by itself after so long"
+    )
+    _audit_options(proxy)
+    proxy.set_defaults(run=commands.proxy)
 
     demo = commands_.add_parser("demo", help="judge the reference client")
     demo.set_defaults(run=commands.demo)
@@ -151,6 +184,13 @@ def parser() -> argparse.ArgumentParser:
     )
     selftest.set_defaults(run=commands.selftest)
     return top
+
+
+def _audit_options(command: argparse.ArgumentParser) -> None:
+    """What is asked of a judgement by bytes alone."""
+    command.add_argument("--peer", choices=("client", "server", "both"), default="both")
+    command.add_argument("--strict", action="store_true", help="a warning fails the run")
+    command.add_argument("--json", metavar="FILE", help="write a report for programs")
 
 
 def _live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> None:

@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from rich.console import Console
@@ -12,6 +13,7 @@ from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import recording
 from splatbus_conformance.asking import plan_of, wishes_of
+from splatbus_conformance.audit import Audit
 from splatbus_conformance.audit import audit as judge_recording
 from splatbus_conformance.audit import results as audit_results
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
@@ -86,14 +88,39 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
 
 def audit(arguments: argparse.Namespace, out: Console) -> int:
     """Judge recorded sessions."""
-    peers = PEERS if arguments.peer == "both" else (arguments.peer,)
-    codes, reports = [], []
+    judged = []
     for name in arguments.files:
-        began = time.monotonic()
         try:
-            judged = judge_recording(recording.load(Path(name)))
+            judged.append((name, judge_recording(recording.load(Path(name)))))
         except (OSError, recording.RecordingError, UnicodeDecodeError) as error:
             raise Usage(f"{name}: {error}") from error
+    return _opinion(judged, arguments, out)
+
+
+def proxy(arguments: argparse.Namespace, out: Console) -> int:
+    """Stand between a client and a server, and judge both."""
+    from splatbus_conformance.proxy import endpoint, relayed, watch
+
+    listen, to, file = endpoint(arguments.listen), endpoint(arguments.to), Path(arguments.record)
+    out.print(
+        f"Clients connect to {listen}, and are passed on to {to}; recorded in {file}.\n"
+        f"For a client that reads the environment: SPLATBUS_HOST={listen.host}"
+        f" SPLATBUS_IPC_PORT={listen.ipc} SPLATBUS_MSG_PORT={listen.msg}",
+        markup=False,
+    )
+    with relayed(listen, to, file):
+        live = watch(out, file, f"{listen} → {to}", arguments.seconds)
+    return _opinion([(str(file), live.judged())], arguments, out)
+
+
+def _opinion(
+    audits: Iterable[tuple[str, Audit]], arguments: argparse.Namespace, out: Console
+) -> int:
+    """Say what the audits found; the exit status."""
+    peers = PEERS if arguments.peer == "both" else (arguments.peer,)
+    codes, reports = [], []
+    for name, judged in audits:
+        began = time.monotonic()
         print_connections(out, name, judged)
         for peer in peers:
             results = audit_results(judged, peer)

@@ -1,7 +1,7 @@
 """Conversations: a recording, put together again by connection and message."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -93,28 +93,56 @@ def placed(conversation: Conversation) -> Iterator[Placed]:
             welcome = welcome or message
 
 
-def conversations(entries: Iterable[Entry]) -> list[Conversation]:
-    """Put a recording together, connections in the order in which they were opened."""
-    everything: list[Conversation] = []
-    found: dict[tuple[str, int], Conversation] = {}
-    welcomed: set[tuple[str, int]] = set()
-    for entry in entries:
+class Assembler:
+    """A recording put together as it grows.
+
+    Attributes:
+        conversations: in the order in which they were opened.
+    """
+
+    def __init__(self) -> None:
+        self.conversations: list[Conversation] = []
+        self._by_key: dict[tuple[str, int], Conversation] = {}
+        self._welcomed: set[tuple[str, int]] = set()
+
+    def feed(self, entry: Entry) -> tuple[Conversation, list[Message]]:
+        """Take what crossed next; the conversation that it is of, and what it completes there."""
         key = (entry.channel, entry.conn)
-        if key not in found:
-            found[key] = Conversation(entry.channel, entry.conn, entry.t, beside=everything)
-            everything.append(found[key])
-        conversation = found[key]
+        conversation = self._by_key.get(key)
+        if conversation is None:
+            conversation = Conversation(
+                entry.channel, entry.conn, entry.t, beside=self.conversations
+            )
+            self._by_key[key] = conversation
+            self.conversations.append(conversation)
+        completed = []
         if entry.data is not None and entry.dir is not None:
             for packet in conversation.streams[entry.dir].feed(entry.data, entry.t):
-                message = _message(entry, packet, negotiated=key in welcomed)
-                conversation.messages.append(message)
+                message = _message(entry, packet, negotiated=key in self._welcomed)
+                completed.append(message)
                 if message.agrees:
-                    welcomed.add(key)
+                    self._welcomed.add(key)
+            conversation.messages += completed
         elif entry.event in ("eof", "reset") and entry.dir is not None:
             conversation.ended.setdefault(entry.dir, entry.t)
             if entry.event == "reset":
                 conversation.resets.add(entry.dir)
-    return everything
+        return conversation, completed
+
+    def so_far(self) -> list[Conversation]:
+        """The conversations as they are now, to be judged as if they ended here."""
+        # Copies without what a conversation keeps of an earlier look: a `welcome` may have come.
+        beside: list[Conversation] = []
+        beside += (replace(each, beside=beside) for each in self.conversations)
+        return beside
+
+
+def conversations(entries: Iterable[Entry]) -> list[Conversation]:
+    """Put a recording together, connections in the order in which they were opened."""
+    assembler = Assembler()
+    for entry in entries:
+        assembler.feed(entry)
+    return assembler.conversations
 
 
 def _message(entry: Entry, packet: Packet, *, negotiated: bool) -> Message:

@@ -6,16 +6,19 @@ other as if they were connected directly. What it tells is a recording (conforma
 
 from __future__ import annotations
 
+import contextlib
 import selectors
+import signal
 import socket
 import struct
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from splatbus_conformance.recording import Channel, Direction, Entry, Event
+from splatbus_conformance.recording import Channel, Direction, Entry, Event, to_line
 
 READ_BYTES = 65536
 NAP_SECONDS = 0.2
@@ -105,7 +108,7 @@ class Relay:
                 self._accept(key.data)
 
     def _accept(self, channel: Channel) -> None:
-        with suppress(OSError):  # gone before it was accepted
+        with contextlib.suppress(OSError):  # gone before it was accepted
             client, _ = self._listeners[channel].accept()
             host, port = self._servers[channel]
             family, kind, protocol, _, address = socket.getaddrinfo(
@@ -115,7 +118,7 @@ class Relay:
             for each in (client, server):
                 each.setblocking(False)
                 each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            with suppress(BlockingIOError):
+            with contextlib.suppress(BlockingIOError):
                 server.connect(address)
             streams = _Stream("c2s", client, server), _Stream("s2c", server, client)
             self._counts[channel] += 1
@@ -202,7 +205,7 @@ class Relay:
         if stream is not None and not stream.ended:
             self._tell(link, stream, "reset", self._now())
         for each in link.sockets:
-            with suppress(OSError):
+            with contextlib.suppress(OSError):
                 each.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
         self._close(link)
 
@@ -224,3 +227,43 @@ class _BrokenError(Exception):
 
     def __init__(self, stream: _Stream | None) -> None:
         self.stream = stream
+
+
+def main(arguments: list[str]) -> None:
+    """`python -m splatbus_conformance.relay FILE HOST IPC MSG HOST IPC MSG`: listen, pass on to.
+
+    A process of its own, so that nobody's work delays what passes. Says `ready` or why not; ends
+    when its standard input does.
+    """
+    file, host, *ports, server, server_ipc, server_msg = arguments
+    # A user's Ctrl-C is for the process that started this one, which then ends it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    listeners: dict[Channel, socket.socket] = {}
+    servers: dict[Channel, tuple[str, int]] = {
+        "ipc": (server, int(server_ipc)),
+        "msg": (server, int(server_msg)),
+    }
+    for channel, port in zip(servers, ports, strict=True):
+        try:
+            listeners[channel] = socket.create_server((host, int(port)))
+        except OSError as error:
+            print(f"cannot listen on {host}:{port}: {error.strerror}", flush=True)
+            return
+    with Path(file).open("w", buffering=1, encoding="utf-8", newline="\n") as recording:
+
+        def note(entry: Entry) -> None:
+            recording.write(to_line(entry) + "\n")
+
+        relay = Relay(listeners, servers, note)
+
+        def stop_at_end_of_input() -> None:
+            sys.stdin.read()
+            relay.stop()
+
+        threading.Thread(target=stop_at_end_of_input, daemon=True).start()
+        print("ready", flush=True)
+        relay.run()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

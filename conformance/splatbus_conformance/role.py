@@ -36,6 +36,8 @@ class Dealings:
     released: list[int] = field(default_factory=list)
     frames: int = 0
     """`seq` of the last frame that was sent."""
+    lent_of: int = 0
+    """Its generation."""
     shown: Viewpoint | None = None
     """From where the last frame was seen, if a client has put the camera there."""
     telemetry: int = 0
@@ -48,8 +50,9 @@ class Dealings:
 
     @property
     def lends(self) -> bool:
-        """A frame has been lent, and not been given back."""
-        return bool(self.frames) and self.frames not in self.released
+        """A frame has been lent, and not been given back, nor its memory (OPN-14)."""
+        given_back = self.frames in self.released or self.lent_of in self.closed | self.failed
+        return bool(self.frames) and not given_back
 
     def count(self, kind: str) -> int:
         """How many messages of this type were heard."""
@@ -154,7 +157,7 @@ class Role:
         """Send a `frame`, with members changed as named; its `seq`."""
         dealings = self.with_(connection)
         dealings.frames += 1
-        seq = dealings.frames
+        seq, dealings.lent_of = dealings.frames, dealings.generation
         frame = messages.frame(dealings.generation, seq, seq % self.slots, self.width, self.height)
         if self.viewpoint:
             frame["camera"] |= self.viewpoint.camera(self.width, self.height)
@@ -199,11 +202,13 @@ class Role:
         }
         if width is None or height is None:
             return "invalid_message"
-        if self.ring or messages.ring_bytes(width, height, self.slots) > self.memory.size:
+        fits = messages.ring_bytes(width, height, self.slots) <= self.memory.size
+        room = fits and self.ring is None
+        if not (room and self.offers_memory and self.lends_frames):  # else a check decides on sizes
             return "unsupported"
         if any("reinit" not in dealings.granted for dealings in readers.values()):
             return "unsupported"
-        if any(d.opened - d.closed - {d.generation} for d in readers.values()):
+        if any(set(range(1, d.generation)) - d.closed - d.failed for d in readers.values()):
             return "busy"
         if (width, height) != (self.width, self.height):
             self.width, self.height = width, height
@@ -223,11 +228,12 @@ class Role:
             self.tell(connection)
 
     def _show(self, reader: Connection) -> None:
-        """Lend a frame from a new viewpoint, if there is one and the last has come back."""
+        """Lend a frame of new memory or from a new viewpoint, once the last has come back."""
         dealings = self.with_(reader)
         waits = self.lends_frames and "frames" in dealings.granted and not dealings.lends
-        open_ = reader.open and dealings.generation in dealings.opened - dealings.closed
-        if waits and open_ and self.viewpoint is not dealings.shown:
+        opened = reader.open and dealings.generation in dealings.opened - dealings.closed
+        new = dealings.lent_of < dealings.generation or self.viewpoint is not dealings.shown
+        if waits and opened and new:
             self.lend(reader)
 
     def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
@@ -237,13 +243,10 @@ class Role:
         kind = message.get("type")
         if kind == "opened":
             dealings.opened.add(generation)
-            newest = generation == dealings.generation
-            if self.lends_frames and "frames" in dealings.granted and newest:
-                self.lend(connection)
         elif kind == "open_failed":
             dealings.failed.add(generation)
         elif kind == "closed":
             dealings.closed.add(generation)
         elif kind == "release" and (seq := whole(message.get("seq"))) is not None:
             dealings.released.append(seq)
-            self._show(connection)
+        self._show(connection)

@@ -77,12 +77,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _view(where: Settings, options: argparse.Namespace) -> int:
+    stopped = _stopped_by_signals()
     with Session(where) as session:
         view(
             session,
             rate=options.rate,
             seconds=options.seconds,
-            stopped=_stopped_by_signals(),
+            stopped=stopped,
             out=sys.stdout,
             size=options.size,
         )
@@ -90,13 +91,14 @@ def _view(where: Settings, options: argparse.Namespace) -> int:
 
 
 def _telemetry(where: Settings, options: argparse.Namespace) -> int:
+    stopped = _stopped_by_signals()
     show = telemetry.as_json if options.json else telemetry.as_text
     with Session(where) as session:
         telemetry.watch(
             session,
             options.names or None,
             seconds=options.seconds,
-            stopped=_stopped_by_signals(),
+            stopped=stopped,
             show=show(sys.stdout),
         )
     return 0

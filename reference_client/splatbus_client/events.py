@@ -7,10 +7,12 @@ from splatbus_wire.messages import (
     CameraReply,
     ErrorMessage,
     Frame,
+    Hello,
     Program,
     Scene,
     Telemetry,
     ViewportSize,
+    Welcome,
 )
 
 from splatbus_client.clock import Sample
@@ -31,6 +33,13 @@ class Negotiated(NamedTuple):
     version: str
     server: Program | None
     capabilities: frozenset[str]
+
+
+def negotiated(hello: Hello, welcome: Welcome) -> Negotiated:
+    """Return what was agreed: nothing that was not offered, and 1.0 knows no capabilities."""
+    common = frozenset(welcome.capabilities) & frozenset(hello.capabilities)
+    agreed = common if welcome.version == "1.1" else frozenset()
+    return Negotiated(welcome.version, welcome.server, agreed)
 
 
 class Announced(NamedTuple):

@@ -35,6 +35,7 @@ from splatbus_client.events import (
     MustClose,
     Negotiated,
     ServerError,
+    negotiated,
 )
 from splatbus_client.incoming import Incoming
 
@@ -192,9 +193,9 @@ class IpcProtocol:
         elif self.version is not None:
             yield Ignored("welcome came when the version was settled [NEG-14]")
         else:
-            self.version = welcome.version
-            self.capabilities = frozenset(welcome.capabilities) & set(self._hello.capabilities)
-            yield Negotiated(welcome.version, welcome.server, self.capabilities)
+            agreed = negotiated(self._hello, welcome)
+            self.version, self.capabilities = agreed.version, agreed.capabilities
+            yield agreed
             if "subscribe" in self.capabilities and self._wanted != CHANNELS:
                 self.subscribe(self._wanted)
             for packet in self._before_welcome:

@@ -39,12 +39,15 @@ class Latencies:
             self._asked.popitem(last=False)
 
     def shown(self, camera: FrameCamera, now: float) -> None:
-        """Take note that an image was read; only the first that shows a view ends its wait."""
-        for view in (camera.tag, camera.pose):
-            asked = None if view is None else self._asked.pop(view, None)
-            if asked is not None:
-                self.seconds.append(now - asked)
-                return
+        """Take note that an image was read; only the first that shows a view ends its wait.
+
+        Views come back in the order in which they were asked for: those before were overtaken.
+        """
+        view = camera.pose if camera.tag is None else camera.tag
+        if view in self._asked:
+            while (first := self._asked.popitem(last=False))[0] != view:
+                pass
+            self.seconds.append(now - first[1])
 
 
 def percentiles(seconds: Sequence[float]) -> tuple[float, float]:

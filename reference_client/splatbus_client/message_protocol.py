@@ -42,6 +42,7 @@ from splatbus_client.events import (
     Refused,
     Replied,
     ServerError,
+    negotiated,
 )
 from splatbus_client.incoming import Incoming
 from splatbus_client.outgoing import (
@@ -235,8 +236,7 @@ class MessageProtocol:
         elif self.version is not None:
             yield Ignored("welcome came when the version was settled [NEG-13]")
         else:
-            capabilities = frozenset(welcome.capabilities) & set(self._hello.capabilities)
-            yield from self._settle(Negotiated(welcome.version, welcome.server, capabilities))
+            yield from self._settle(negotiated(self._hello, welcome))
 
     def _settle(self, negotiated: Negotiated) -> Iterator[MessageEvent]:
         self.version, self.capabilities = negotiated.version, negotiated.capabilities

@@ -197,8 +197,8 @@ class Session:
         Raises:
             TimeoutError: there was no reply within `timeout` seconds.
             ServerRefusedError: `busy` while another client has control or former memory is still
-                in use, `unsupported` for a size that cannot be had or clients that could not
-                follow [VPT-3, VPT-4].
+                in use [VPT-4]: try again 100 ms later, not sooner; `unsupported` for a size that
+                cannot be had or clients that could not follow [VPT-3].
             NotOfferedError: the server does not offer `viewport`.
             ProtocolError: a side is not from 1 to 32,768 [VPT-1].
         """

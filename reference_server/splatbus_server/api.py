@@ -11,7 +11,6 @@ from importlib.metadata import version
 from types import TracebackType
 from typing import Any, Literal, NamedTuple
 
-from splatbus_schemas import LIMITS
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import (
     DEFAULT_OBJECT,
@@ -82,8 +81,8 @@ def serve(
         semantics: what the numbers in the images mean, and the scene's `origin`, which lets a scene
             far from its own zero have small numbers on the wire: its own position is that on the
             wire plus `origin`, for `cameras` as well.
-        objects: what the scene consists of, for clients that ask, and by which `id` they move it.
-            The one named "default" can be moved whether or not it is listed.
+        objects: what the scene consists of, for clients that ask, and by which `id` they move it;
+            one is called "default", which clients of 1.0 move too.
         time_range: first and last time of an animated scene, seconds; clients can choose the time
             if it is given.
         readers: how many clients may read images at a time. There are two more slots than that,
@@ -111,7 +110,8 @@ def serve(
         images = _memory(memory, device, width, height, readers, semantics)
         undo.callback(images.close)
         statistics = Statistics()
-        poses = Poses(cameras[0] if cameras else IDENTITY, _at_rest(scene))
+        at_rest = {each.id: Placement(each.id, IDENTITY) for each in scene.objects}
+        poses = Poses(cameras[0] if cameras else IDENTITY, at_rest)
         exchange = Exchange(images, intrinsics or field_of_view(width, height), poses, statistics)
         readings = Readings(statistics)
         terms = Terms(
@@ -332,14 +332,9 @@ class Bus:
 def _checked(scene: Scene) -> Scene:
     """The scene, which a client can read; ValueError if none could."""
     decode_from_server_message(encode(scene, typed_replies=True)[4:], GetScene())
+    if all(each.id != DEFAULT_OBJECT for each in scene.objects):
+        raise ValueError(f"no object of the scene is called {DEFAULT_OBJECT!r} [SCN-2]")
     return scene
-
-
-def _at_rest(scene: Scene) -> dict[str, Placement]:
-    ids = dict.fromkeys((DEFAULT_OBJECT, *(each.id for each in scene.objects)))
-    if len(ids) > LIMITS["max_objects"]:
-        raise ValueError(f"{len(ids)} objects, {DEFAULT_OBJECT!r} among them, are too many [OBJ-7]")
-    return {name: Placement(name, IDENTITY) for name in ids}
 
 
 def _memory(

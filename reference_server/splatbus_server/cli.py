@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 
 from splatbus_server.api import serve
-from splatbus_server.demo import FPS, OBJECTS, render_until, turning_time
+from splatbus_server.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 from splatbus_server.settings import read_token
 
 EPILOG = """\
@@ -52,7 +52,7 @@ def main(argv: list[str] | None = None) -> int:
         bus = serve(
             *options.size,
             objects=OBJECTS,
-            time_range=turning_time(options.turntable),
+            time_range=turning_time(options.turntable) or BOBBING_TIME,
             host=options.host,
             ipc_port=options.ipc_port,
             message_port=options.msg_port,

@@ -30,9 +30,10 @@ from splatbus_wire.messages import (
 from splatbus_wire.negotiation import answer_hello
 
 REQUESTS = ("get_viewport_size", "get_camera_pose")
-LINGER_SECONDS = 1.0
+LINGER_SECONDS: float = LIMITS["last_words_seconds"]
 """How long a connection that the server ends is still read from, so that the last packet arrives:
-closing a socket with unread input resets it, and a reset discards what the peer has not read."""
+closing a socket with unread input resets it, and a reset discards what the peer has not read
+[NEG-34]."""
 SHORT_BYTES = 256
 """Payloads up to this long are decoded once while they repeat, as viewers do: the same request, the
 same pose fifty times a second. Longer ones are not kept, so that nobody can fill the memory."""
@@ -70,7 +71,7 @@ class Connection:
 
     Attributes:
         unsent: bytes to hand to TCP next; tell `sent` how many it took.
-        welcome: what was negotiated; None while the connection speaks 1.0.
+        welcome: what was negotiated; None while the connection speaks 1.0, as agreed or not.
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
@@ -82,6 +83,7 @@ class Connection:
         self.welcome: Welcome | None = None
         self.ending: str | None = None
         self.is_held = False
+        self._is_of_1_0 = False
         self._terms = terms
         self._decoder = PacketDecoder()
         self.input_ended = False
@@ -196,16 +198,22 @@ class Connection:
     @property
     def _is_heard(self) -> bool:
         """Whether anything but `hello` counts: without one, on the message channel, to all."""
-        return self.welcome is not None or (self.channel == "message" and self._terms.token is None)
+        return (
+            self.welcome is not None
+            or self._is_of_1_0
+            or (self.channel == "message" and self._terms.token is None)
+        )
 
     def _understand(self, payload: bytes, now: float) -> Event:
         try:
             decode = _decode_short if len(payload) <= SHORT_BYTES else _decode
             message = decode(payload, self.channel, self.welcome is not None)
-            if isinstance(message, Hello):
+            if isinstance(message, Hello) and not self._is_of_1_0:
                 return self._greet(message, now)
         except ProtocolError as error:
             return self._refuse_packet(error, payload, now)
+        if isinstance(message, Hello):
+            return Refusal("unknown_type", "hello is none of 1.0, which was agreed upon [NEG-33]")
         if self._is_heard:
             return message
         return Refusal("unauthorized", "no hello came before it [CHN-7, NEG-19]")
@@ -224,8 +232,11 @@ class Connection:
         if isinstance(answer, ErrorMessage):
             self.end(f"{answer.code} [NEG-25]", now)
             return Refusal(answer.code, answer.message)
-        self.welcome = answer
         self._hello_by = math.inf
+        if answer.version == "1.0":
+            self._is_of_1_0 = True  # NEG-33
+        else:
+            self.welcome = answer
         return hello
 
     def _refuse_packet(self, error: ProtocolError, payload: bytes, now: float) -> Refusal:
@@ -233,6 +244,9 @@ class Connection:
         kind, request = _type_and_id(payload)
         if self.welcome is None and self._is_heard and kind in REQUESTS:
             self.end("a client that awaits the reply to a bad request learns so [REQ-9]", now)
+        if self.welcome is None and not self._is_of_1_0 and kind == "hello":
+            self.send(_error(error.code, str(error), error.pointer))
+            self.end("a hello that breaks NEG-2 [NEG-35]", now)
         self._send_error(error.code, str(error), error.pointer, request)
         return Refusal(error.code, str(error))
 
@@ -240,8 +254,13 @@ class Connection:
         self, code: str, text: str, pointer: str | None = None, request: int | None = None
     ) -> None:
         if self.welcome is not None:
-            text = text[: LIMITS["max_message_chars"]]
-            self.send(ErrorMessage(code, text, id=request, pointer=pointer))
+            self.send(_error(code, text, pointer, request))
+
+
+def _error(
+    code: str, text: str, pointer: str | None = None, request: int | None = None
+) -> ErrorMessage:
+    return ErrorMessage(code, text[: LIMITS["max_message_chars"]], id=request, pointer=pointer)
 
 
 def _decode(payload: bytes, channel: Channel, said_hello: bool) -> ClientMessage:

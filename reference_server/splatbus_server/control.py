@@ -42,10 +42,10 @@ class Poses(NamedTuple):
 
     def moved_by(self, message: Steering) -> Poses:
         """What the message, which is about an object of the scene, makes of it."""
+        if isinstance(message, CameraPose):  # most of what arrives, so without detours
+            lens = self.intrinsics if message.intrinsics is None else message.intrinsics  # CAM-7
+            return Poses(message.pose, self.objects, lens, self.time, message.tag, self.serial + 1)
         match message:
-            case CameraPose(pose, _, tag, intrinsics):
-                lens = self.intrinsics if intrinsics is None else intrinsics  # CAM-7
-                return self._replace(camera=pose, intrinsics=lens, tag=tag, serial=self.serial + 1)
             case PointCloudPose(pose):
                 return self._placed(Placement(DEFAULT_OBJECT, pose))  # OBJ-2
             case ObjectPose(name, pose, scale):
@@ -123,12 +123,9 @@ class Control:
 
 def kind_of(message: Steering) -> object:
     """What the message takes the place of an earlier one of: an object's id, or its type."""
-    match message:
-        case PointCloudPose():
-            return DEFAULT_OBJECT
-        case ObjectPose(name):
-            return name
-    return type(message)
+    if isinstance(message, ObjectPose):
+        return message.object
+    return DEFAULT_OBJECT if isinstance(message, PointCloudPose) else type(message)
 
 
 def _same_pose(a: Pose, b: Pose) -> bool:

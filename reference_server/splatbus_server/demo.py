@@ -14,13 +14,21 @@ from splatbus_wire.rotations import Quaternion, rotation_matrix
 
 from splatbus_server.api import Bus
 from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import Camera, Matrix, ObjectPose, default_scene, multiply
+from splatbus_server.scene import Camera, Matrix, ObjectPose, Scene, default_scene, multiply
 from splatbus_server.view import View
 
 FPS = 120.0
 """Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
-OBJECTS = (SceneObject("default", "six spheres", 6, Box((-2.2, -1.0, 2.8), (2.6, 0.55, 5.5))),)
+OBJECTS = (
+    SceneObject("default", "five spheres", 5, Box((-2.2, -1.0, 3.2), (2.6, 0.4, 5.5))),
+    SceneObject("ball", "blue sphere", 1, Box((1.5, 0.55, 2.8), (1.5, 0.55, 2.8))),
+)
 """What the scene consists of; its spheres count as Gaussians."""
+BALL, BOBBING = 2, 1
+"""Which of its spheres is an object of its own, and which goes up and down with time."""
+BOBBING_TIME = (0.0, 4.0)
+"""First and last time of the scene, seconds, where it does not turn."""
+RISE = 0.25
 
 
 def turning_time(degrees_per_second: float) -> tuple[float, float] | None:
@@ -38,9 +46,8 @@ def render_until(
         bus: to serve with.
         fps: most images a second.
         degrees_per_second: how fast the scene turns about its vertical axis by itself, until a
-            client sets the time.
+            client sets the time. One that does not turn stands still until then.
     """
-    scene = default_scene()
     raycaster, size = Raycaster(1, 1), (1, 1)
     start, is_playing = time.monotonic(), degrees_per_second != 0.0
     render_times: deque[float] = deque(maxlen=1000)
@@ -51,21 +58,42 @@ def render_until(
             if size != (view.width, view.height):
                 raycaster, size = Raycaster(view.width, view.height), (view.width, view.height)
             is_playing = degrees_per_second != 0.0 and view.time is None
-            scene_time = _playing(began - start, degrees_per_second)
-            if view.time is not None:
-                scene_time = view.time
-            turned = _object_pose(view, math.radians(degrees_per_second * scene_time))
-            image = raycaster.render(replace(scene, pose=turned), _camera(view), view.wants_depth)
+            scene_time = (
+                _playing(began - start, degrees_per_second) if view.time is None else view.time
+            )
+            scene = scene_at(scene_time, view, degrees_per_second)
+            image = raycaster.render(scene, _camera(view), view.wants_depth)
             bus.publish(view, image.color, image.depth, time=scene_time)
             render_times.append((time.monotonic() - began) * 1e3)
         _tell(bus, "idle" if view is None else "rendering", render_times)
         stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
 
 
+def scene_at(seconds: float, view: View, degrees_per_second: float = 0.0) -> Scene:
+    """What there is to see at a time in the scene, its objects where the view has them.
+
+    A scene that does not turn has a sphere that bobs. Where there is no object called "ball", all
+    belongs to "default".
+    """
+    scene, angle = default_scene(), math.radians(degrees_per_second * seconds)
+    spheres = list(scene.spheres)
+    if not degrees_per_second:
+        x, y, z = spheres[BOBBING].center
+        height = RISE * (1.0 - math.cos(math.pi * seconds / 2.0))
+        spheres[BOBBING] = replace(spheres[BOBBING], center=(x, y - height, z))
+    balls = []
+    if "ball" in view.poses.objects:
+        ball, pose = spheres.pop(BALL), _object_pose(view.of("ball"), angle)
+        balls.append(Scene((ball,), None, scene.light, pose))
+    return replace(
+        scene, spheres=tuple(spheres), pose=_object_pose(view, angle), beside=tuple(balls)
+    )
+
+
 def _playing(seconds: float, degrees_per_second: float) -> float:
     """The time in a scene that turns over and over, and begins anew with each turn."""
     whole = turning_time(degrees_per_second)
-    return seconds if whole is None else seconds % whole[1]
+    return 0.0 if whole is None else seconds % whole[1]
 
 
 def _tell(bus: Bus, stage: str, render_times: deque[float]) -> None:

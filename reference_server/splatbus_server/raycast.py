@@ -80,8 +80,8 @@ class Raycaster:
         Args:
             scene: what is seen, with its pose in the world.
             camera: of this raycaster's width and height, in world axes.
-            want_depth: the depths are kept in any case, to tell what hides what; they are brought
-                to world units and handed out only if wanted.
+            want_depth: the depths are kept in any case, to tell what hides what; they are handed
+                out only if wanted.
 
         Raises:
             ValueError: the camera has another size.
@@ -93,15 +93,20 @@ class Raycaster:
             )
         self._color.fill(0.0)
         self._depth.fill(np.inf)
-        local = camera.in_axes_of(scene.pose)
         with np.errstate(all="ignore"):  # a ray that misses computes NaN, on purpose
-            touched = [self._draw_sphere(sphere, local, scene.light) for sphere in scene.spheres]
-            culled = touched.count(0)
-            if scene.floor is not None:
-                touched.append(self._draw_floor(scene.floor, local, scene.light))
-        if want_depth and scene.pose.scale != 1.0:
-            self._depth *= np.float32(scene.pose.scale)
-        return Render(self._color, self._depth if want_depth else None, Stats(culled, sum(touched)))
+            parts = [self._draw(part, camera) for part in (scene, *scene.beside)]
+        stats = Stats(*map(sum, zip(*parts, strict=True)))
+        return Render(self._color, self._depth if want_depth else None, stats)
+
+    def _draw(self, scene: Scene, camera: Camera) -> Stats:
+        """Draws what has one pose, in units of the world, so that depths can be compared."""
+        scene = scene.in_world_units()
+        local = camera.in_axes_of(scene.pose)
+        touched = [self._draw_sphere(sphere, local, scene.light) for sphere in scene.spheres]
+        culled = touched.count(0)
+        if scene.floor is not None:
+            touched.append(self._draw_floor(scene.floor, local, scene.light))
+        return Stats(culled, sum(touched))
 
     def _draw_sphere(self, sphere: Sphere, camera: Camera, light: Vector) -> int:
         """Returns the number of pixels tested: 0 if the sphere cannot be seen."""

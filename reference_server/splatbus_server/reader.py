@@ -11,9 +11,6 @@ from splatbus_server.exchange import BOTH, Image
 from splatbus_server.memory import FrameMemory
 
 LET_GO_SECONDS: float = LIMITS["let_go_seconds"]
-ANSWER_SECONDS: float = LIMITS["free_seconds"] / 2
-"""How long former memory is kept for a client that has not said whether it opened it: it may be
-about to, and an error is a poor answer; but who says nothing must not keep it [VPT-7]."""
 
 
 @dataclass
@@ -25,7 +22,8 @@ class Reader:
         opened: the generations of these that it said it had opened.
         told: the newest generation that it was told of.
         told_at: when.
-        wants: channels, from `subscribe`.
+        wants: channels, from the newest `subscribe`.
+        due: channels that it wanted when it began to wait for the next image, and may read of that.
         lease: the image that it holds.
         shown: serial of the newest camera pose whose image it was sent.
     """
@@ -35,6 +33,7 @@ class Reader:
     told: int = 0
     told_at: float = 0.0
     wants: frozenset[str] = BOTH
+    due: frozenset[str] = BOTH
     lease: Image | None = None
     shown: int = 0
 
@@ -43,15 +42,25 @@ class Reader:
         self.announced[memory.generation] = memory
         self.told, self.told_at = memory.generation, now
 
+    def open(self, generation: int) -> None:
+        """Notes that it has opened a generation, and waits for an image of that."""
+        self.opened.add(generation)
+        self.due = self.wants
+
+    def give_back(self) -> None:
+        """Notes that it holds no image any more, and waits for the next."""
+        self.lease = None
+        self.due = self.wants
+
     @property
-    def answers_by(self) -> float:
-        """How long former memory is kept for it that it has not answered."""
-        return self.told_at + ANSWER_SECONDS
+    def needs(self) -> frozenset[str]:
+        """The channels that the next image for it has to hold [IMG-20]."""
+        return self.wants if self.lease is not None else self.wants | self.due
 
     @property
     def late_at(self) -> float | None:
-        """When it is to be disconnected for former memory that it opened [VPT-8]; or None."""
-        has_former = any(generation < self.told for generation in self.opened)
+        """When it is to be disconnected for former memory [VPT-8]; None if it has none."""
+        has_former = any(generation < self.told for generation in self.announced)
         return self.told_at + LET_GO_SECONDS if has_former else None
 
     def frame(self, image: Image) -> Frame:

@@ -82,12 +82,38 @@ class ObjectPose:
 
 @dataclass(frozen=True)
 class Scene:
-    """What there is to see: spheres, a floor, and the unit vector towards a distant light."""
+    """What there is to see: spheres, a floor, and the unit vector towards a distant light.
+
+    Attributes:
+        spheres: in the axes of the scene, as floor and light.
+        floor: or None.
+        light: is fixed to the scene, and turns with it.
+        pose: of all that.
+        beside: more to see, each with a pose of its own.
+    """
 
     spheres: tuple[Sphere, ...]
     floor: Floor | None
     light: Vector
     pose: ObjectPose = ObjectPose()
+    beside: tuple[Scene, ...] = ()
+
+    def in_world_units(self) -> Scene:
+        """The same, with the scale in its lengths instead of its pose."""
+        s = self.pose.scale
+        if s == 1.0:
+            return self
+        spheres = tuple(
+            replace(each, center=_times(s, each.center), radius=s * each.radius)
+            for each in self.spheres
+        )
+        floor = self.floor and replace(
+            self.floor,
+            height=s * self.floor.height,
+            extent=s * self.floor.extent,
+            check=s * self.floor.check,
+        )
+        return replace(self, spheres=spheres, floor=floor, pose=replace(self.pose, scale=1.0))
 
 
 @dataclass(frozen=True)
@@ -187,7 +213,13 @@ def exact_pixel(scene: Scene, camera: Camera, u: float, v: float) -> tuple[Rgba,
             even = (math.floor(x / floor.check) + math.floor(y / floor.check)) % 2 == 0
             depth = z
             color = _shade(floor.even if even else floor.odd, -scene.light[1])
-    return color, depth * scene.pose.scale
+    seen = [(color, depth * scene.pose.scale)]
+    seen += [exact_pixel(other, camera, u, v) for other in scene.beside]
+    return min(seen, key=lambda pixel: pixel[1])
+
+
+def _times(factor: float, v: Vector) -> Vector:
+    return (factor * v[0], factor * v[1], factor * v[2])
 
 
 def _sphere_depths(sphere: Sphere, origin: Vector, ray: Vector) -> Iterator[float]:

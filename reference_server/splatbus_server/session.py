@@ -175,13 +175,15 @@ class Session:
             for connection, reader in self._readers.items()
             if memory.generation in reader.opened and connection.has("frames")
         }
-        wanted: frozenset[str] = frozenset().union(*(r.wants for r in ready.values()))
-        self._exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
         for connection, reader in ready.items():
             if reader.lease is None and connection.ending is None:
                 self._lend(connection, reader, memory)
-        self._end_who_keeps(now)
-        self._free(now)
+        wanted: frozenset[str] = frozenset().union(*(r.needs for r in ready.values()))
+        self._exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
+        self.deadline = math.inf
+        if self._exchange.replaced:
+            self._end_who_keeps(now)
+            self._free(now)
         self._readings.pass_on()
 
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
@@ -194,8 +196,8 @@ class Session:
         )
 
     def _move(self, connection: Connection, message: Steering) -> Refusal | None:
-        memory, poses = self._exchange.memory, self._control.poses
-        refusal = objection(connection, message, poses, memory.width, memory.height)
+        memory = self._exchange.memory
+        refusal = objection(connection, message, self._control.poses, memory.width, memory.height)
         if refusal is not None:
             return connection.complain(refusal)
         if self._control.move(connection, within(message, self.scene.time_range)):
@@ -224,7 +226,7 @@ class Session:
             case Ping():
                 connection.send(Pong(request.t, now, request.id))
             case SetViewport():
-                self._free(now)  # what the messages before this one let go of
+                self._free(now)  # of what the messages before this one let go of
                 refusal = self._hindrance(connection)
                 if refusal is not None:
                     return connection.complain(refusal._replace(id=request.id))
@@ -277,7 +279,7 @@ class Session:
             reason = f"generation {generation} is not announced here [OPN-12]"
             return connection.complain(Refusal("invalid_message", reason))
         if isinstance(message, Opened):
-            reader.opened.add(generation)
+            reader.open(generation)
             return None
         self._exchange.forget(connection, reader.announced.pop(generation))
         reader.opened.discard(generation)
@@ -294,7 +296,7 @@ class Session:
             reason = f"image {message.seq} of generation {message.generation} is not held [IMG-16]"
             return connection.complain(Refusal("invalid_message", reason))
         self._exchange.take_back(connection, lease)
-        reader.lease = None
+        reader.give_back()
         return None
 
     def _subscribe(self, connection: Connection, channels: frozenset[str]) -> Refusal | None:
@@ -305,7 +307,7 @@ class Session:
         return None
 
     def _lend(self, connection: Connection, reader: Reader, memory: FrameMemory) -> None:
-        image = self._exchange.lend(connection, memory, reader.wants)
+        image = self._exchange.lend(connection, memory, reader.needs)
         if image is not None:
             reader.lease = image
             connection.send(reader.frame(image))
@@ -313,7 +315,6 @@ class Session:
 
     def _end_who_keeps(self, now: float) -> None:
         """Disconnects who has had former memory for too long [VPT-8]."""
-        self.deadline = math.inf
         for connection, reader in self._readers.items():
             late_at = reader.late_at
             if late_at is None or connection.ending is not None:
@@ -330,20 +331,9 @@ class Session:
         changes its size again is asked to connect anew.
         """
         for age, memory in enumerate(self._exchange.replaced[::-1]):
-            having = [c for c, r in self._readers.items() if self._has(c, r, memory, now)]
+            having = [c for c, r in self._readers.items() if memory.generation in r.announced]
             if not having and self._exchange.give_up(memory):
                 self.viewport.chores.append(memory.close)
             elif age > 0:
                 for connection in having:
                     connection.end("it did not let go of memory that was replaced twice", now)
-
-    def _has(self, connection: Connection, reader: Reader, memory: FrameMemory, now: float) -> bool:
-        """Whether a client may be reading the former memory, or about to open it."""
-        if memory.generation not in reader.announced:
-            return False
-        if memory.generation in reader.opened or connection.ending is not None:
-            return True
-        if now >= reader.answers_by:
-            return False
-        self.deadline = min(self.deadline, reader.answers_by)
-        return True

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, SupportsFloat
 
 import numpy as np
@@ -22,9 +22,18 @@ Reading = SupportsFloat | tuple[SupportsFloat, str] | str | tuple[ArrayLike, Arr
 """
 Given = Reading | Callable[[], Reading]
 
-MOST_SERIES: int = LIMITS["max_series"]
 
-log = logging.getLogger("splatbus_server")
+@dataclass
+class Subscriber:
+    """A client that wants telemetry.
+
+    Attributes:
+        names: of the series; None for all.
+        due: what it was not sent yet, the newest of each name.
+    """
+
+    names: frozenset[str] | None
+    due: dict[str, Series] = field(default_factory=dict)
 
 
 class Readings:
@@ -32,13 +41,12 @@ class Readings:
 
     def __init__(self, statistics: Statistics) -> None:
         self._statistics = statistics
-        self._subscribers: dict[Connection, frozenset[str] | None] = {}
+        self._subscribers: dict[Connection, Subscriber] = {}
         self._wanted: frozenset[str] | None = frozenset()
         self._lock = threading.Lock()
-        self._pending: dict[str, Series] = {}
-        self._taken_at = 0.0
+        self._given: dict[str, Series] = {}
+        self._given_at = 0.0
         self._seq = 0
-        self._is_too_long = False
 
     # The render loop's side
 
@@ -59,50 +67,56 @@ class Readings:
             if wanted is None or name in wanted
         ]
         self._statistics.series_computed += len(found)
-        if len(found) > MOST_SERIES:
-            raise ValueError(f"{len(found)} series at a time; {MOST_SERIES} can be sent [TEL-2]")
         with self._lock:
-            self._pending.update((each.name, each) for each in found)
-            self._taken_at = now
+            self._given.update((each.name, each) for each in found)
+            self._given_at = now
         return bool(found)
 
     # The I/O thread's side
 
     def subscribe(self, connection: Connection, names: frozenset[str] | None) -> None:
         """Takes what a connection wants from now on; None for everything [TEL-1, TEL-3]."""
-        self._subscribers[connection] = names
+        self._subscribers[connection] = Subscriber(names)
         self._add_up()
 
     def unsubscribe(self, connection: Connection) -> None:
         """Forgets a connection."""
-        if self._subscribers.pop(connection, frozenset()) != frozenset():
+        if self._subscribers.pop(connection, None) is not None:
             self._add_up()
 
     def pass_on(self) -> None:
-        """Sends what is new to who wants it and has taken what came before [TEL-5]."""
-        if not self._pending:
+        """Sends one message to each who wants something new and has taken the last [TEL-5]."""
+        if not self._subscribers:
             return
         with self._lock:
-            pending, self._pending = self._pending, {}
-            now = self._taken_at
-        self._seq += 1
-        for connection, names in self._subscribers.items():
-            chosen = [s for s in pending.values() if names is None or s.name in names]
-            if chosen and not connection.unsent and connection.ending is None:
-                self._send(connection, Telemetry(self._seq, now, tuple(chosen[-MOST_SERIES:])))
+            given, self._given, moment = self._given, {}, self._given_at
+        for connection, subscriber in self._subscribers.items():
+            names, due = subscriber.names, subscriber.due
+            due.update((n, each) for n, each in given.items() if names is None or n in names)
+            if due and not connection.unsent and connection.ending is None:
+                self._send(connection, due, moment)
 
-    def _send(self, connection: Connection, message: Telemetry) -> None:
-        try:
-            connection.send(message)
-        except ProtocolError as error:
-            if not self._is_too_long:
-                log.error("telemetry is left out that no packet can hold: %s", error)
-            self._is_too_long = True
-        else:
-            self._statistics.telemetry_sent += 1
+    def _send(self, connection: Connection, due: dict[str, Series], moment: float) -> None:
+        """As many as a message holds, and a packet [FRM-2]; the others are due still."""
+        count = min(len(due), LIMITS["max_series"])
+        while True:
+            names = list(due)[:count]
+            try:
+                connection.send(
+                    Telemetry(self._seq + 1, moment, tuple(due[name] for name in names))
+                )
+                break
+            except ProtocolError:
+                if count == 1:
+                    raise
+                count //= 2
+        for name in names:
+            del due[name]
+        self._seq += 1
+        self._statistics.telemetry_sent += 1
 
     def _add_up(self) -> None:
-        everyone = self._subscribers.values()
+        everyone = [subscriber.names for subscriber in self._subscribers.values()]
         named = [names for names in everyone if names is not None]
         self._wanted = frozenset().union(*named) if len(named) == len(everyone) else None
 

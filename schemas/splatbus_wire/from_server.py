@@ -6,6 +6,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_wire.fields import MAX_SAFE_INTEGER, Field, array_pose
 from splatbus_wire.message_types import (
+    DEFAULT_OBJECT,
     Box,
     CameraReply,
     ErrorMessage,
@@ -93,8 +94,9 @@ def scene(message: Field) -> Scene:
     """What the scene consists of [SCN-2]."""
     fields = message.under("SCN-2")
     array, time_range = fields.member("objects"), fields.member("timeRange")
-    objects = [_scene_object(item) for item in array.items(0, LIMITS["max_objects"])]
-    different(array, [each.id for each in objects])
+    objects = [_scene_object(item) for item in array.items(1, LIMITS["max_objects"])]
+    if DEFAULT_OBJECT not in different(array, [each.id for each in objects]):
+        raise array.refused(f"has none with the id {DEFAULT_OBJECT}")
     return Scene(
         tuple(objects),
         None if time_range.value is None else _time_range(time_range),

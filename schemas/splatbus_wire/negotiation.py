@@ -27,13 +27,14 @@ def answer_hello(
         `error` `unauthorized` for a token that is missing or another [NEG-18], before anything else
         is given away; `unsupported_version` with what is supported [NEG-10]; else `welcome` with
         the first version of the client's list that the server speaks [NEG-6], and the capabilities
-        that both have [NEG-7].
+        that both have [NEG-7]; none where that is 1.0 [NEG-33].
     """
     if token is not None and not _same(hello.token or "", token):
         return ErrorMessage("unauthorized", "this server requires a token, and not that one")
     for version in hello.versions:
         if version in versions:
-            shared = tuple(name for name in hello.capabilities if name in capabilities)
+            known = () if version == "1.0" else capabilities
+            shared = tuple(name for name in hello.capabilities if name in known)
             return Welcome(version, server, shared)
     return ErrorMessage(
         "unsupported_version",

@@ -67,9 +67,11 @@ def object_to_camera(
 ) -> Matrix4:
     """Return [M | R_cameraᵀ·(p − c) + M·origin], M = scale·R_cameraᵀ·R_object, for such points.
 
-    What comes out, depth above all, is in units of the world [OBJ-6]. Rounded to single precision it misplaces a point X by about 2⁻²³·(‖X‖ + ‖eye‖): good for an
-    object, or a tile of a scene, that is small and near the camera, however far both are from the
-    origin of the world.
+    What comes out, depth above all, is in units of the world [OBJ-6].
+
+    Rounded to single precision it misplaces a point X by about 2⁻²³·scale·(‖X‖ + ‖eye‖): good for
+    an object, or a tile of a scene, that is small and near the camera, however far both are from
+    the origin of the world.
 
     Args:
         camera: camera-to-world [CNV-1].

@@ -130,4 +130,5 @@ def test_the_viewer_watches_the_reference_server(server):
         check=True,
     )
     assert done.stderr == ""
-    assert re.search(r"[1-9]\d* frames, .* latency [\d.]+ ms", done.stdout.splitlines()[-1])
+    assert re.search(r"[1-9]\d* frames, .* latency [\d.]+ ms \(p99 [\d.]+\)", done.stdout)
+    assert re.search(r"\n +[\d.]+ to [\d.]+ ms [▏▎▍▌▋▊▉█]+ [1-9]\d*\n", done.stdout)

@@ -26,6 +26,16 @@ def test_a_tag_ends_the_wait_of_its_pose_whatever_the_pose():
     assert list(latencies.seconds) == [0.25, 0.5]
 
 
+def test_a_tag_that_comes_back_ends_the_wait_for_all_before_it():
+    latencies = Latencies()
+    for number in range(5):
+        latencies.asked_for(f"v-{number}", float(number))
+    latencies.shown(camera(tag="v-3"), 4.0)
+    latencies.shown(camera(tag="v-2"), 9.0)
+    assert list(latencies.seconds) == [1.0]
+    assert list(latencies._asked) == ["v-4"]
+
+
 def test_without_tags_poses_are_compared():
     latencies = Latencies()
     latencies.asked_for(POSE, 1.0)

@@ -217,6 +217,19 @@ def test_a_request_that_was_not_agreed_is_refused_and_the_next_one_goes_out(requ
     assert (request["type"], request["id"]) == ("get_camera_pose", camera)
 
 
+def test_a_welcome_to_1_0_agrees_on_nothing():
+    machine = MessageProtocol(HELLO)
+    machine.data_to_send(0.0)
+    (event,) = receive(machine, packet(welcome(*MESSAGE_CAPABILITIES, version="1.0")), 0.0)
+    assert (event.version, event.capabilities) == ("1.0", frozenset())
+    receive(machine, packet(SIZE), 0.0)
+    machine.tell(CameraPose(POSE, 1.0, "tag", INTRINSICS))
+    machine.ask(GetCameraPose(0))
+    request, camera = packets(machine.data_to_send(0.0))
+    assert request == {"type": "get_camera_pose", "cam_idx": 0}
+    assert set(camera) == {"type", "timestamp", "position", "rotation"}
+
+
 def test_a_scene_is_a_reply():
     machine = machine_of_1_1("scene")
     ticket = machine.ask(GetScene())

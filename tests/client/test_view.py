@@ -15,6 +15,7 @@ from splatbus_client.view import ORBIT_SECONDS, _Frames, _Report, orbit
 from splatbus_wire.rotations import rotation_matrix
 
 from tests.client.fake_server import (
+    CAMERA,
     CAMERA_REPLY,
     HEIGHT,
     POSITION,
@@ -95,6 +96,67 @@ def test_a_size_that_is_unknown_is_asked_for_until_it_is_known(server):
             message.send(reply)
 
 
+def test_poses_are_tagged_unmistakably_where_the_server_speaks_1_1(server):
+    beginnings = set()
+    for _ in range(2):
+        with viewer(server, "--rate", "100"):
+            server.ipc()
+            message = server.message_1_1()
+            asked_for_camera(message)
+            tags = [message.receive_type("camera_pose").get("tag") for _ in range(4)][1:]
+            assert len(set(tags)) == 3
+            (beginning,) = {tag.split("-")[0] for tag in tags}
+            beginnings.add(beginning)
+    assert len(beginnings) == 2
+
+
+def test_poses_to_1_0_have_no_tag(server):
+    with viewer(server, "--rate", "100"):
+        message = server.message()
+        message.receive_type("get_viewport_size")
+        message.send({"viewport_size": [WIDTH, HEIGHT]})
+        message.receive_type("get_camera_pose")
+        message.send(CAMERA_REPLY)
+        for _ in range(4):
+            assert "tag" not in message.receive_type("camera_pose")
+
+
+def test_a_tag_that_comes_back_is_a_latency_and_at_the_end_a_histogram(server, memory):
+    with viewer(server, "--rate", "100") as process:
+        ipc, message = server.ipc_1_1(), server.message_1_1()
+        asked_for_camera(message)
+        ipc.send(init_packet(memory.name))
+        ipc.receive_type("opened")
+        while (tag := message.receive_type("camera_pose").get("tag")) is None:
+            pass
+        for seq, back in [(1, "another-1"), (2, tag), (3, tag)]:
+            ipc.send(frame(seq, camera=CAMERA | {"tag": back}))
+            ipc.receive_type("release")
+        process.send_signal(signal.SIGTERM)
+        out, _ = process.communicate(timeout=30)
+    assert "latency from pose to image, 1 images" in out
+    assert "█ 1" in out.splitlines()[-1]
+
+
+def test_a_size_is_asked_for_on_each_connection_and_its_refusal_told(server):
+    with viewer(server, "--size", "64x48", "--seconds", "30") as process:
+        for _ in range(2):
+            message = server.message_1_1()
+            asked_for_camera(message)
+            while (request := message.receive())["type"] != "set_viewport":
+                if request["type"] == "get_viewport_size":
+                    size = {"type": "viewport_size", "viewport_size": [WIDTH, HEIGHT]}
+                    message.send(size | {"id": request["id"]})
+            assert (request["width"], request["height"]) == (64, 48)
+            error = {"type": "error", "code": "unsupported", "message": "no", "id": request["id"]}
+            message.send(error)
+            message.receive_type("camera_pose")
+            message.close()
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=30)
+    assert "the images keep their size: the server answered unsupported: no" in err
+
+
 def test_every_frame_is_read_and_released(server, memory):
     with viewer(server) as process:
         ipc = server.ipc_1_1()
@@ -149,6 +211,14 @@ def test_it_ends_after_its_seconds_and_says_what_to_do_where_no_server_runs():
 class Terminal(io.StringIO):
     def isatty(self):
         return True
+
+
+def test_who_else_has_control_is_told():
+    connected = ChannelStatus(True, 1, "1.1")
+    out = io.StringIO()
+    status = Status(connected, connected, None, "another client has control")
+    _Report(out).update(status, _Frames(), (320, 240))
+    assert out.getvalue().endswith("message 1.1; another client has control\n")
 
 
 @pytest.mark.parametrize(("out", "lines"), [(io.StringIO(), 2), (Terminal(), 1)])

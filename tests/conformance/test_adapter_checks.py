@@ -3,9 +3,12 @@
 import json
 import subprocess
 import sys
+from fractions import Fraction
 
 import jsonschema
+import numpy as np
 import pytest
+from splatbus_conformance.checks.client import adapter_compositing
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.data import read_json
 from splatbus_conformance.selftest import trials
@@ -78,6 +81,16 @@ def test_the_reference_client_reads_and_shows_images(tmp_path):
 def test_a_mutant_beside_an_adapter_dies(name):
     row = trials.judge_mutant(MUTANTS[name])
     assert row.fate is Fate.KILLED, row
+
+
+def test_a_device_may_know_no_subnormal_numbers():
+    tiny, least = 2.0**-140, 2.0**-126
+    assert adapter_compositing._error((0.0,), (Fraction(tiny),)) == 0
+    assert adapter_compositing._error((0.0,), (Fraction(least),)) > 3
+    assert adapter_compositing._error((tiny,), (Fraction(tiny),)) == 0
+    flushed = adapter_compositing._flush(np.float32([tiny, -tiny, least, 0.5]))
+    assert flushed.dtype == np.float32
+    assert flushed.tolist() == [0, 0, least, 0.5]
 
 
 def test_six_digits_are_told_in_pixels():

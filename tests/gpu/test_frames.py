@@ -25,6 +25,7 @@ require_gpu()
 from splatbus_server.cuda.driver import Device  # noqa: E402
 
 from tests.gpu.images import BOTH, OnDevice  # noqa: E402
+from tests.server.raw_client import RawClient, hello  # noqa: E402
 
 SIZE = (64, 48)
 ROOT = Path(__file__).parents[2]
@@ -142,6 +143,28 @@ def test_another_size_is_read_and_the_old_memory_freed():
         assert json.loads(process.stdout.readline()) == [16, 32, 4]
         assert json.loads(process.stdout.readline()) == [[48, 64, 4], [16, 32, 4]]
         assert not renderer.bus._exchange.replaced
+
+
+def test_a_client_asks_for_another_size():
+    """[VPT-2, VPT-5, VPT-7]: memory of a GPU is had in another thread than the render loop."""
+    request = {"type": "set_viewport", "width": 32, "height": 16, "id": 1}
+    with (
+        Renderer() as renderer,
+        reader("resized", renderer.bus) as process,
+        RawClient(renderer.bus.address.message_port) as client,
+    ):
+        assert process.stdout
+        assert json.loads(process.stdout.readline()) == [48, 64, 4]
+        client.ask(hello("viewport"))
+        reply = client.ask(request)
+        assert reply == {"type": "viewport_size", "id": 1, "viewport_size": [32, 16]}
+        assert json.loads(process.stdout.readline()) == [16, 32, 4]
+        assert json.loads(process.stdout.readline()) == [[48, 64, 4], [16, 32, 4]]
+        assert not renderer.bus._exchange.replaced
+        error = client.ask(request | {"width": 32_768, "height": 32_768})
+        assert error is not None
+        assert error["code"] == "unsupported"
+        assert client.viewport() == [32, 16]
 
 
 def test_the_device_is_found_by_its_uuid_whatever_its_number_is_here():

@@ -29,7 +29,7 @@ ANNOTATIONS = {*"$schema $id $comment title description default contentEncoding"
 APPLICATORS = {*"$ref $defs properties items allOf if then else".split()}
 CONSTRAINTS = {
     *"type const enum required not minimum maximum exclusiveMinimum multipleOf".split(),
-    *"minLength maxLength pattern minItems maxItems uniqueItems anyOf".split(),
+    *"minLength maxLength pattern minItems maxItems uniqueItems contains anyOf".split(),
 }
 IDS = re.compile(r"\b[A-Z]{3}-\d+\b")
 

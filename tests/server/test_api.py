@@ -12,7 +12,7 @@ import splatbus_server
 from splatbus_server import View
 from splatbus_server.service import Service
 
-from tests.server.raw_client import RawClient, Reader, camera_pose
+from tests.server.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello
 from tests.server.waiting import eventually
 
 WIDTH, HEIGHT = 6, 5
@@ -88,9 +88,15 @@ def test_inverse_depth_is_divided_by_alpha(bus: splatbus_server.Bus, reader: Rea
     np.testing.assert_allclose(depth, DEPTH, rtol=1e-6)
 
 
+def wants_only(bus: splatbus_server.Bus, reader: Reader, channel: str) -> None:
+    """Subscribes to one channel, and begins to wait for an image anew [IMG-20]."""
+    reader.send({"type": "subscribe", "channels": [channel]})
+    reader.send({"type": "opened", "generation": reader.init["generation"]})
+
+
 def test_depth_that_nobody_reads_is_not_converted(bus: splatbus_server.Bus, reader: Reader) -> None:
     """[IMG-21]"""
-    reader.send({"type": "subscribe", "channels": ["color"]})
+    wants_only(bus, reader, "color")
     assert eventually(lambda: not next_view(bus).wants_depth)
     bus.publish(next_view(bus), RGB, DEPTH)
     reader.release(reader.frame())
@@ -104,7 +110,7 @@ def test_colour_that_nobody_reads_is_not_converted(
     bus: splatbus_server.Bus, reader: Reader
 ) -> None:
     """[IMG-21]"""
-    reader.send({"type": "subscribe", "channels": ["depth"]})
+    wants_only(bus, reader, "depth")
     assert eventually(lambda: next_view(bus).wants == {"depth"})
     bus.publish(next_view(bus), RGB, DEPTH)
     frame = reader.frame()
@@ -172,6 +178,104 @@ def test_another_size_reaches_the_reader(bus: splatbus_server.Bus, reader: Reade
     assert reader.color(reader.frame()).shape == (2, 3, 4)
     with RawClient(bus.address.message_port) as client:
         assert client.viewport() == [3, 2]
+
+
+def test_another_size_shows_the_same_from_top_to_bottom(
+    bus: splatbus_server.Bus, reader: Reader
+) -> None:
+    """Whoever changes it; and the renderer can say otherwise."""
+    high = next_view(bus).intrinsics
+    bus.resize(24, 2 * HEIGHT)
+    reader.open()
+    fx, fy, cx, cy, near, far = next_view(bus).intrinsics
+    assert (fx, fy, cx, cy) == pytest.approx((2 * high.fx, 2 * high.fy, 12.0, HEIGHT))
+    assert (near, far) == high[4:]
+    own = splatbus_server.Intrinsics(1.0, 2.0, 3.0, 4.0)
+    bus.resize(8, 8, own)
+    assert bus._exchange.lens[:4] == own[:4]
+    bus.resize(16, 16)
+    assert bus._exchange.lens[:4] == (2.0, 4.0, 6.0, 8.0)
+
+
+SCENE: dict[str, Any] = {
+    "objects": [
+        splatbus_server.SceneObject(
+            "chair", "Chair", 3, splatbus_server.Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+        ),
+        splatbus_server.SceneObject("default", "Room", 5),
+    ],
+    "time_range": (1.0, 2.0),
+}
+
+
+def test_the_scene_is_told_and_can_be_told_anew() -> None:
+    """[SCN-2, TIM-4]"""
+    with (
+        splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0, **SCENE) as bus,
+        RawClient(bus.address.message_port) as client,
+    ):
+        client.send(hello("scene", "time", "objects"))
+        assert (client.receive() or {})["capabilities"] == ["scene", "time", "objects"]
+        told = client.ask({"type": "get_scene"})
+        assert told is not None
+        assert told["timeRange"] == [1.0, 2.0]
+        assert told["objects"][0]["bounds"] == {"min": [0.0] * 3, "max": [1.0] * 3}
+        room = splatbus_server.SceneObject("default", "Room", 6)
+        bus.describe([splatbus_server.SceneObject("chair", "Chair", 4), room])
+        assert (client.ask({"type": "get_scene"}) or {})["objects"][0]["gaussians"] == 4
+        with pytest.raises(ValueError, match="keep their ids"):
+            bus.describe([room])
+        with pytest.raises(ValueError, match="gaussians"):
+            bus.describe([splatbus_server.SceneObject("chair", "Chair", -1), room])
+        table = {"type": "object_pose", "object": "table", **IDENTITY}
+        assert (client.ask(table) or {})["code"] == "unknown_object"
+        client.send(table | {"object": "default"}, table | {"object": "chair"})
+        assert client.viewport() == [WIDTH, HEIGHT]
+
+
+def test_time_that_is_not_given_is_the_views() -> None:
+    """[TIM-3]"""
+    with (
+        splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0, **SCENE) as bus,
+        RawClient(bus.address.message_port) as client,
+        Reader(bus.address.ipc_port) as reader,
+    ):
+        reader.open()
+        bus.publish(next_view(bus), RGB, DEPTH)
+        frame = reader.frame()
+        assert frame["time"] == 0.0
+        reader.release(frame)
+        client.ask(hello("time"))
+        client.send({"type": "set_time", "time": 1.25})
+        view = next_view(bus)
+        assert view.time == 1.25
+        bus.publish(view, RGB, DEPTH)
+        assert reader.frame()["time"] == 1.25
+
+
+def test_without_a_range_there_is_no_time(bus: splatbus_server.Bus) -> None:
+    """[TIM-4]"""
+    with RawClient(bus.address.message_port) as client:
+        assert (client.ask(hello("time", "ping")) or {})["capabilities"] == ["ping"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"time_range": (2.0, 1.0)}, "timeRange"),
+        ({"time_range": (0.0, float("inf"))}, "JSN-4"),
+        ({"objects": SCENE["objects"] * 2}, "objects"),
+        ({"objects": [splatbus_server.SceneObject("", "", 0)]}, "objects.0.id"),
+        ({"objects": []}, "objects|default"),
+        ({"objects": SCENE["objects"][:1]}, "default"),
+    ],
+)
+def test_a_scene_that_nobody_could_be_told_of_is_refused(
+    changed: dict[str, Any], message: str
+) -> None:
+    """[SCN-2]"""
+    with pytest.raises(ValueError, match=message):
+        splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0, **{**SCENE, **changed})
 
 
 @pytest.mark.parametrize("size", [(0, 1), (1, 32769)])

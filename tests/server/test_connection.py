@@ -129,9 +129,12 @@ def test_no_payload_is_a_surprise(channel: Channel, greets: bool, payloads: list
     connection = greeted(channel, "frames") if greets else Connection(channel, OPEN, 0.0)
     events(connection, b"".join(map(packet, payloads)))
     codes = [message.get("code", "welcome") for message in sent(connection)]
-    if channel == "ipc" or greets:
-        assert (connection.ending is not None) == ("unsupported_version" in codes)
-    assert greets or codes[:1] in ([], ["welcome"], ["unsupported_version"])
+    first = codes[:1]
+    if greets:
+        assert connection.ending is None
+    elif channel == "ipc":
+        assert (connection.ending is not None) == (first not in ([], ["welcome"]))
+    assert greets or first in ([], ["welcome"], ["unsupported_version"], ["invalid_message"])
 
 
 def test_hello_is_answered_before_what_follows_it() -> None:
@@ -196,11 +199,52 @@ def test_a_guarded_server_awaits_hello_for_ten_seconds() -> None:
 def test_the_ipc_channel_is_never_closed_for_what_it_says_before_hello() -> None:
     """[CHN-7, NEG-22]"""
     connection = Connection("ipc", OPEN, 0.0)
-    for payload in (b"\xff", b"[]", b"{", b'{"type":"hello"}', b'{"type":"get_viewport_size"}'):
+    for payload in (b"\xff", b"[]", b"{", b'{"type":1}', b'{"type":"get_viewport_size"}'):
         (refusal,) = events(connection, packet(payload))
         assert isinstance(refusal, Refusal)
     assert not connection.unsent
     assert connection.ending is None
+
+
+@pytest.mark.parametrize("channel", ["ipc", "message"])
+def test_a_hello_that_cannot_be_read_is_answered_and_the_last_word(channel: Channel) -> None:
+    """[NEG-35, NEG-22]"""
+    connection = Connection(channel, OPEN, 0.0)
+    (refusal,) = events(connection, packet(hello(versions=[])) + REQUEST)
+    assert isinstance(refusal, Refusal)
+    (error,) = sent(connection)
+    assert (error["type"], error["code"], error["pointer"]) == (
+        "error", "invalid_message", "/versions",
+    )  # fmt: skip
+    assert "NEG-35" in str(connection.ending)
+
+
+def test_a_second_hello_that_cannot_be_read_is_no_reason_to_close() -> None:
+    """[NEG-26, NEG-35]"""
+    connection = greeted()
+    events(connection, packet({"type": "hello"}) + REQUEST)
+    assert [message["code"] for message in sent(connection)] == ["invalid_message"]
+    assert connection.ending is None
+
+
+@pytest.mark.parametrize("terms", [OPEN, GUARDED])
+def test_who_agrees_upon_1_0_has_what_1_0_has(terms: Terms) -> None:
+    """[NEG-33, NEG-31]"""
+    connection = Connection("message", terms, 0.0)
+    first = hello("frames", versions=["1.0", "1.1"], token="secret")
+    greeting, *later = events(connection, packet(first) + packet({"type": "nope"}) + REQUEST)
+    assert isinstance(greeting, Hello)
+    assert [type(event) for event in later] == [Refusal, GetViewportSize]
+    (welcome,) = sent(connection)
+    assert (welcome["version"], welcome["capabilities"]) == ("1.0", [])
+    assert connection.welcome is None
+    assert not connection.has("frames")
+    connection.send(ViewportSize(4, 2))
+    assert sent(connection) == [{"viewport_size": [4, 2]}]
+    (refusal,) = events(connection, packet(hello(token="secret")))
+    assert isinstance(refusal, Refusal)
+    assert sent(connection) == []
+    assert connection.deadline == math.inf
 
 
 @pytest.mark.parametrize(

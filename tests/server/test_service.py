@@ -4,6 +4,7 @@ import errno
 import logging
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 
@@ -14,7 +15,7 @@ from splatbus_server import connection as connection_module
 from splatbus_server.service import MOST_CONNECTIONS, Peer, Service
 from splatbus_server.session import Session
 from splatbus_server.statistics import Statistics
-from splatbus_wire.messages import Channel, GetViewportSize
+from splatbus_wire.messages import Channel, GetCameraPose
 
 from tests.server.conftest import SIZE
 from tests.server.raw_client import RawClient, Reader, camera_pose, hello, packet
@@ -197,22 +198,120 @@ def test_a_guarded_server_ends_who_says_no_hello(caplog: pytest.LogCaptureFixtur
     assert "secret" not in caplog.text
 
 
-def test_a_defect_costs_one_connection_only(
-    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """[CHN-14]"""
+@pytest.fixture
+def faulty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A server with a defect that shows with every `get_camera_pose`."""
     handle = Session.handle
 
-    def faulty(self: Session, connection: object, message: object, now: float) -> object:
-        if isinstance(message, GetViewportSize) and message.timestamp == 13.0:
+    def fail(self: Session, connection: object, message: object, now: float) -> object:
+        if isinstance(message, GetCameraPose):
             raise ZeroDivisionError
         return handle(self, connection, message, now)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Session, "handle", faulty)
+    monkeypatch.setattr(Session, "handle", fail)
+
+
+ASK_FOR_TROUBLE = {"type": "get_camera_pose", "cam_idx": 0, "id": 7}
+
+
+def test_a_defect_costs_one_request_only(
+    bus: splatbus_server.Bus, faulty: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    """[NEG-26, NEG-29]"""
+    with RawClient(bus.address.message_port) as client:
+        client.ask(hello())
+        error = client.ask(ASK_FOR_TROUBLE)
+        assert error is not None
+        assert (error["type"], error["code"], error["id"]) == ("error", "internal", 7)
+        assert client.viewport() == list(SIZE)
+        client.ask(ASK_FOR_TROUBLE)
+    assert "ZeroDivisionError" in caplog.text
+    assert bus.statistics.refused["internal"] == 2
+
+
+def test_a_defect_costs_one_connection_of_1_0_only(bus: splatbus_server.Bus, faulty: None) -> None:
+    """[CHN-14, NEG-22]: there a reply that does not come would be taken for late for ever."""
     with RawClient(bus.address.message_port) as first, RawClient(bus.address.message_port) as other:
-        assert first.ask({"type": "get_viewport_size", "timestamp": 13.0}) is None
+        assert first.ask(ASK_FOR_TROUBLE) is None
+        assert other.viewport() == list(SIZE)
+
+
+def test_a_defect_in_reading_costs_one_connection_only(
+    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """[CHN-14]"""
+    take = Service._take
+
+    def fail(self: Service, peer: Peer, data: bytes) -> None:
+        if b"trouble" in data:
+            raise ZeroDivisionError
+        take(self, peer, data)
+
+    monkeypatch.setattr(Service, "_take", fail)
+    with RawClient(bus.address.message_port) as first, RawClient(bus.address.message_port) as other:
+        assert first.ask({"type": "trouble"}) is None
         assert other.viewport() == list(SIZE)
     assert "ZeroDivisionError" in caplog.text
+
+
+def test_the_clock_of_pings_is_that_of_images(bus: splatbus_server.Bus) -> None:
+    """[PNG-2, PNG-3]: a client knows it to within half the round trip."""
+    with RawClient(bus.address.message_port) as client, Reader(bus.address.ipc_port) as reader:
+        client.ask(hello("ping"))
+        before = time.monotonic()
+        reader.open()
+        rendered_at = reader.frame()["renderedAt"]
+        for number in range(20):
+            sent = time.monotonic()
+            pong = client.ask({"type": "ping", "t": sent, "id": number})
+            received = time.monotonic()
+            assert pong is not None
+            assert (pong["t"], pong["id"]) == (sent, number)
+            assert abs(pong["serverTime"] - (sent + received) / 2) <= (received - sent) / 2
+            assert before <= rendered_at <= pong["serverTime"]
+
+
+def test_telemetry_goes_out_by_itself_and_not_ahead_of_a_subscription(
+    bus: splatbus_server.Bus,
+) -> None:
+    """[TEL-3, TEL-4]"""
+    computed: list[float] = []
+
+    def load() -> tuple[float, str]:
+        computed.append(0.5)
+        return 0.5, "%"
+
+    bus.telemetry({"gpu load": load}, stage="training")
+    with RawClient(bus.address.message_port) as client:
+        client.ask(hello("telemetry"))
+        client.send({"type": "subscribe_telemetry", "names": ["gpu load"]})
+        client.viewport()
+        assert not computed
+        bus.telemetry({"gpu load": load}, stage="training")
+        message = client.receive()
+    assert message is not None
+    load_now = {"name": "gpu load", "kind": "scalar", "value": 0.5, "unit": "%"}
+    assert message["series"] == [load_now]
+    assert computed == [0.5]
+    assert (bus.statistics.series_computed, bus.statistics.telemetry_sent) == (1, 1)
+
+
+def test_a_flood_of_telemetry_does_not_hold_up_replies(bus: splatbus_server.Bus) -> None:
+    """[TEL-5]: nor does it end who does not read it."""
+    text = "x" * 4096
+    with RawClient(bus.address.message_port) as idle, RawClient(bus.address.message_port) as other:
+        for client in (idle, other):
+            client.ask(hello("telemetry"))
+        idle.send({"type": "subscribe_telemetry", "names": None})
+        idle.viewport()
+        for _ in range(4000):
+            bus.telemetry(a=text)
+        assert other.viewport() == list(SIZE)
+        idle.send({"type": "get_viewport_size", "id": 9})
+        while (message := idle.receive()) is not None and message["type"] == "telemetry":
+            pass
+        assert message is not None
+        assert message["id"] == 9
 
 
 class Exhausted:

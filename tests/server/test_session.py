@@ -48,8 +48,9 @@ def test_nobody_reads_so_nothing_is_rendered(stage: Stage) -> None:
 
 def test_depth_is_wanted_only_where_somebody_subscribes(stage: Stage) -> None:
     """[IMG-20, IMG-21]"""
-    reader = stage.reader()
-    reader.say({"type": "subscribe", "channels": ["color"]})
+    reader = stage.connect()
+    reader.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
+    reader.hear()
     view = stage.view()
     assert view is not None
     assert not view.wants_depth
@@ -67,8 +68,9 @@ def test_depth_is_wanted_only_where_somebody_subscribes(stage: Stage) -> None:
 
 def test_an_image_without_depth_is_not_sent_to_who_wants_it(stage: Stage) -> None:
     """[IMG-20]"""
-    flat = stage.reader()
-    flat.say({"type": "subscribe", "channels": ["color"]})
+    flat = stage.connect()
+    flat.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
+    flat.hear()
     shallow = stage.view()
     deep = stage.reader()
     stage.publish(shallow)
@@ -76,6 +78,28 @@ def test_an_image_without_depth_is_not_sent_to_who_wants_it(stage: Stage) -> Non
     assert deep.hear() == []
     stage.publish()
     assert deep.frame()["seq"] == 2
+
+
+def test_what_was_wanted_when_the_wait_began_is_there(stage: Stage) -> None:
+    """[IMG-20]: a `subscribe` that crosses the frame counts from the next `release` on."""
+    reader = stage.reader()
+    reader.say({"type": "subscribe", "channels": ["color"]})
+    view = stage.view()
+    assert view is not None
+    assert view.wants_depth
+    stage.publish(view)
+    frame = reader.frame()
+    later = stage.exchange.next_view(0, True)
+    assert later is not None
+    assert not later.wants_depth
+    reader.say({"type": "subscribe", "channels": ["depth"]})
+    reader.release(frame)
+    reader.say({"type": "subscribe", "channels": ["color"]})
+    view = stage.view()
+    assert view is None, "the image that there is has both; it was lent already"
+    view = stage.exchange.next_view(0, True)
+    assert view is not None
+    assert view.wants == {"color", "depth"}
 
 
 def test_equal_poses_change_nothing(stage: Stage) -> None:

@@ -1,6 +1,7 @@
 """Segments are private, whole, and gone when their owner is, however it ended."""
 
 import contextlib
+import errno
 import os
 import re
 import secrets
@@ -138,6 +139,16 @@ def test_a_file_that_a_sweep_takes_before_it_is_locked_is_made_anew(prefix, monk
         assert [path.name for path in DIRECTORY.glob(f"{prefix}*")] == [segment.name]
         assert segment.name not in swept
         assert sweep_stale(prefix) == []
+
+
+@on_linux
+def test_what_does_not_fit_takes_no_page(prefix, monkeypatch):
+    """Reserving would take all that is left before it fails, and other programs need it."""
+    monkeypatch.setattr(os, "posix_fallocate", lambda *_: pytest.fail("pages were reserved"))
+    system = os.statvfs(DIRECTORY)
+    with pytest.raises(OSError, match="are free") as caught:
+        create(system.f_blocks * system.f_frsize + 1, prefix)
+    assert caught.value.errno == errno.ENOSPC
 
 
 @on_linux

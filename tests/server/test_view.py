@@ -20,9 +20,12 @@ FAR = (6e5, -6.4e5, 4.8e5)
 
 
 def view(
-    camera: Pose, points: Pose = IDENTITY, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    camera: Pose,
+    points: Pose = IDENTITY,
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    scale: float = 1.0,
 ) -> View:
-    poses = Poses(camera, {"default": Placement("default", points)})
+    poses = Poses(camera, {"default": Placement("default", points, scale)})
     size = (1920, 1080)
     return View(poses, field_of_view(*size), *size, frozenset(("color",)), 1, origin)
 
@@ -134,6 +137,39 @@ def test_a_scene_in_tiles_takes_a_matrix_a_tile() -> None:
     np.testing.assert_allclose(
         matrix[:3, :3] @ points[0], seen.tile_to_camera(tile)[:3] @ (*corner, 1.0), rtol=1e-6
     )
+
+
+def test_an_object_that_is_scaled() -> None:
+    """[OBJ-1, OBJ-6]: X_world = s·R·X + p, and depth is in units of the world."""
+    placed, camera = Pose((0.5, 0.0, 3.0), POSE.rotation), Pose((1.0, -2.0, 5.0), IDENTITY.rotation)
+    seen, plain = view(camera, placed, scale=0.25), view(camera, placed)
+    point = np.array((2.0, -1.0, 4.0, 1.0))
+    turned = plain.object_to_world[:3, :3] @ point[:3]
+    in_world = seen.object_to_world @ point
+    np.testing.assert_allclose(in_world[:3], 0.25 * turned + placed.position, rtol=1e-15)
+    in_camera = seen.object_to_camera @ point
+    np.testing.assert_allclose(in_camera, seen.world_to_camera @ in_world, atol=1e-15)
+    np.testing.assert_allclose(
+        seen.object_to_world @ (*seen.eye(), 1.0), (*camera.position, 1.0), atol=1e-14
+    )
+    moved, matrix = seen.camera_relative(point[None, :3])
+    np.testing.assert_allclose(matrix[:3, :3] @ moved[0], in_camera[:3], rtol=1e-6)
+    in_front = np.linalg.inv(seen.object_to_camera) @ (0.1, 0.1, 2.0, 1.0)
+    errors = seen.pixel_errors(in_front[None, :3])
+    assert errors.points_seen == 1
+    assert 0.0 < errors.plain < 1e-3
+
+
+def test_an_object_is_seen_from_its_own_place() -> None:
+    """[OBJ-5]"""
+    here, there = Pose((1.0, 0.0, 0.0), IDENTITY.rotation), Pose((0.0, 2.0, 0.0), POSE.rotation)
+    placed = {"default": Placement("default", here), "chair": Placement("chair", there, 3.0)}
+    both = View(Poses(POSE, placed), field_of_view(4, 2), 4, 2, frozenset(("color",)), 1)
+    assert (both.of("default").object_to_camera == both.object_to_camera).all()
+    assert (
+        both.of("chair").object_to_camera == view(POSE, there, scale=3.0).object_to_camera
+    ).all()
+    assert both.of("chair").eye() == view(POSE, there, scale=3.0).eye()
 
 
 def test_a_view_knows_the_origin_that_was_announced() -> None:

@@ -12,7 +12,7 @@ from splatbus_wire.messages import Closed
 from tests.server.raw_client import camera_pose
 from tests.server.stage import Client, Stage
 
-LET_GO, FREE = LIMITS["let_go_seconds"], LIMITS["free_seconds"]
+LET_GO = LIMITS["let_go_seconds"]
 
 
 def set_viewport(width: int = 8, height: int = 6, request: int = 12) -> dict[str, Any]:
@@ -208,18 +208,25 @@ def test_who_let_go_of_the_memory_can_take_its_time(stage: Stage) -> None:
     assert stage.exchange.replaced == []
 
 
-def test_memory_that_nobody_says_to_have_opened_is_freed(stage: Stage) -> None:
-    """[VPT-7]; who opens it after all, and says so late, is not blamed for that [OPN-12]."""
+def test_who_never_answers_keeps_memory_for_so_long(stage: Stage) -> None:
+    """[OPN-8, VPT-8]: it may have mapped it, and not have said so yet."""
     silent, asker = stage.connect(), stage.steerer()
     silent.hear()
     change(stage, asker)
-    assert stage.exchange.replaced == [stage.memory], "it may be about to open it"
-    stage.wait(FREE - 0.01)
+    stage.wait(LET_GO - 0.01)
+    assert stage.exchange.replaced == [stage.memory]
+    stage.wait(0.02)
+    assert "VPT-8" in str(silent.connection.ending)
+
+
+def test_who_cannot_open_the_memory_lets_go_of_it_by_saying_so(stage: Stage) -> None:
+    """[VPT-7]"""
+    reader = stage.connect()
+    reader.say({"type": "open_failed", "generation": 1, "reason": "no"})
+    change(stage, stage.steerer())
     assert stage.exchange.replaced == []
-    silent.hear()
-    assert silent.say(*answers(1)) == []
-    assert silent.say(*answers(2, 1)) == []
-    assert silent.connection.ending is None
+    stage.wait(10 * LET_GO)
+    assert reader.connection.ending is None
 
 
 def test_memory_is_not_freed_while_an_image_is_written(stage: Stage) -> None:

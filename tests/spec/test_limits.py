@@ -1,5 +1,6 @@
 """Every number that the prose quotes is the one in limits.json."""
 
+import math
 import re
 from decimal import Decimal
 from fractions import Fraction
@@ -11,7 +12,7 @@ from splatbus_schemas.prose import CHECKOUT
 
 LIMITS: dict[str, dict[str, Any]] = read_json("limits.json")["limits"]
 REQUIREMENTS = requirements(VERSIONS[-1])
-SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 TABLES = {"1.0": "spec/1.0/09-limits-security.md", "1.1": "spec/1.1/README.md"}
 
 # Where each requirement says each of its limits: in its sentence, or in a table of its chapter.
@@ -44,10 +45,10 @@ QUOTATIONS = {
     ("max_image_size", "VPT-1"): "from 1 to {}",
     ("handle_bytes", "INI-7"): "each be {} in base64",
     ("max_position", "POS-2"): "at most {}",
-    ("max_position", "CAM-4"): "at most {}, and",
     ("rotation_norm_tolerance", "POS-3"): "by at most {}",
     ("legacy_empty_depth", "BUF-7"): "exactly {}",
     ("covered_alpha_min", "ACC-9"): "A ≥ {},",
+    ("min_normal_single", "ACC-15"): "less than {}",
     ("max_unsent_bytes", "LIM-2"): "more than {} of replies",
     ("stalled_reader_seconds", "LIM-2"): "more than {} to send",
     ("hello_seconds", "NEG-12"): "has arrived {} after",
@@ -60,17 +61,20 @@ QUOTATIONS = {
     ("max_shm_name_chars", "MEM-7"): "1 to {} from",
     ("max_slots", "MEM-8"): "| `slots` | integer, 1…{} |",
     ("frame_seconds", "IMG-11"): "within {}",
+    ("last_words_seconds", "NEG-34"): "for at most {}",
     ("max_tag_chars", "CAM-1"): "1 to {}",
-    ("min_normal_single", "CAM-4"): "at least {}",
+    ("min_lens", "CAM-4"): "| `fx`, `fy` | numbers from {} to",
+    ("max_lens", "CAM-4"): "of a magnitude of at most {} |",
     ("min_scale", "OBJ-1"): "number from {} to",
     ("max_scale", "OBJ-1"): "to {}, optional",
-    ("max_objects", "SCN-2"): "array of at most {} objects",
+    ("max_objects", "OBJ-7"): "array of at most {} objects",
+    ("max_objects", "SCN-2"): "array of 1 to {} objects",
     ("reinit_seconds", "VPT-5"): "within {} on",
     ("free_seconds", "VPT-7"): "within {} once",
-    ("let_go_seconds", "VPT-8"): "opened {} after",
+    ("let_go_seconds", "VPT-8"): "that, {} after",
     ("max_series", "TEL-1"): "array of at most {} different",
     ("max_series", "TEL-2"): "array of 1 to {} objects",
-    ("max_edges", "TEL-2"): "array of 2 to {} ascending",
+    ("max_edges", "TEL-2"): "array of 2 to {} numbers",
     ("max_text_chars", "TEL-2"): "a string of at most {} for a text",
 }
 # Numbers with a unit that are no limits.
@@ -84,6 +88,10 @@ def spelled(name: str) -> str:
         bits = (value + 1).bit_length() - 1
         assert value == 2**bits - 1
         return f"2{str(bits).translate(SUPERSCRIPT)}−1"
+    if name in ("min_lens", "max_lens"):
+        exponent = round(math.log10(value))
+        assert value == 10.0**exponent
+        return f"10{str(exponent).translate(SUPERSCRIPT)}"
     if name == "covered_alpha_min":
         return str(Fraction(value).limit_denominator(1000))
     if unit == "seconds" and value < 1:

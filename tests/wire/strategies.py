@@ -1,6 +1,8 @@
 """Every message that the protocol defines, at random and valid."""
 
+import json
 import math
+from typing import Any
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
@@ -14,6 +16,7 @@ from splatbus_wire.init_packet import (
     host_ring,
 )
 from splatbus_wire.messages import (
+    DEFAULT_OBJECT,
     Box,
     CameraPose,
     CameraReply,
@@ -126,13 +129,18 @@ vectors = st.tuples(floats, floats, floats)
 boxes = st.tuples(vectors, vectors).map(
     lambda pair: Box(*(tuple(map(end, *pair)) for end in (min, max)))
 )
+
+
+def scene_objects(identifier: str) -> st.SearchStrategy[SceneObject]:
+    return st.builds(SceneObject, st.just(identifier), names, seqs, st.none() | boxes)
+
+
 scenes = st.builds(
     Scene,
-    st.lists(
-        st.builds(SceneObject, labels, names, seqs, st.none() | boxes),
-        unique_by=lambda each: each.id,
-        max_size=5,
-    ).map(tuple),
+    st.lists(labels.filter(lambda name: name != DEFAULT_OBJECT), unique=True, max_size=4)
+    .map(lambda others: [DEFAULT_OBJECT, *others])
+    .flatmap(st.permutations)
+    .flatmap(lambda ids: st.tuples(*map(scene_objects, ids))),
     st.none() | st.tuples(floats, floats).map(sorted).map(tuple),
     seqs,
     vectors,
@@ -275,3 +283,34 @@ def rings(width: int, height: int) -> st.SearchStrategy[Ring]:
         units.map(lambda gap: depth_bytes + gap),
         st.just(()),
     )
+
+
+bits = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=5,
+)
+
+
+@st.composite
+def damaged(draw: st.DrawFn, message: Any) -> Any:
+    """A valid message, one value of which at any depth is another or is not there."""
+    message = json.loads(json.dumps(message))
+    place = message
+    while True:
+        name = draw(
+            st.sampled_from(sorted(place) if isinstance(place, dict) else range(len(place)))
+        )
+        inner = place[name]
+        if not isinstance(inner, dict | list) or not inner or draw(st.booleans()):
+            break
+        place = inner
+    if draw(st.booleans()) and isinstance(place, dict):
+        del place[name]
+    else:
+        place[name] = draw(bits)
+    return message

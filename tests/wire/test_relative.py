@@ -1,3 +1,4 @@
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 from hypothesis import given, settings, target
 from hypothesis import strategies as st
 from splatbus_conformance import oracle
+from splatbus_schemas import LIMITS
 from splatbus_wire.poses import IDENTITY, Pose, as_array, view_matrix
 from splatbus_wire.relative import (
     camera_in_object,
@@ -17,6 +19,7 @@ from tests.wire.stress import positions, quaternions
 
 stress = settings(deadline=None, max_examples=100)
 poses = st.builds(Pose, positions, quaternions())
+scales = st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
 U32 = 2.0**-24
 TURNED = Pose((3.0, -1.0, 2.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
 
@@ -42,6 +45,42 @@ def test_the_camera_in_the_object_is_within_16u(camera, points, origin):
     allowed = budget(offset, origin)
     target(float(off) / allowed if allowed else 0.0)
     assert float(off) <= allowed
+
+
+@stress
+@given(poses, poses, positions, scales)
+def test_the_camera_in_an_object_that_is_scaled_is_within_16u(camera, points, origin, scale):
+    """[OBJ-1]: Rᵀ·(c − p)/s − origin."""
+    at_no_origin, offset = exact_eye(camera, points, (0.0, 0.0, 0.0))
+    expected = [
+        a / Fraction(scale) - Fraction(b) for a, b in zip(at_no_origin, origin, strict=True)
+    ]
+    got = camera_in_object(camera, points, origin, scale)
+    off = oracle.norm([a - b for a, b in zip(map(Fraction, got), expected, strict=True)])
+    allowed = budget([a / Fraction(scale) for a in offset], origin)
+    target(float(off) / allowed if allowed else 0.0)
+    assert float(off) <= allowed
+
+
+@stress
+@given(poses, poses, positions, scales)
+def test_scale_is_in_the_matrix(camera, points, origin, scale):
+    """[OBJ-1, OBJ-6]: so that depth comes out in units of the world."""
+    near = Pose(points.position, camera.rotation)
+    plain = as_array(object_to_camera(near, points))[:3]
+    scaled = as_array(object_to_camera(near, points, scale=scale))[:3]
+    np.testing.assert_allclose(scaled, scale * plain, rtol=1e-15, atol=1e-15 * scale)
+    counted = as_array(object_to_camera(near, points, origin, scale))[:3]
+    # Numbers below 1e-300 have, or are made of some that have, less than 16 digits.
+    tolerance = 1e-14 * scale * math.hypot(*origin) + 1e-300
+    np.testing.assert_allclose(
+        counted[:, 3], scaled[:, :3] @ origin + scaled[:, 3], rtol=0, atol=tolerance
+    )
+    moved, matrix = relative_view([[1.0, 2.0, 3.0]], camera, points, origin, scale)
+    there = as_array(object_to_camera(camera, points, scale=scale), np.float32)
+    np.testing.assert_array_equal(matrix[:3, :3], there[:3, :3])
+    eye = np.array(camera_in_object(camera, points, origin, scale))
+    assert (moved[0] == ((1.0, 2.0, 3.0) - eye).astype(np.float32)).all()
 
 
 @stress

@@ -72,16 +72,13 @@ class _Pending(NamedTuple):
     certain: bool
     """It breaks nothing, so that it must be answered."""
     after_hello: bool
+    id: Id
+    """Its id; 1.0 knows none, agreed upon or not."""
 
     @property
     def kind(self) -> str:
         """The kind of reply that it asks for."""
         return REPLY_TO[self.question.kind or ""]
-
-    @property
-    def id(self) -> Id:
-        """Its id; 1.0 knows none."""
-        return _id(self.question) if self.after_hello else None
 
 
 @dataclass
@@ -166,7 +163,8 @@ def exchanges(conversation: Conversation) -> Exchanges:
             if valid_request(message) and message.kind in known:
                 certain = _certain(message, after_hello=hello is not None)
                 certain = certain and (agreed or message.kind in REQUESTS_1_0)
-                queue.add(_Pending(message, certain, hello is not None))
+                id = _id(message) if agreed and hello is not None else None
+                queue.add(_Pending(message, certain, hello is not None, id))
             continue
         if message.kind == "error" and hello is None:
             continue

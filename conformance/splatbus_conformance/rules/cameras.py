@@ -1,5 +1,6 @@
 """Rules on cameras: tags and intrinsics (spec 1.1 chapter 6)."""
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -78,6 +79,8 @@ def tags_come_back(conversation: Conversation) -> Iterator[Sighting]:
     Judged where the poses are recorded as well, and none on that connection was answered by an
     error: then no other client can have had control.
     """
+    if conversation.channel != "ipc":
+        return
     seen: set[_Look] = set()
     tagged = _only_once(conversation)
     for message in conversation.sent_by("server"):
@@ -102,21 +105,22 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
 
     A tag that no recorded pose had may be that of a client whose messages are not recorded.
     """
-    sent = [
-        ((m.value or {})["tag"], m.packet.ended)
-        for each in conversation.beside or [conversation]
-        for m in each.sent_by("client")
-        if m.kind == "camera_pose" and isinstance((m.value or {}).get("tag"), str)
-    ]
-    known = {tag for tag, _ in sent}
-    came: list[str] = []
+    if conversation.channel != "ipc":
+        return
+    sent: dict[str, list[float]] = {}
+    for each in conversation.beside or [conversation]:
+        for message in each.sent_by("client"):
+            tag = (message.value or {}).get("tag")
+            if message.kind == "camera_pose" and isinstance(tag, str):
+                sent.setdefault(tag, []).append(message.packet.ended)
+    came: Counter[str] = Counter()
     for message in conversation.sent_by("server"):
         tag = _camera(message).get("tag")
-        if isinstance(tag, str) and tag in known:
-            came.append(tag)
-            times = sum(t < message.packet.ended for name, t in sent if name == tag)
-            text = f"tag {show(tag)} comes {came.count(tag)} times, {times} poses before it had it"
-            wrong = text if came.count(tag) > times else None
+        if isinstance(tag, str) and tag in sent:
+            came[tag] += 1
+            times = sum(t < message.packet.ended for t in sent[tag])
+            text = f"tag {show(tag)} comes {came[tag]} times, {times} poses before it had it"
+            wrong = text if came[tag] > times else None
             yield about(conversation, message, "CAM-3", wrong, "/camera/tag")
 
 

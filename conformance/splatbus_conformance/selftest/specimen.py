@@ -85,12 +85,12 @@ def mutant(
     return declare
 
 
-def variation(*, warns: tuple[str, ...] = ()) -> Callable[[A], A]:
-    """Declare a function to be the alteration of an allowed variation."""
+def variation(*, warns: tuple[str, ...] = (), axes: str = "") -> Callable[[A], A]:
+    """Declare a function to be the alteration of an allowed variation; `axes` as of a mutant."""
 
     def declare(alter: A) -> A:
         name, does = _name_and_docstring(alter)
-        alter.specimen = Variation(name, does, alter, frozenset(warns))  # type: ignore[attr-defined]
+        alter.specimen = Variation(name, does, alter, frozenset(warns), axes)  # type: ignore[attr-defined]
         return alter
 
     return declare

@@ -66,7 +66,7 @@ _devices: dict[str, Device] = {}
 
 
 def device(wanted: str) -> Device:
-    """Return the device with a UUID, however this process counts its devices [MEM-2].
+    """Return the device with a UUID, however this process counts its devices [MEM-17].
 
     Args:
         wanted: `GPU-` and a UUID in lower case.

@@ -104,7 +104,7 @@ def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
             answer = trial.ask("digest")
             for name in bad.keys() - written:
                 if answer[name] == sha256(bad[name]):
-                    trial.violated(f"it read {name}, with {', '.join(written)} subscribed to")
+                    trial.violated(f"it read {name} with {', '.join(written)} subscribed to")
             written = {channel}
         if answer[channel] is None:
             trial.not_observable(f"subscribed to {channel} alone, the client did not read it")

@@ -70,19 +70,44 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
     wrong = ({"generation": 77}, {"slot": trial.role.slots}, {"slot": 2**40}, {"slot": -1})
     connection = reading(trial)
     for changes in trial.each(wrong):
-        if connection.ended:
-            connection = reading(trial)
+        connection = reading(trial) if connection.ended else connection
+        judge_bad_frame(trial, connection, f"a frame with {changes}", **changes)
+
+
+@check(
+    "IMG-15",
+    observable="no release for a frame of memory that was closed; the next good one is released",
+    needs=("capability:frames", "capability:reinit", "returns:ipc"),
+    may_crash=True,
+)
+def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
+    """Further memory is announced, and when the former is closed, a frame of that still comes."""
+    connection = reading(trial)
+    for _ in range(3):
+        connection = reading(trial) if connection.ended else connection
         dealings = trial.role.with_(connection)
-        bad = trial.role.lend(connection, **changes)
-        good = trial.role.lend(connection)
-        trial.releases(connection, good)
-        if bad in dealings.released:
-            outcome = "accepts"
-        elif good in dealings.released:
-            outcome = "ignores"
-        elif connection.ended and not trial.fate():
-            outcome = "closes" if trial.comes_back("ipc") else "hangs"
-        else:
-            outcome = trial.fate() or "hangs"
-        trial.judge(outcome, f"a frame with {changes}")
-        trial.delivered += 1
+        former = dealings.generation
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        if not trial.wait(lambda: former in dealings.closed or connection.ended):  # noqa: B023
+            trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
+        judge_bad_frame(trial, connection, "a frame of closed memory", generation=former)
+
+
+def judge_bad_frame(
+    trial: ClientTrial, connection: Connection, what: str, **changes: object
+) -> None:
+    """Lend a frame with members changed as named, then a good one, and judge what came of them."""
+    dealings = trial.role.with_(connection)
+    bad = trial.role.lend(connection, **changes)
+    good = trial.role.lend(connection)
+    trial.releases(connection, good)
+    if bad in dealings.released:
+        outcome = "accepts"
+    elif good in dealings.released:
+        outcome = "ignores"
+    elif connection.ended and not trial.fate():
+        outcome = "closes" if trial.comes_back("ipc") else "hangs"
+    else:
+        outcome = trial.fate() or "hangs"
+    trial.judge(outcome, what)
+    trial.delivered += 1

@@ -281,8 +281,9 @@ def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
     """An error of each code that nothing asked for, as poses are answered; then one in place of
     every reply, with the id of the request.
     """
+    connection = trial.greeted("msg")
     for code in trial.each(CODES):
-        connection = trial.greeted("msg")
+        connection = trial.greeted("msg") if connection.ended else connection
         connection.send(packet(encode(error(code, pointer="/position/x"))))
         trial.judge(trial.outcome_on_msg(connection), f"an error {code} on the message channel")
     trial.role.spoil = lambda reply: error("busy", **{n: reply[n] for n in ("id",) if n in reply})

@@ -84,6 +84,50 @@ def check_tells_who_has_no_control(trial: ServerTrial) -> None:
     trial.expect(busy(trial, first) == 0, "the client in control was told busy")
 
 
+@check("CTL-4", observable="who has control after poses that are refused", needs=SPEAKS)
+def check_refused_poses_count_for_nothing(trial: ServerTrial) -> None:
+    """A client sends a pose that is refused, before anybody has control, and then others pose; the
+    same after one has it.
+    """
+    for what, refused in trial.each(list(refused_poses(trial).items())):
+        trial.peer.close_all()
+        early = trial.greeted("msg")
+        trial.viewer.say(early, refused)
+        if not answers(trial, early):
+            trial.not_observable("the server serves one connection at a time, or closes it")
+        first = controlling(trial)
+        trial.expect(not early.ended, f"{what}: the connection was closed")
+        trial.viewer.say(early, refused)
+        answers(trial, early)
+        trial.expect(not busy(trial, early), f"{what}, refused, was answered busy as well")
+        trial.viewer.say(early, camera_pose())
+        answers(trial, early)
+        trial.expect(
+            busy(trial, early), f"after {what}, a good pose beside a client in control: no busy"
+        )
+        first.close()
+        trial.delivered += 1
+
+
+def refused_poses(trial: ServerTrial) -> dict[str, Json]:
+    """What is no valid pose, in different ways."""
+    found = {
+        "a pose without members": {"type": "camera_pose"},
+        "a pose with a rotation of norm 2": camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)),
+        "a pose with a tag that is none": camera_pose() | {"tag": ""},
+    }
+    if trial.facts.lacks("capability:objects") is None:
+        found["a pose of an unknown object"] = placed("no such object", AT_REST)
+        found["a pose of an object without size"] = placed(DEFAULT, AT_REST, 0.0)
+    if trial.facts.lacks("capability:time") is None:
+        found["a time that is no number"] = {"type": "set_time", "time": "now"}
+    if trial.facts.lacks("capability:intrinsics") is None and trial.facts.first is not None:
+        width, height = trial.facts.size
+        lens = lens_of(trial.facts.first, width, 2 * height + 2, 1.0, 1.0, 0.0, 0.0)
+        found["a pose with intrinsics of another shape"] = camera_pose() | {"intrinsics": lens}
+    return found
+
+
 @check("CTL-2", observable="how many errors come of many poses", needs=SPEAKS)
 def check_tells_it_once(trial: ServerTrial) -> None:
     """Two clients without control send poses of every kind, many times, beside one of 1.0; then
@@ -116,7 +160,7 @@ def check_tells_it_once(trial: ServerTrial) -> None:
 
 
 @check(
-    "POS-11",
+    "CTL-5",
     observable="the first frames after control passed on, and nobody posed",
     needs=("1.1", "frames"),
 )
@@ -127,7 +171,7 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     old = trial.dial("msg")
     trial.answers(old)
     third = second(trial, first, old)
-    clients = ((old, -1.0), (third, -2.0))
+    clients = ((old, -1.0), (third, -4.0))
     for number in range(3):
         for client, place in clients:
             for pose in (camera_pose((place, number, 0.0)), _cloud(place + number)):
@@ -135,26 +179,19 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
             trial.answers(client)
     left = first
     for client, place in trial.each(clients):
-        wanted, since = camera_pose((place, 2.0, 0.0)), steering.count
+        wanted, since = camera_of(camera_pose((place, 2.0, 0.0))), steering.count
         left.close()
-
-        def shown() -> bool:
-            seen = steering.cameras(since)  # noqa: B023
-            return any(camera.shows(camera_of(wanted)) for camera in seen)  # noqa: B023
-
-        who = "1.0" if client is old else "1.1"
+        what = f"control passed to a client of {'1.0' if client is old else '1.1'};"
         trial.expect(
-            trial.wait(shown),
-            f"control passed to a client of {who}; no frame shows the newest camera that it sent",
+            trial.wait(lambda: any(it.shows(wanted) for it in steering.cameras(since))),  # noqa: B023
+            f"{what} no frame shows the newest camera that it sent",
         )
-        told = told_of(frames_last(trial, steering), DEFAULT)
-        if told is not None and trial.facts.lacks("capability:objects") is None:
-            z = told["position"][2]
-            trial.expect(
-                abs(z - (place + 2)) < 1e-4,
-                f"control passed to a client of {who}; the Gaussians are at z = {z}, and its newest"
-                f" pose of them has {place + 2}",
-            )
+        trial.wait(lambda: _depth_of_cloud(trial, steering) == place + 2.0, EFFECT_SECONDS)  # noqa: B023
+        z = _depth_of_cloud(trial, steering)
+        trial.expect(
+            z == place + 2.0,
+            f"{what} the Gaussians are at z = {z}, and its newest pose of them has {place + 2.0}",
+        )
         left = client
         trial.delivered += 1
     steering.shows(third, camera_pose((0.0, 0.0, 3.0)))
@@ -162,9 +199,10 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     trial.answers(third)
 
 
-def frames_last(trial: ServerTrial, steering: Steering) -> Json:
-    """The newest frame."""
-    return trial.viewer.with_(steering.reader).frames[-1]
+def _depth_of_cloud(trial: ServerTrial, steering: Steering) -> float:
+    """Where the newest frame has the Gaussians, along z, which is a small integer here."""
+    told = told_of(trial.viewer.with_(steering.reader).frames[-1], DEFAULT)
+    return 0.0 if told is None else round(float(told["position"][2]), 4)
 
 
 def _cloud(z: float) -> Json:

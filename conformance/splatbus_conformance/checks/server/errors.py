@@ -1,6 +1,6 @@
 """Checks on `error`, and on requests after `hello` (spec 1.1 sections 2.5 and 2.6)."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
@@ -10,12 +10,12 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS, REPLY_TO
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
-from splatbus_conformance.peer import Connection
+from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.studio import placed
-from splatbus_conformance.values import SAFE, whole
+from splatbus_conformance.values import SAFE, show, whole
 
 
 class Fault(NamedTuple):
@@ -134,6 +134,61 @@ def check_closes_after_an_error_that_ends(trial: ServerTrial) -> None:
     trial.delivered += errors
 
 
+@check("NEG-34", observable="the error, the end after it, and no reset", needs=("1.1",))
+def check_ends_in_good_order(trial: ServerTrial) -> None:
+    """Clients send much after what an error answers that ends: all of them read the error, then the
+    end, and the server goes on reading.
+    """
+    errors = 0
+    for channel in trial.each(CHANNELS):
+        connection = trial.dial(channel)
+        dealings = trial.viewer.with_(connection)
+        wrong = hello(trial.viewer.capabilities[channel], trial.viewer.token)
+        connection.send(packet(encode(wrong | {"versions": ["4000.0"]})) + AFTERWARDS)
+        trial.wait(lambda: connection.ended)  # noqa: B023
+        codes = dealings.errors()
+        what = f"{channel}: a hello of another version, and {len(AFTERWARDS):,} bytes after it"
+        if not (codes or connection.ended == "reset"):
+            trial.not_observable("the server sends no error after which it closes")
+        trial.expect(connection.ended == "eof", f"{what}: the connection was {connection.ended}")
+        for _ in range(3):
+            taken = connection.push(b" " * 1024)
+            trial.rest(GLANCE_SECONDS)
+            told = f"{what}: after the error the server reads no more, and resets the connection"
+            trial.expect(taken is not None, told)
+        connection.close()
+        errors += 1
+    trial.delivered += errors
+
+
+AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
+
+
+@check("NEG-35", observable="the error, and the end of the connection", needs=("1.1",))
+def check_refuses_broken_hellos(trial: ServerTrial) -> None:
+    """Objects of type `hello` that miss or mistype members."""
+    for channel in CHANNELS:
+        for changes in trial.each(BROKEN_HELLOS):
+            connection, answer = trial.answered(channel, **changes)
+            code = (answer or {}).get("code", (answer or {}).get("type"))
+            what = f"{channel}: a hello with {show(changes)}"
+            trial.expect(code == "invalid_message", f"{what} was answered by {show(code)}")
+            trial.judge("closes" if trial.ends(connection) else "waits", what)
+            connection.close()
+            trial.delivered += 1
+
+
+BAD_MEMBERS: dict[str, tuple[Any, ...]] = {
+    "versions": (None, [], "1.1", [1.1], ["1.1"] * 17, ["1.01"], ["1.1", "v" * 65]),
+    "client": (None, "me", {"name": "me"}, {"name": 1, "version": "1"}),
+    "capabilities": (None, {}, [1], ["a", "a"], ["c" * 65], "frames"),
+}
+BROKEN_HELLOS: tuple[Json, ...] = tuple(
+    {name: value} for name, values in BAD_MEMBERS.items() for value in values
+)
+"""Members that are wrong; None leaves one out."""
+
+
 @check("NEG-26", observable="the connection goes on after an error", needs=("1.1",))
 def check_goes_on_after_an_error(trial: ServerTrial) -> None:
     """Faults in texts and messages; judged where an error comes."""
@@ -194,8 +249,10 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
     cases = st.tuples(requests, numbered, st.booleans()).map(
         lambda drawn: ([with_id(*each) for each in zip(*drawn[:2], strict=False)], drawn[2])
     )
-    usual = [with_id(each, number) for number, each in enumerate((*GOOD, *BAD))]
-    listed = [(usual, True), (usual, False), ([with_id(each, None) for each in GOOD], True)]
+    good, all_ = (
+        [with_id(each, number) for number, each in enumerate(some)] for some in (GOOD, GOOD + BAD)
+    )
+    listed = [(good, True), (list(GOOD), True), (all_, True), (all_, False)]
     flooder, flooded = trial.dial("msg"), 0
     kept: dict[bool, Connection] = {}
     for asked, agreed in trial.each(listed, cases, quick=18, full=1000):

@@ -8,14 +8,14 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.closed_form import render
-from splatbus_conformance.messages import Json
+from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.pinhole import Camera
 from splatbus_conformance.reprojection import APART, AS_SPECIFIED, FITS, Pair, agreement
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.studio import LENS, Studio, answers, at_rest, elsewhere
 from splatbus_conformance.survey import first_view
-from splatbus_conformance.values import number_in, show, whole
+from splatbus_conformance.values import show, whole
 
 LENSES = ("1.1", "frames", "pixels", "capability:intrinsics")
 LARGEST: int = LIMITS["max_image_size"]
@@ -23,7 +23,9 @@ SINGLE = 2.0**-22
 """Two units in the last place of single precision, relative, which a server may count in."""
 WHOLE = 0.99
 """The share of the pixels that have to be right."""
+LEAST, MOST = LIMITS["min_lens"], LIMITS["max_lens"]
 ASKED = (0, 1, -1, 2**31)
+BAD_TAGS: tuple[Any, ...] = ("", "t" * (LIMITS["max_tag_chars"] + 1), None, 5, True, [], ["t"], {})
 FAR_SHAPES = ((1, 1), (2, 1), (1, 2), (LARGEST, 1), (1, LARGEST), (LARGEST, 2 * LARGEST // 3))
 
 
@@ -111,8 +113,13 @@ def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
     studio = Studio(trial)
     before = studio.look()
     for lens in trial.each(listed, drawn_lenses(first), quick=8, full=500):
-        seen, wanted = studio.look(intrinsics=lens), scaled(lens, size)
         told = f"the intrinsics {show(lens)} for images of {size[0]}×{size[1]}"
+        before_it = len(studio.heard)
+        studio.photographer.go(elsewhere(trial), intrinsics=lens)
+        studio.answers()
+        errors = [it for it in studio.heard[before_it:] if it.get("type") == "error"]
+        trial.expect(not errors, f"{told} were answered by {show(errors)}")
+        seen, wanted = studio.look(intrinsics=lens), scaled(lens, size)
         wrong = in_force(seen.frame, wanted)
         trial.expect(not wrong, f"{told}: of the frame's camera {wrong}")
         _expect_seen_so(trial, before, seen, seen.camera._replace(**wanted), told)
@@ -209,10 +216,10 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
         lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
         wanted = scaled(lens, size)
         studio.look(intrinsics=lens)
-        trial.viewer.say(other, at_rest() | {"type": "camera_pose", "intrinsics": foreign})
         for moment in ("the next pose had none", "another client had sent its own"):
             wrong = in_force(studio.look().frame, wanted)
             trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
+            trial.viewer.say(other, camera_pose() | {"intrinsics": foreign})
             answers(trial, other)
         trial.delivered += 1
 
@@ -223,22 +230,76 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     needs=("1.1", "capability:intrinsics"),
 )
 def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
-    """Several cameras are asked for, on a connection that agreed on intrinsics."""
-    connection = trial.greeted("msg")
-    for index in trial.each(ASKED):
+    """Several cameras are asked for, on a connection that agreed on intrinsics, before and after it
+    has sent its own.
+    """
+    connection = trial.commanding()
+    across, down = trial.facts.size
+    if not (across and down):
+        trial.not_observable("the size of the images is not known")
+    former: dict[int, Any] = {}
+    for index in trial.each(ASKED * 2):
         reply = trial.ask(connection, {"type": "get_camera_pose", "cam_idx": index, "id": 7}) or {}
         told: Any = reply.get("intrinsics")
         of = f"the intrinsics of camera {index}"
         trial.expect(isinstance(told, dict), f"{of} are {show(told)}")
         size = whole(told.get("width"), 1), whole(told.get("height"), 1)
-        if trial.facts.size != (0, 0):
-            across, down = trial.facts.size
-            trial.expect(
-                size == trial.facts.size,
-                f"{of} are for {size[0]}×{size[1]}, and images have {across}×{down}",
-            )
-        for name in LENS:
-            low = -LIMITS["max_position"] if name in ("cx", "cy") else LIMITS["min_normal_single"]
-            sound = number_in(told.get(name), low, LIMITS["max_position"])
-            trial.expect(sound, f"{of}: {name} is {show(told.get(name))}")
+        trial.expect(
+            size == (across, down),
+            f"{of} are for {size[0]}×{size[1]}, and images have {across}×{down}",
+        )
+        trial.expect(
+            former.setdefault(index, told) == told,
+            f"{of} were {show(former[index])}, and after those of a client {show(told)}",
+        )
+        if len(former) == len(ASKED):
+            longer = told | {"fx": 2.0 * told["fx"], "fy": 2.0 * told["fy"]}
+            trial.move(camera_pose() | {"intrinsics": longer})
         trial.delivered += 1
+
+
+@check(
+    "CAM-9", observable="the cameras of the frames that follow", needs=("1.1", "frames", "pixels")
+)
+def check_keeps_the_former_camera(trial: ServerTrial) -> None:
+    """Poses whose tag or intrinsics are none, of which no part may be applied."""
+    first, studio = first_view(trial, 0.0), Studio(trial)
+    size = first.camera.width, first.camera.height
+    good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
+    has_lens = trial.facts.lacks("capability:intrinsics") is None
+    broken = [("tag", value) for value in BAD_TAGS]
+    if has_lens:
+        broken += [("intrinsics", value) for value in bad_lenses(good)]
+        studio.look(intrinsics=good)
+    for name, value in trial.each(broken):
+        refused, known = elsewhere(trial), len(studio.photographer.dealings.frames)
+        studio.photographer.go(refused, **{name: value})
+        what = f"a pose with the {name} {show(value)}"
+        if not studio.answers():
+            trial.judge(trial.fate() or "closes", what)
+            studio = Studio(trial)
+            continue
+        seen = studio.look(at_rest())
+        cameras = [it["camera"] for it in studio.photographer.dealings.frames[known:]]
+        applied = any(
+            camera["position"] == list(refused.position) or "tag" in camera for camera in cameras
+        )
+        kept = not (applied or (has_lens and in_force(seen.frame, scaled(good, size))))
+        trial.judge("keeps" if kept else "applies", what)
+        trial.delivered += 1
+
+
+def bad_lenses(good: Json) -> Iterator[Any]:
+    """Every way to break CAM-4."""
+    yield from (None, [], {}, "wide", 1.0)
+    for name in good:
+        yield {member: value for member, value in good.items() if member != name}
+        yield good | {name: str(good[name])}
+    for name in ("fx", "fy", "near", "far"):
+        yield from (good | {name: value} for value in (0.0, -1.0, LEAST / 2, 2 * MOST))
+    for name in ("cx", "cy"):
+        yield from (good | {name: value} for value in (2 * MOST, -2 * MOST))
+    for name in ("width", "height"):
+        yield from (good | {name: value} for value in (0, -1, good[name] + 0.5, 10**6))
+    yield good | {"near": good["far"], "far": good["near"]}
+    yield good | {"near": good["far"]}

@@ -148,6 +148,32 @@ def check_refuses_unknown_versions(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("NEG-33", observable="welcome, and the replies after it", needs=("1.1",))
+def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
+    """A client that offers everything, and speaks 1.0 alone: what follows is as without `hello`."""
+    for channel in trial.each(CHANNELS):
+        everything = list(CAPABILITIES[channel])
+        connection, answer = trial.answered(channel, versions=["1.0"], capabilities=everything)
+        if (answer or {}).get("type") != "welcome":
+            trial.not_observable("the server does not speak 1.0")
+        listed = (answer or {}).get("capabilities")
+        trial.expect(listed == [], f"{channel}: welcome names 1.0 and lists {show(listed)}")
+        heard = trial.viewer.with_(connection).heard
+        if channel == "msg":
+            for request in ({"type": "get_viewport_size", "id": 5}, {"type": "ping", "t": 0}):
+                trial.viewer.say(connection, request)
+            answered = trial.answers(connection)
+            trial.expect(answered, "msg: a client that speaks 1.0 is not answered")
+            odd = [it for it in heard[1:] if set(it) != {"viewport_size"}]
+            trial.expect(not odd, f"msg: a client that speaks 1.0 was sent {show(odd[:1])}")
+        else:
+            trial.wait(lambda: len(heard) > 1, REACTION_SECONDS)  # noqa: B023
+            told = [it for it in heard[1:] if "mem_color" not in it]
+            trial.expect(not told, f"ipc: a client that speaks 1.0 was sent {show(told[:1])}")
+        connection.close()
+        trial.delivered += 1
+
+
 @check("NEG-11", observable="no init packet comes before it is wanted", needs=("1.1",))
 def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> None:
     """Connections without `hello`, and with one that does not list `host_shm`."""

@@ -4,19 +4,22 @@ import itertools
 import os
 from typing import Any
 
-from splatbus_client import channel, ipc_protocol, message_protocol, reading
+import numpy as np
+from splatbus_client import adapter, channel, ipc_protocol, message_protocol, reading, steering
 from splatbus_client.channel import Channel
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_client.settings import TOKEN_VARIABLE
+from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
 
 from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0 as say_no_hello
 from splatbus_conformance.selftest.mutants.client.frames import subscribes
 from splatbus_conformance.selftest.mutants.client.framing import in_two_writes
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.mutants.client.steering import says
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.respelling import (
     add_members,
@@ -187,10 +190,35 @@ def comes_back_slowly(patch: Patch) -> None:
 
 
 @variation()
+def declares_nothing_on_the_message_channel(patch: Patch) -> None:
+    """Declares no capability of the message channel."""
+    patch.setattr(steering, "CAPABILITIES", ())
+
+
+@variation()
+def says_all_of_1_1(patch: Patch) -> None:
+    """Sends every message of 1.1 on each connection of the message channel."""
+    says(patch)
+
+
+@variation(axes="opencv")
+def flushes_subnormal_numbers(patch: Patch) -> None:
+    """Takes numbers that are too small for normal ones of single precision for 0."""
+
+    def flushed(numbers: Any) -> Any:
+        return np.where(np.abs(numbers) < LIMITS["min_normal_single"], np.float32(0), numbers)
+
+    def composed(original: Any, color: Any, *rest: Any) -> Any:
+        return flushed(original(flushed(color), *rest))
+
+    wrap(patch, adapter, "composed", composed)
+
+
+@variation()
 def says_nothing_but_hello(patch: Patch) -> None:
     """Sends neither poses nor requests."""
     patch.setattr(MessageProtocol, "ask", lambda self, request: -1)
-    patch.setattr(MessageProtocol, "pose", lambda self, message: None)
+    patch.setattr(MessageProtocol, "tell", lambda self, message: None)
 
 
 @variation()

@@ -5,10 +5,10 @@ from typing import Any
 
 from splatbus_server import api, cli, memory, service
 from splatbus_server.connection import Connection, Refusal
-from splatbus_server.control import Control, Poses
+from splatbus_server.control import ONE_AT_REST, Control
 from splatbus_server.service import Peer, Service
 from splatbus_server.session import Session
-from splatbus_wire import decoding
+from splatbus_wire import from_client
 from splatbus_wire.messages import GetViewportSize, ViewportSize
 from splatbus_wire.poses import IDENTITY, Pose
 
@@ -101,11 +101,11 @@ def server_ignores_broken_requests(patch: Patch) -> None:
 @variation()
 def server_takes_no_strings_for_numbers(patch: Patch) -> None:
     """Refuses poses whose numbers are strings."""
-    original = decoding._pose_and_timestamp
+    original = from_client.pose_and_timestamp
     patch.setattr(
-        decoding,
-        "_pose_and_timestamp",
-        lambda message, or_strings: original(message, or_strings=False),
+        from_client,
+        "pose_and_timestamp",
+        lambda message, or_strings=False: original(message),
     )
 
 
@@ -204,7 +204,7 @@ def server_goes_home(patch: Patch) -> None:
     def leave(original: Any, self: Control, connection: Any) -> bool:
         had_control = next(iter(self._sent), None) is connection
         if had_control:
-            self.poses = Poses(IDENTITY)
+            self.poses = self.poses._replace(camera=IDENTITY, objects=ONE_AT_REST, tag=None)
         return bool(original(self, connection)) or had_control
 
     wrap(patch, Control, "leave", leave)

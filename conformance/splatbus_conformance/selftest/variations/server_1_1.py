@@ -1,5 +1,6 @@
 """Allowed variations: servers that negotiate, announce and lend in unusual ways, and conform."""
 
+import itertools
 import os
 import secrets
 from functools import partial
@@ -36,6 +37,7 @@ def has(patch: Patch, *capabilities: str) -> None:
 def server_has_no_capability(patch: Patch) -> None:
     """Says hello back, and has no images for anybody."""
     has(patch)
+    patch.setattr(api, "MESSAGE_CAPABILITIES", ())
 
 
 @variation()
@@ -89,15 +91,15 @@ def server_grants_in_another_order(patch: Patch) -> None:
 @variation()
 def server_counts_otherwise(patch: Patch) -> None:
     """Begins with a large generation, and leaves numbers of images out."""
-    generation = 2**53 - 2
+    further = itertools.count(2**53 - 65)
 
     def init(original: Any, self: Memory, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
-        self.generation = generation
+        self.generation = generation = next(further)
         self.init_packet = self.init_packet._replace(generation=generation)
 
     def publish(original: Any, self: ring.Ring, slot: int) -> int:
-        self._last_seq += 1000
+        self.last_seq += 1000
         number: int = original(self, slot)
         return number
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from splatbus_client import adapter, display, mirror
 from splatbus_client.host_memory import HostImages
+from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.lease import FrameLease
 from splatbus_client.mirror import Copied, Mirror
 from splatbus_client.reading import Reading
@@ -239,7 +240,7 @@ def keeps_no_copy(patch: Patch) -> None:
 @mutant(
     "IMG-22",
     check="check_reads_only_what_it_subscribed_to",
-    reason="of the next image",
+    reason="it read",
     axes="opencv",
 )
 def reads_both_channels_always(patch: Patch) -> None:
@@ -249,6 +250,22 @@ def reads_both_channels_always(patch: Patch) -> None:
         original(self, frame, frozenset(("color", "depth")))
 
     wrap(patch, Reading, "_lend", lend)
+
+
+@mutant(
+    "IMG-22",
+    check="check_reads_only_what_it_subscribed_to",
+    reason="it read depth with color",
+    axes="opencv",
+)
+def reads_at_once_what_it_subscribes_to(patch: Patch) -> None:
+    """Reads a channel of the next image that comes, which may have crossed its `subscribe`."""
+
+    def subscribe(original: Any, self: IpcProtocol, channels: Any) -> None:
+        original(self, channels)
+        self._written = channels
+
+    wrap(patch, IpcProtocol, "subscribe", subscribe)
 
 
 @mutant(

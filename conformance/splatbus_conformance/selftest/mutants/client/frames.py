@@ -51,6 +51,25 @@ def releases_frames_of_any_generation(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
+@mutant("IMG-15", check="check_ignores_frames_of_closed_memory", reason="a frame of closed memory")
+def releases_frames_of_closed_memory(patch: Patch) -> None:
+    """Gives back every frame of memory that it had open once."""
+    closed: set[tuple[IpcProtocol, int]] = set()
+
+    def close(original: Any, self: IpcProtocol, generation: int) -> None:
+        closed.add((self, generation))
+        original(self, generation)
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        if (self, frame.generation) in closed:
+            self._out += encode(Release(frame.generation, frame.seq))
+            return []
+        return original(self, frame)
+
+    wrap(patch, IpcProtocol, "closed", close)
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
 @mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'slot': ")
 def reads_slots_that_do_not_exist(patch: Patch) -> None:
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""

@@ -137,7 +137,27 @@ def closes_on_unknown_types(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_payload", on_payload)
 
 
-@mutant("NEG-9", check="check_ignores_unknown_types", reason="message channel: the testee closed")
+@mutant(
+    "NEG-8",
+    check="check_ignores_unknown_capabilities_of_the_message_channel",
+    reason="on the message channel: the testee closed",
+)
+def refuses_unknown_capabilities_of_the_message_channel(patch: Patch) -> None:
+    """Closes the message connection on a `welcome` with a capability that it does not know."""
+
+    def on_welcome(original: Any, self: MessageProtocol, welcome: Any) -> Any:
+        if set(welcome.capabilities) - set(self._hello.capabilities):
+            return [MustClose("unknown capability")]
+        return original(self, welcome)
+
+    wrap(patch, MessageProtocol, "_on_welcome", on_welcome)
+
+
+@mutant(
+    "NEG-9",
+    check="check_ignores_unknown_types_of_the_message_channel",
+    reason="message channel: the testee closed",
+)
 def closes_on_unknown_types_of_the_message_channel(patch: Patch) -> None:
     """Closes the message connection on a message of a type that it does not know."""
 

@@ -103,15 +103,15 @@ def crashes_on_white_space_in_a_reply(patch: Patch) -> None:
 
 @mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
 def refuses_unknown_members(patch: Patch) -> None:
-    """Takes a frame with a member that it does not know for broken."""
-    known = set("type generation seq slot camera time renderedAt".split())
+    """Takes an init packet with a member that it does not know for broken."""
+    known = set("version generation meta memory ring semantics".split())
 
-    def frame(original: Any, field: Any) -> Any:
-        if not set(field.value) <= known:
-            raise field.refused("has members that nobody knows")
-        return original(field)
+    def parse(original: Any, message: Json) -> Any:
+        if unknown := message.keys() - known:
+            raise ProtocolError("invalid_message", f"unknown {unknown}", requirement="JSN-7")
+        return original(message)
 
-    wrap(patch, decoding, "_frame", frame)
+    wrap(patch, decoding, "parse_init_packet", parse)
 
 
 @mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")

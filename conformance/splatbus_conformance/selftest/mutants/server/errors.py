@@ -105,7 +105,7 @@ def server_forgets_ids(patch: Patch) -> None:
     messages(patch, of_type("camera", without("id")))
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was not answered")
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by one with id")
 def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
     """Says nothing to a request that breaks REQ-2."""
 
@@ -164,3 +164,34 @@ def server_calls_rotations_messages(patch: Patch) -> None:
             lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
         ),
     )
+
+
+@mutant("NEG-34", check="check_ends_in_good_order", reason="the connection was reset")
+def server_closes_with_bytes_unread(patch: Patch) -> None:
+    """Closes a connection as soon as the error is on its way."""
+    patch.setattr(
+        Connection, "over", property(lambda self: self.ending is not None and not self.unsent)
+    )
+
+
+@mutant("NEG-35", check="check_refuses_broken_hellos", reason="was answered by null")
+def server_ignores_broken_hellos(patch: Patch) -> None:
+    """Waits for a better `hello`."""
+
+    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
+        if _type_and_id(payload)[0] == "hello" and self.welcome is None:
+            return Refusal(error.code, str(error))
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@mutant("NEG-35", check="check_refuses_broken_hellos", reason="waited")
+def server_forgives_broken_hellos(patch: Patch) -> None:
+    """Reports a broken `hello`, and waits for a better one."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "NEG-35" not in reason:
+            original(self, reason, now)
+
+    wrap(patch, Connection, "end", end)

@@ -7,6 +7,7 @@ from splatbus_server.connection import Connection
 from splatbus_server.service import Peer, Service
 from splatbus_wire.errors import FramingError
 
+from splatbus_conformance.selftest.mutants.server.text import trusts_its_scene
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import packets, wrap
@@ -27,6 +28,7 @@ def server_ends_within_a_packet(patch: Patch) -> None:
 @mutant("FRM-2", reason="announces 0 bytes")
 def server_sends_empty_packets(patch: Patch) -> None:
     """Sends an empty packet behind every message."""
+    trusts_its_scene(patch)
     packets(patch, lambda packet: packet + bytes(4))
 
 

@@ -115,7 +115,7 @@ def server_takes_more_readers_than_slots(patch: Patch) -> None:
     """Makes a ring for four readers, and takes whoever comes."""
 
     def init(original: Any, self: Session, exchange: Any, cameras: Any, *more: Any) -> None:
-        original(self, exchange, cameras, 1000, more[-1])
+        original(self, exchange, cameras, 1000, *more[1:])
 
     wrap(patch, Session, "__init__", init)
     _lends_to_any_number(patch)

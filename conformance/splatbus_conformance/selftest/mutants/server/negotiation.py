@@ -10,7 +10,7 @@ from splatbus_server.memory import Memory
 from splatbus_server.session import Reader, Session
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import CudaMemory, LegacyBuffers
-from splatbus_wire.messages import ErrorMessage, Hello, Welcome
+from splatbus_wire.messages import ErrorMessage, Hello, ViewportSize, Welcome, encode
 
 from splatbus_conformance.kinds import CAPABILITIES
 from splatbus_conformance.selftest.mutants.client.negotiation import without
@@ -238,3 +238,25 @@ def server_announces_cuda_memory_after_hello(patch: Patch) -> None:
 
     wrap(patch, Session, "_greet", greet)
     patch.setattr(Session, "_answered", lambda *_: None)
+
+
+@mutant(
+    "NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="welcome names 1.0 and lists"
+)
+def server_grants_capabilities_to_1_0(patch: Patch) -> None:
+    """Lists in a `welcome` for 1.0 what it can do."""
+    grant = {"capabilities": ["host_shm"]}
+    messages(patch, of_type("welcome", lambda w: w | grant if w["version"] == "1.0" else w))
+
+
+@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="was sent")
+def server_speaks_1_1_after_all(patch: Patch) -> None:
+    """Agrees to 1.0, and replies as in 1.1."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        if isinstance(message, ViewportSize):
+            self.unsent += encode(message, typed_replies=True)
+        else:
+            original(self, message)
+
+    wrap(patch, Connection, "send", send)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from splatbus_server import connection
+from splatbus_server import api, connection
 from splatbus_server.connection import Connection, Refusal
 from splatbus_wire import decoding
 from splatbus_wire.errors import ProtocolError
@@ -21,15 +21,22 @@ KNOWN = {
 }
 
 
+def trusts_its_scene(patch: Patch) -> None:
+    """Do not look, before it serves, whether its scene can be told as it writes it."""
+    patch.setattr(api, "_checked", lambda scene: scene)
+
+
 @mutant("JSN-1", reason="no JSON")
 def server_writes_a_trailing_comma(patch: Patch) -> None:
     """Writes a comma after the last member."""
+    trusts_its_scene(patch)
     payloads(patch, lambda payload: payload[:-1] + b",}")
 
 
 @mutant("JSN-2", reason="byte-order mark")
 def server_writes_a_byte_order_mark(patch: Patch) -> None:
     """Begins each payload with a byte-order mark."""
+    trusts_its_scene(patch)
     payloads(patch, lambda payload: MARK + payload)
 
 
@@ -50,6 +57,7 @@ def server_writes_numbers_as_strings(patch: Patch) -> None:
 @mutant("JSN-5", reason="nested 65 deep")
 def server_nests_too_deep(patch: Patch) -> None:
     """Adds a member to each message that is nested one level too deep."""
+    trusts_its_scene(patch)
     deep = b',"x":' + b"[" * 64 + b"]" * 64 + b"}"
     payloads(patch, lambda payload: payload[:-1] + deep)
 

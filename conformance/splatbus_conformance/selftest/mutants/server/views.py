@@ -11,7 +11,7 @@ from splatbus_server.exchange import Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.raycast import Raycaster
 from splatbus_server.scene import IDENTITY, ObjectPose, multiply, rotate, transpose
-from splatbus_wire.messages import CameraPose
+from splatbus_wire.messages import CameraPose, Placement
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.patching import Patch
@@ -293,4 +293,5 @@ def server_moves_the_scene_by_the_inverse(patch: Patch) -> None:
 def server_puts_the_scene_elsewhere_at_first(patch: Patch) -> None:
     """Begins with the Gaussians moved to the left, as its author likes them."""
     moved = Pose((-0.25, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    patch.setattr(api, "Poses", lambda camera: Poses(camera, moved))
+    there = {"default": Placement("default", moved)}
+    patch.setattr(api, "Poses", lambda camera, objects: Poses(camera, {**objects, **there}))

@@ -1,0 +1,192 @@
+"""The server that the harness plays: what it answers, resizes, tells and lends."""
+
+from typing import Any
+
+import pytest
+from splatbus_conformance.conversation import conversations
+from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.kinds import CAPABILITIES
+from splatbus_conformance.lenient_json import read
+from splatbus_conformance.messages import ring_bytes
+from splatbus_conformance.packets import Splitter
+from splatbus_conformance.recording import Entry
+from splatbus_conformance.role import Role
+from splatbus_conformance.rules import judge
+
+from tests.conformance.talk import (
+    ALL,
+    ASK_CAMERA,
+    INTRINSICS,
+    OBJECT_POSE,
+    POSE,
+    about_generation,
+    changed,
+    hello,
+    text,
+)
+
+SIZE = (64, 48)
+TAGGED = {**POSE, "tag": "a"}
+LENS = {**POSE, "intrinsics": INTRINSICS}
+
+
+class Wire:
+    """A connection without sockets, and what the role said on it."""
+
+    def __init__(self, role: Role, channel: Any, recording: list[Entry], number: int) -> None:
+        self.channel, self.open, self.ended = channel, True, None
+        self.role, self.recording, self.number = role, recording, number
+        self.said: list[dict] = []
+        role.on_open(self)
+
+    def send(self, data: bytes) -> None:
+        self._note("s2c", data)
+        self.said += [read(packet.payload).value or {} for packet in Splitter().feed(data, 0.0)]
+
+    def hear(self, message: dict) -> list[dict]:
+        """What the role says to a message, on this connection."""
+        payload = text(message)
+        data = len(payload).to_bytes(4, "little") + payload
+        self._note("c2s", data)
+        before = len(self.said)
+        for packet in Splitter().feed(data, 0.0):
+            self.role.on_packet(self, packet)
+        return self.said[before:]
+
+    def _note(self, direction: Any, data: bytes) -> None:
+        now = 1.0 + 0.01 * len(self.recording)
+        self.recording.append(Entry(now, self.channel, self.number, direction, data))
+
+
+class Stage:
+    """A role, and its connections; what it says has to keep every rule."""
+
+    def __init__(self, memory: HostMemory) -> None:
+        self.role, self.recording = Role(memory, *SIZE), []
+
+    def connect(self, channel: Any, *capabilities: str) -> Wire:
+        wire = Wire(self.role, channel, self.recording, len(self.role.dealings))
+        wire.hear(hello(*capabilities))
+        return wire
+
+    def steering(self) -> Wire:
+        return self.connect("msg", *CAPABILITIES["msg"])
+
+    def reading(self, *capabilities: str) -> Wire:
+        wire = self.connect("ipc", *(capabilities or ALL))
+        wire.hear(about_generation("opened"))
+        return wire
+
+
+@pytest.fixture
+def stage():
+    with HostMemory(ring_bytes(128, 96, 3)) as memory:
+        stage = Stage(memory)
+        yield stage
+        broken = [s for s in judge(conversations(stage.recording)) if s.breach]
+        assert not [s for s in broken if s.peer == "server"], broken
+
+
+def resize(width: int, height: int) -> dict:
+    return {"type": "set_viewport", "width": width, "height": height, "id": 7}
+
+
+@pytest.mark.parametrize(
+    ("request_", "kind"),
+    [
+        ({"type": "get_scene", "id": 1}, "scene"),
+        ({"type": "ping", "t": 0.5, "id": 1}, "pong"),
+        ({**ASK_CAMERA, "id": 1}, "camera"),
+        (resize(128, 96), "viewport_size"),
+        (resize(129, 96), "error"),
+    ],
+)
+def test_every_request_is_answered(stage, request_, kind):
+    (answer,) = stage.steering().hear(request_)
+    assert (answer["type"], answer["id"]) == (kind, request_["id"])
+    assert ("intrinsics" in answer) == (kind == "camera")
+
+
+def test_before_welcome_requests_of_1_1_are_not_known(stage):
+    stage.role.welcomes = False
+    assert stage.steering().hear({"type": "ping", "t": 0.5}) == []
+
+
+def test_another_size_is_announced_to_all_who_read(stage):
+    steering, readers = stage.steering(), [stage.reading() for _ in range(2)]
+    (answer,) = steering.hear(resize(32, 24))
+    assert answer["viewport_size"] == [32, 24]
+    for reader in readers:
+        assert (reader.said[-1]["generation"], reader.said[-1]["meta"]["w"]) == (2, 32)
+        reader.hear(about_generation("opened", 2))
+        assert steering.hear(resize(16, 12))[0]["code"] == "busy"
+        reader.hear(about_generation("closed", 1))
+    assert steering.hear(resize(16, 12))[0]["viewport_size"] == [16, 12]
+
+
+def test_the_same_size_is_announced_to_nobody(stage):
+    reader, before = stage.reading(), 3
+    assert stage.steering().hear(resize(*SIZE))[0]["viewport_size"] == list(SIZE)
+    assert len(reader.said) == before
+
+
+def test_no_other_size_for_those_who_could_not_follow(stage):
+    stage.reading("host_shm", "frames")
+    assert stage.steering().hear(resize(32, 24))[0]["code"] == "unsupported"
+
+
+def test_a_tag_comes_back_once_from_where_it_was_sent(stage):
+    steering, reader = stage.steering(), stage.reading()
+    reader.hear(about_generation("release", seq=1))
+    steering.hear(TAGGED)
+    camera = reader.said[-1]["camera"]
+    assert (camera["tag"], camera["position"]) == ("a", list(POSE["position"].values()))
+    reader.hear(about_generation("release", seq=2))
+    stage.role.lend(reader)
+    assert "tag" not in reader.said[-1]["camera"]
+
+
+def test_a_tag_waits_for_the_release(stage):
+    steering, reader = stage.steering(), stage.reading()
+    before = len(reader.said)
+    steering.hear(TAGGED)
+    assert len(reader.said) == before
+    (frame,) = reader.hear(about_generation("release", seq=1))
+    assert frame["camera"]["tag"] == "a"
+
+
+def test_intrinsics_are_scaled_and_stay(stage):
+    steering, reader = stage.steering(), stage.reading()
+    reader.hear(about_generation("release", seq=1))
+    steering.hear(LENS)
+    reader.hear(about_generation("release", seq=2))
+    steering.hear(TAGGED)
+    for frame in reader.said[-2:]:
+        camera = frame["camera"]
+        assert camera["fx"] == pytest.approx(1500 * 64 / 1920)
+        assert camera["cy"] == pytest.approx(24)
+        assert (camera["width"], camera["height"], camera["near"]) == (64, 48, 0.01)
+
+
+@pytest.mark.parametrize(
+    "pose", [POSE, changed(LENS, "/intrinsics/fx", 0), changed(TAGGED, "/rotation/w"), OBJECT_POSE]
+)
+def test_other_poses_change_no_camera(stage, pose):
+    stage.steering().hear(pose)
+    assert stage.role.viewpoint is None
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [(None, ["render_ms", "opacity", "stage"]), (["b", "a"], ["b", "a"]), ([], None)],
+)
+def test_telemetry_is_told_of_what_was_subscribed_to(stage, names, told):
+    said = stage.steering().hear({"type": "subscribe_telemetry", "names": names})
+    assert [[series["name"] for series in message["series"]] for message in said] == (
+        [told] if told else []
+    )
+
+
+def test_all_kinds_of_series_are_told(stage):
+    (message,) = stage.steering().hear({"type": "subscribe_telemetry", "names": None})
+    assert {series["kind"] for series in message["series"]} == {"scalar", "histogram", "text"}

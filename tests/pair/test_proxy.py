@@ -1,0 +1,113 @@
+"""The proxy between the pair: what it shows, writes and judges."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+from splatbus_client import Pose
+from splatbus_conformance import cli
+from splatbus_conformance.audit import audit
+from splatbus_conformance.recording import load
+
+from tests.pair.legacy import packet
+from tests.pair.painting import is_whole, painter
+from tests.pair.rig import MOST_SECONDS, serving
+
+Ports = tuple[int, int]
+
+
+def free_ports() -> Ports:
+    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+    ipc, msg = (listener.getsockname()[1] for listener in listeners)
+    for listener in listeners:
+        listener.close()
+    return ipc, msg
+
+
+def proxied(listen: Ports, to: Ports, file: Path, seconds: float, *more: str) -> int:
+    ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
+    line = ["--plain", "proxy", "--listen", ends[0], "--to", ends[1], "--record", str(file)]
+    arguments = cli.parser().parse_args([*line, "--seconds", str(seconds), *more])
+    return int(arguments.run(arguments, cli.commands.console(True)))
+
+
+def connected(port: int) -> socket.socket:
+    """A connection to the proxy, which may be about to start."""
+    for _ in range(int(MOST_SECONDS / 0.05)):
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=MOST_SECONDS)
+        except OSError:
+            threading.Event().wait(0.05)
+    raise TimeoutError(port)
+
+
+def test_a_session_is_passed_on_written_down_and_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import splatbus_client
+
+    listen, file, report = free_ports(), tmp_path / "session.jsonl", tmp_path / "report.json"
+    whole = []
+
+    def look() -> None:
+        with splatbus_client.connect("127.0.0.1", *listen) as session:
+            for x in range(20):
+                pose = Pose((float(x), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+                session.send_camera(pose, tag=f"t{x}")
+                with session.next_frame(MOST_SECONDS) as frame:
+                    whole.append(is_whole(frame))
+            session.viewport_size(MOST_SECONDS)
+
+    with serving(painter()) as (bus, _):
+        to = bus.address.ipc_port, bus.address.message_port
+        client = threading.Thread(target=look)
+        client.start()
+        code = proxied(listen, to, file, 4.0, "--json", str(report))
+        client.join(MOST_SECONDS)
+    out = capsys.readouterr().out
+    assert code == 0, out
+    assert whole == [True] * 20
+    assert "client: conforming at L0" in out
+    assert "server: conforming at L0" in out
+    assert [f.broken for f in audit(load(file)).findings if f.broken] == []
+    assert len(json.loads(report.read_text("utf-8"))) == 2
+
+
+def test_what_is_broken_is_said_while_the_session_lasts_and_fails_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listen = free_ports()
+
+    def misbehave() -> None:
+        with connected(listen[1]) as client:
+            client.sendall(packet({"type": "camera_pose", "position": {"x": 0.0}}))
+            threading.Event().wait(2.0)
+
+    with serving(painter()) as (bus, _):
+        client = threading.Thread(target=misbehave)
+        client.start()
+        to = bus.address.ipc_port, bus.address.message_port
+        code = proxied(listen, to, tmp_path / "session.jsonl", 3.0)
+        client.join(MOST_SECONDS)
+    out = capsys.readouterr().out
+    assert code == 1
+    live, judged = out.index("FAIL POS-1 client"), out.index("client: not conforming")
+    assert live < judged
+
+
+def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(cli.Usage, match=f"127.0.0.1:{port}"):
+            proxied((port, 0), (1, 1), tmp_path / "session.jsonl", 1.0)
+
+
+def test_an_address_that_is_none_is_explained() -> None:
+    with pytest.raises(cli.Usage, match="HOST:IPC,MSG"):
+        cli.commands.proxy(
+            cli.parser().parse_args(["proxy", "--to", "localhost"]), cli.commands.console(True)
+        )
