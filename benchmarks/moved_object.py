@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.control import Poses
 from splatbus_server.view import View, field_of_view
+from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 
 from benchmarks.splats import drawing, harmonics
@@ -58,7 +59,7 @@ def quaternion(axis: Any, degrees: float) -> tuple[float, float, float, float]:
 
 def view_of(points: Pose, camera: Pose = Pose((0.0, 0.0, -3.3), (0.0, 0.0, 0.0, 1.0))) -> View:  # noqa: B008 - it is immutable
     return View(
-        Poses(camera, points),
+        Poses(camera, {"default": Placement("default", points)}),
         field_of_view(WIDTH, HEIGHT),
         WIDTH,
         HEIGHT,

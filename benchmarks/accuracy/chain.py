@@ -5,13 +5,12 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from splatbus_conformance import oracle
 from splatbus_conformance.oracle.rotations import Rows, Vector, apply, multiply, transpose
-from splatbus_server.control import Poses
-from splatbus_wire.poses import as_array, view_matrix, world_matrix
+from splatbus_wire.poses import Pose, as_array, view_matrix, world_matrix
 from splatbus_wire.relative import object_to_camera
 from splatbus_wire.rotations import rotation_matrix
 
@@ -24,6 +23,13 @@ from benchmarks.accuracy.view import deployed as deployed_view
 TIMED = 500
 FARTHEST = 6
 """The scene lies up to 10⁶ units from the origin, and the camera 1 to 10 units from it."""
+
+
+class Poses(NamedTuple):
+    """Camera-to-world, and object-to-world."""
+
+    camera: Pose
+    points: Pose
 
 
 def default(poses: Poses) -> Any:

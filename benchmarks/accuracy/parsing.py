@@ -55,7 +55,7 @@ def by_expression(convert: Callable[[bytes], Any], payload: bytes) -> list[float
     """The default's expression and checks, with another conversion of digits."""
     found = plain_poses._POSE.fullmatch(payload)
     assert found is not None
-    numbers = [convert(text) for text in found.groups()[2:]]
+    numbers = [convert(text) for text in found.groups()[2:9]]
     if not all(map(math.isfinite, numbers)) or abs(math.hypot(*numbers[3:]) - 1.0) > 0.01:
         raise ValueError("no pose")
     return numbers

@@ -1,5 +1,6 @@
 """Checks on `tag`, by which a client learns which image shows its pose (spec 1.1 section 6.1)."""
 
+import itertools
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -22,6 +23,8 @@ USUAL = ("tagged", "scene", "join", "burst", "scene", "again", "plain", "again",
 ACTIONS = tuple(dict.fromkeys(USUAL))
 BURST = 5
 MOST_READERS = 3
+_tags = itertools.count()
+"""No two tags are the same: the server may show an image of a pose from long ago."""
 
 
 class Sent(NamedTuple):
@@ -69,8 +72,8 @@ class Story:
         return found
 
     def _send(self, place: int, *, tagged: bool) -> None:
-        number = len(self.sent)
-        tag = f"{number}{PADDING[number % len(PADDING)]}"[:LONGEST] if tagged else None
+        padding = PADDING[len(self.sent) % len(PADDING)]
+        tag = f"{next(_tags)}{padding}"[:LONGEST] if tagged else None
         self.sent.append(Sent(place, tag))
         added: Json = {"tag": tag} if tagged else {}
         self.trial.viewer.say(self.poser, _pose(place) | added)
@@ -105,7 +108,7 @@ class Story:
 def stories(trial: ServerTrial) -> Iterator[Story]:
     """One story whose steps are always the same, then some that are drawn."""
     drawn = st.lists(st.sampled_from(ACTIONS), min_size=1, max_size=8)
-    for actions in trial.each([USUAL], drawn, quick=4, full=200):
+    for actions in trial.each([USUAL], drawn, quick=4, full=60):
         trial.peer.close_all()
         story = Story(trial)
         story.go_through(actions)
