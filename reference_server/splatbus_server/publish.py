@@ -125,7 +125,6 @@ class Publisher:
         self._pixels = np.empty((self._block, width, 4), np.float32)
         self._planes = np.empty((2, self._block, width), np.float32)
         self._masks = np.empty((2, self._block, width), np.bool_)
-        self._largest = np.full(width, LARGEST)  # in ufuncs faster than a scalar
         self._compiled = _compiled() if width * height >= WORTH_COMPILING else None
 
     def write(self, image: Source, color: Image | None, depth: Image | None) -> None:
@@ -188,19 +187,17 @@ class Publisher:
         assert image.depth is not None
         depth = self._single(image.depth, self._planes[0])
         alpha = None if image.alpha is None else self._single(image.alpha, self._planes[1])
+        if image.depth_kind == "inverse":
+            depth = _quotient(np.float32(1.0) if alpha is None else alpha, depth, out)
+        elif image.depth_kind == "accumulated" and alpha is not None:
+            depth = _quotient(depth, alpha, out)
         covered, also = self._masks[:, : len(out)]
         np.greater(depth, 0.0, out=covered)
         covered &= np.less_equal(depth, LARGEST, out=also)
         if alpha is not None:
             covered &= np.greater_equal(alpha, COVERED_ALPHA, out=also)
-            covered &= np.less_equal(alpha, LARGEST, out=also)
-        if image.depth_kind == "inverse":
-            np.divide(1.0 if alpha is None else alpha, depth, out=out)
-            depth = np.minimum(out, self._largest, out=out)
-        elif image.depth_kind == "accumulated" and alpha is not None:
-            np.divide(depth, alpha, out=out)
-            depth = np.minimum(out, self._largest, out=out)
-            covered &= np.greater(out, 0.0, out=also)
+            if image.depth_kind == "linear":  # elsewhere infinite alpha gives no such quotient
+                covered &= np.less_equal(alpha, LARGEST, out=also)
         # A choice among bits costs the same wherever pixels are empty; a masked copy up to six
         # times as much where they alternate.
         bits, empty = out.view(np.int32), self._empty.view(np.int32)
@@ -229,6 +226,18 @@ class Publisher:
             ):
                 found = f"{slot.dtype} of shape {slot.shape}"
                 raise ValueError(f"a slot is {found}, not contiguous float32 of {shape}")
+
+
+def _quotient(dividend: Image | np.float32, divisor: Image, out: Image) -> Image:
+    """Rounded once; what overflows is the largest number, what is divided by 0 infinite [ACC-8]."""
+    try:
+        with np.errstate(over="raise"):
+            return np.divide(dividend, divisor, out=out)
+    except FloatingPointError:
+        np.divide(dividend, divisor, out=out)
+        overflows = (out > LARGEST) & (divisor > 0.0) & (dividend <= LARGEST)
+        np.copyto(out, LARGEST, where=overflows)
+        return out
 
 
 def _compiled() -> ModuleType | None:
