@@ -2,8 +2,8 @@
 
 Importing this loads what was compiled before from Numba's cache, or compiles, which takes seconds;
 it is for before the render loop. What is stored is, bit by bit, what NumPy stores. It runs in the
-caller's thread, without the interpreter's lock: the floor is the memory's bandwidth, of which one
-thread takes nearly all, and other cores are the renderer's.
+caller's thread, without the interpreter's lock. A second thread, on two cores, would save a third
+of the time and take a core of the renderer's for the rest.
 
 Inside, arrays are addresses and strides in bytes, as in cuda/publish.cu: one function then serves
 every layout, compiled once. The loops run over contiguous rows of constant shape, which is what

@@ -21,9 +21,9 @@ DepthKind = Literal["linear", "inverse", "accumulated"]
 
 COVERED_ALPHA = np.float32(1.0 / 255.0)  # rounds up: no float32 lies between it and 1/255
 LARGEST = np.finfo(np.float32).max
-BLOCK_BYTES = 1 << 20
+BLOCK_BYTES = 3 << 19
 WORTH_COMPILING = 1 << 18
-"""Pixels. Fewer take NumPy about a millisecond; to import Numba takes half a second."""
+"""Pixels. Fewer take NumPy about a millisecond; to import Numba takes about a second."""
 
 
 class Source(NamedTuple):
