@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from splatbus_conformance import oracle
 from splatbus_conformance.oracle.rounding import SINGLE, to_double, ulp
-from splatbus_server.publish import Publisher
+from splatbus_server.publish import Publisher, source
 from splatbus_wire.depth import planar_depth
 
 from benchmarks.accuracy import search
@@ -18,13 +18,14 @@ from benchmarks.accuracy.study import Measure, Part, Study, Variant, Worst
 
 SAMPLES = 400_000
 PUBLISHER = Publisher(WIDTH, HEIGHT)
+NO_COLOR = np.zeros((HEIGHT, WIDTH, 3), np.float32)
 SINGLE_MAX = np.finfo(np.float32).max
 THRESHOLD = np.float32(1 / 255)
 
 
 def published(d: Floats, A: Floats, out: Floats) -> Floats:
     """What the server does; it stores rows bottom-up."""
-    PUBLISHER.inverse_depth(d, out, A)
+    PUBLISHER.write(source(NO_COLOR, d, A, "inverse", WIDTH, HEIGHT, False), None, out)
     return out[::-1]
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from splatbus_server.exchange import BOTH
 from splatbus_server.memory import Memory
 from splatbus_wire.init_packet import Semantics, host_ring
 
@@ -83,14 +84,12 @@ def measure(name: str, readers: int, rounds: int, samples: int) -> dict[str, Any
         assert ring is not None
         for slot in range(ring.slots):
             color, depth = pattern(width, height, slot)
-            memory.publisher.color(color, memory.color(slot))
-            memory.publisher.depth(depth, memory.depth(slot), color[..., 3])
+            memory.writer(color, depth, None, "linear", None)(slot, BOTH)
         wrong = wrong_pixels(memory, samples) if sys.platform == "linux" else None
         last = ring.slots - 1
 
         def publish() -> None:
-            memory.publisher.color(color, memory.color(last))
-            memory.publisher.depth(depth, memory.depth(last), color[..., 3])
+            memory.writer(color, depth, None, "linear", None)(last, BOTH)
 
         def copy() -> None:
             np.copyto(memory.color(last), color)

@@ -92,7 +92,7 @@ class Memory:
         self.ring = Ring(readers)
         self._readers = readers
         self._semantics = semantics
-        self.publisher = Publisher(width, height)
+        self.publisher = Publisher(width, height, semantics.depth_empty)
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
         self._remove = weakref.finalize(self, _remove_if_owner, segment, os.getpid())
@@ -120,15 +120,12 @@ class Memory:
         image = source(color, depth, alpha, depth_kind, self.width, self.height, premultiplied)
 
         def write(slot: int, wants: Set[str]) -> None:
-            if "color" in wants:
-                self.publisher.color(image.color, self.color(slot), image.layout)
-            if image.depth is not None and "depth" in wants:
-                convert = {
-                    "linear": self.publisher.depth,
-                    "inverse": self.publisher.inverse_depth,
-                    "accumulated": self.publisher.accumulated_depth,
-                }[image.depth_kind]
-                convert(image.depth, self.depth(slot), image.alpha)
+            is_deep = "depth" in wants and image.depth is not None
+            self.publisher.write(
+                image,
+                self.color(slot) if "color" in wants else None,
+                self.depth(slot) if is_deep else None,
+            )
 
         return write
 

@@ -1,44 +1,55 @@
 """Puts what a renderer gives into a slot of host memory: bottom-up rows, colour in [0, 1], depth.
 
-Sources are float32 arrays with the top row of the image first; destinations are views of the
-slot, (height, width, 4) for colour and (height, width) for depth, whose row j takes image row
-height − 1 − j [BUF-1]. Rows go through in blocks that stay in the processor's cache.
+Sources have the top row of the image first; destinations are views of the slot, (height, width, 4)
+for colour and (height, width) for depth, whose row j takes image row height − 1 − j [BUF-1]. Rows
+go through NumPy in blocks that stay in the processor's cache. Where Numba is installed, `compiled`
+takes large images instead, and stores the same to the last bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Literal, NamedTuple, get_args
+import math
+from types import ModuleType
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Image = NDArray[np.float32]
-Layout = Literal["HWC", "CHW"]
+Numbers = NDArray[Any]
 DepthKind = Literal["linear", "inverse", "accumulated"]
-Mask = NDArray[np.bool_]
 
 COVERED_ALPHA = np.float32(1.0 / 255.0)  # rounds up: no float32 lies between it and 1/255
 LARGEST = np.finfo(np.float32).max
-BLOCK_BYTES = 1 << 20
+BLOCK_BYTES = 3 << 19
+WORTH_COMPILING = 1 << 18
+"""Pixels. Fewer take NumPy about a millisecond; to import Numba takes about a second."""
 
 
 class Source(NamedTuple):
-    """An image as a renderer gave it, in float32.
+    """An image as a renderer gave it: real numbers of any type and with any strides.
 
     Attributes:
-        color: its axes are in the order of `layout`.
-        layout: of the colour.
+        color: (height, width, 3 or 4).
+        own_alpha: (height, width); stored as the alpha of RGB, which is 1 if None [BUF-5].
         depth: (height, width), or None.
-        alpha: (height, width), or None where the renderer gives none.
+        alpha: (height, width); what says how far depth is covered, 1 if None.
         depth_kind: what the depth is.
     """
 
-    color: Image
-    layout: Layout
-    depth: Image | None
-    alpha: Image | None
+    color: Numbers
+    own_alpha: Numbers | None
+    depth: Numbers | None
+    alpha: Numbers | None
     depth_kind: DepthKind
+
+    def rows(self, wanted: slice) -> Source:
+        """Views of some rows."""
+        own_alpha, depth, alpha = (
+            None if plane is None else plane[wanted]
+            for plane in (self.own_alpha, self.depth, self.alpha)
+        )
+        return Source(self.color[wanted], own_alpha, depth, alpha, self.depth_kind)
 
 
 def source(
@@ -50,204 +61,188 @@ def source(
     height: int,
     premultiplied: bool,
 ) -> Source:
-    """Looks at what a renderer gives, as `Bus.publish` describes it.
+    """Looks at what a renderer gives, as `Bus.publish` describes it; copies no arrays.
 
     Premultiplied colour has no background in it, so that the alpha beside RGB is its own.
 
     Raises:
-        ValueError: an array has another shape; there is no such kind of depth.
+        ValueError: an array has another shape or no real numbers; there is no such kind of depth.
     """
     if depth_kind not in get_args(DepthKind):
         raise ValueError(f"depth_kind {depth_kind!r} is none of {', '.join(get_args(DepthKind))}")
-    pixels, layout = _color(color, (height, width))
+    pixels = _color(color, (height, width))
     depths = _plane("depth", depth, (height, width))
     alphas = _plane("alpha", alpha, (height, width))
-    if alphas is None and pixels.shape[layout.index("C")] == 4:
-        alphas = pixels[..., 3] if layout == "HWC" else pixels[3]
-    elif alphas is not None and premultiplied and pixels.shape[layout.index("C")] == 3:
-        fourth = alphas[..., None] if layout == "HWC" else alphas[None]
-        pixels = np.concatenate((pixels, fourth), axis=layout.index("C"))
-    return Source(pixels, layout, depths, alphas, depth_kind)
+    own_alpha = alphas if premultiplied and pixels.shape[2] == 3 else None
+    if alphas is None and pixels.shape[2] == 4:
+        alphas = pixels[..., 3]
+    return Source(pixels, own_alpha, depths, alphas, depth_kind)
 
 
-def _color(color: ArrayLike, size: tuple[int, int]) -> tuple[Image, Layout]:
-    """The pixels, and in which order the axes are."""
-    pixels = np.asarray(color, np.float32)
+def _color(color: ArrayLike, size: tuple[int, int]) -> Numbers:
+    pixels = _numbers("colour", color)
     if pixels.ndim == 3 and pixels.shape[:2] == size and pixels.shape[2] in (3, 4):
-        return pixels, "HWC"
+        return pixels
     if pixels.ndim == 3 and pixels.shape[1:] == size and pixels.shape[0] in (3, 4):
-        return pixels, "CHW"
+        return pixels.transpose(1, 2, 0)
     raise ValueError(
         f"colour of shape {pixels.shape} is neither ({size[0]}, {size[1]}, 3 or 4)"
         f" nor (3 or 4, {size[0]}, {size[1]})"
     )
 
 
-def _plane(what: str, plane: ArrayLike | None, size: tuple[int, int]) -> Image | None:
+def _plane(what: str, plane: ArrayLike | None, size: tuple[int, int]) -> Numbers | None:
     if plane is None:
         return None
-    values = np.asarray(plane, np.float32)
+    values = _numbers(what, plane)
     if values.shape not in (size, (*size, 1), (1, *size)):
         raise ValueError(f"{what} of shape {values.shape} is not {size}")
     return values.reshape(size)
 
 
+def _numbers(what: str, values: ArrayLike) -> Numbers:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"{what} of {array.dtype} is not of real numbers")
+    return array
+
+
 class Publisher:
     """Converts images of one size, with scratch of one block that it keeps."""
 
-    def __init__(self, width: int, height: int) -> None:
+    def __init__(self, width: int, height: int, empty: float = math.inf) -> None:
+        """Makes room. Where Numba is installed and the image large, this takes up to seconds.
+
+        Args:
+            width: pixels.
+            height: pixels.
+            empty: depth of empty pixels [BUF-7].
+        """
         self.width = width
         self.height = height
-        self._rows = max(1, BLOCK_BYTES // (16 * width))
-        self._scratch = np.empty(self._rows * width * 4, np.float32)
-        self._masks = np.empty((2, self._rows, width), np.bool_)
+        self._empty = np.float32(empty)
+        self._block = min(height, max(1, BLOCK_BYTES // (16 * width)))
+        self._pixels = np.empty((self._block, width, 4), np.float32)
+        self._planes = np.empty((2, self._block, width), np.float32)
+        self._masks = np.empty((2, self._block, width), np.bool_)
+        self._compiled = _compiled() if width * height >= WORTH_COMPILING else None
 
-    def color(self, source: Image, slot: Image, layout: Layout = "HWC") -> None:
-        """Stores colour clamped to [0, 1] [BUF-3]; a pixel with a NaN becomes (0, 0, 0, 0).
+    def write(self, image: Source, color: Image | None, depth: Image | None) -> None:
+        """Stores an image, or what is wanted of it.
 
-        Args:
-            source: straight RGBA, or RGB, which gets alpha 1 [BUF-5]; (height, width, channels)
-                or (channels, height, width) as the layout says.
-            slot: (height, width, 4).
-            layout: order of the source's axes.
+        Colour is clamped to [0, 1] [BUF-3]; a pixel with a NaN becomes (0, 0, 0, 0).
 
-        Raises:
-            ValueError: an array has another shape or is not float32.
-        """
-        if layout == "CHW" and source.ndim == 3:
-            source = source.transpose(1, 2, 0)
-        channels = source.shape[-1] if source.ndim == 3 and source.shape[-1] == 3 else 4
-        self._check("colour", source, (channels,))
-        self._check("colour slot", slot, (4,))
-        in_place = channels == 4 and layout == "HWC"
-        flipped = source[::-1]
-        for rows in self._blocks():
-            block, out = flipped[rows], slot[rows]
-            clamped = out if in_place else self._like(block, layout)
-            np.clip(block, 0.0, 1.0, out=clamped)
-            if not in_place:
-                for channel in range(channels):
-                    out[..., channel] = clamped[..., channel]
-                if channels == 3:
-                    out[..., 3] = 1.0
-            if np.isnan(clamped.max()):
-                self._blank_nan(clamped, out)
-
-    def depth(self, source: Image, slot: Image, alpha: Image | None = None) -> None:
-        """Stores planar depth z; +inf where the pixel is empty [BUF-6, BUF-7].
-
-        A pixel is covered if z is positive and finite and its alpha, where given, is finite and
-        at least 1/255 [ACC-9].
+        Depth is planar z: d itself, A/d for accumulated inverse depth d = Σ (1/zᵢ) αᵢ Tᵢ, or d/A
+        for accumulated depth d = Σ zᵢ αᵢ Tᵢ, with A = Σ αᵢ Tᵢ [ACC-8]. The quotient of the float32
+        numbers is rounded once; what overflows becomes the largest float32. A pixel is covered if
+        d is positive and finite, A finite and at least 1/255 [ACC-9], and the quotient does not
+        vanish; others are empty [BUF-6, BUF-7].
 
         Args:
-            source: (height, width), planar z.
-            slot: (height, width).
-            alpha: (height, width), accumulated alpha.
+            image: of this size; rounded to float32 first where it is not.
+            color: slot, (height, width, 4), or None.
+            depth: slot, (height, width), or None.
 
         Raises:
-            ValueError: an array has another shape or is not float32.
+            ValueError: the image has another size, or no depth where one is to be stored; a slot
+                has another shape, is not contiguous, or not float32.
         """
-        self._check_depth(source, slot, alpha)
-        for rows in self._blocks():
-            out = slot[rows]
-            np.copyto(out, source[::-1][rows])
-            self._blank_empty(out, self._weight(alpha, rows))
-
-    def inverse_depth(self, source: Image, slot: Image, alpha: Image | None = None) -> None:
-        """Stores A/d for accumulated inverse depth d and alpha A; +inf where empty [ACC-8, ACC-9].
-
-        One float32 division of float32 numbers: correctly rounded. What overflows is stored as
-        the largest finite float32.
-
-        Args:
-            source: (height, width), d = Σ (1/zᵢ) αᵢ Tᵢ.
-            slot: (height, width).
-            alpha: (height, width), A = Σ αᵢ Tᵢ; 1 where the renderer gives none.
-
-        Raises:
-            ValueError: an array has another shape or is not float32.
-        """
-        self._check_depth(source, slot, alpha)
+        self._check(image, color, depth)
+        flipped = image.rows(slice(None, None, -1))
+        if self._compiled is not None and self._compiled.takes(flipped):
+            self._compiled.write(flipped, color, depth, self._empty)
+            return
+        self._pixels[..., 3] = 1.0
         with np.errstate(all="ignore"):
-            for rows in self._blocks():
-                out, block = slot[rows], source[::-1][rows]
-                weight = self._weight(alpha, rows)
-                np.divide(1.0 if weight is None else weight, block, out=out)
-                self._limit(out, block)
-                self._blank_empty(out, weight)
+            for start in range(0, self.height, self._block):
+                rows = slice(start, start + self._block)
+                block = flipped.rows(rows)
+                if color is not None:
+                    self._write_color(block.color, block.own_alpha, color[rows])
+                if depth is not None:
+                    self._write_depth(block, depth[rows])
 
-    def accumulated_depth(self, source: Image, slot: Image, alpha: Image | None = None) -> None:
-        """Stores D/A for accumulated depth D and alpha A; +inf where empty [ACC-9].
+    def _write_color(self, color: Numbers, own_alpha: Numbers | None, out: Image) -> None:
+        if color.dtype == np.float32 and color.strides[1:] == (16, 4) and color.shape[2] == 4:
+            pixels = color
+        else:
+            pixels = self._pixels[: len(color)]
+            for channel in range(color.shape[2]):
+                np.copyto(pixels[..., channel], color[..., channel], casting="unsafe")
+            if own_alpha is not None:
+                np.copyto(pixels[..., 3], own_alpha, casting="unsafe")
+        pixels.clip(0.0, 1.0, out=out)
+        if np.isnan(out.max()):
+            self._blank_nan(out)
 
-        Rounded once, and limited, as in `inverse_depth`; errors as there.
+    def _blank_nan(self, out: Image) -> None:
+        blank, also = self._masks[:, : len(out)]
+        np.isnan(out[..., 0], out=blank)
+        for channel in (1, 2, 3):
+            blank |= np.isnan(out[..., channel], out=also)
+        for channel in range(4):
+            np.copyto(out[..., channel], 0.0, where=blank)
 
-        Args:
-            source: (height, width), D = Σ zᵢ αᵢ Tᵢ.
-            slot: (height, width).
-            alpha: (height, width), A = Σ αᵢ Tᵢ; 1 where the renderer gives none.
-        """
-        self._check_depth(source, slot, alpha)
-        with np.errstate(all="ignore"):
-            for rows in self._blocks():
-                out, block = slot[rows], source[::-1][rows]
-                weight = self._weight(alpha, rows)
-                np.divide(block, 1.0 if weight is None else weight, out=out)
-                self._limit(out, block)
-                self._blank_empty(out, weight)
-
-    def _limit(self, out: Image, block: Image) -> None:
-        """Stores the largest finite number where a quotient overflowed that is a depth [ACC-8]."""
-        infinite = np.greater(out, LARGEST, out=self._masks[0, : len(out)])
-        if infinite.any():
-            infinite &= (block > 0.0) & (block <= LARGEST)
-            np.copyto(out, LARGEST, where=infinite)
-
-    def _weight(self, alpha: Image | None, rows: slice) -> Image | None:
-        """A contiguous copy of these rows: alpha is often every fourth number of the colour."""
-        if alpha is None:
-            return None
-        block = alpha[::-1][rows]
-        weight = self._scratch[: block.size].reshape(block.shape)
-        np.copyto(weight, block)
-        return weight
-
-    def _blank_empty(self, out: Image, alpha: Image | None) -> None:
-        """Stores +inf where a depth is not positive, or its alpha too small or not finite."""
+    def _write_depth(self, image: Source, out: Image) -> None:
+        assert image.depth is not None
+        depth = self._single(image.depth, self._planes[0])
+        alpha = None if image.alpha is None else self._single(image.alpha, self._planes[1])
+        if image.depth_kind == "inverse":
+            depth = _quotient(np.float32(1.0) if alpha is None else alpha, depth, out)
+        elif image.depth_kind == "accumulated" and alpha is not None:
+            depth = _quotient(depth, alpha, out)
         covered, also = self._masks[:, : len(out)]
-        np.greater(out, 0.0, out=covered)
+        np.greater(depth, 0.0, out=covered)
+        covered &= np.less_equal(depth, LARGEST, out=also)
         if alpha is not None:
             covered &= np.greater_equal(alpha, COVERED_ALPHA, out=also)
-            covered &= np.less_equal(alpha, LARGEST, out=also)
-        np.copyto(out, np.float32(np.inf), where=np.logical_not(covered, out=covered))
+            if image.depth_kind == "linear":  # elsewhere infinite alpha gives no such quotient
+                covered &= np.less_equal(alpha, LARGEST, out=also)
+        # A choice among bits costs the same wherever pixels are empty; a masked copy up to six
+        # times as much where they alternate.
+        bits, empty = out.view(np.int32), self._empty.view(np.int32)
+        np.bitwise_xor(depth.view(np.int32), empty, out=bits)
+        np.multiply(bits, covered, out=bits)
+        np.bitwise_xor(bits, empty, out=bits)
 
-    def _blank_nan(self, clamped: Image, out: Image) -> None:
-        blank, also = self._masks[:, : len(out)]
-        blank.fill(False)
-        for channel in range(clamped.shape[-1]):
-            blank |= np.isnan(clamped[..., channel], out=also)
-        out[blank] = 0.0
+    def _single(self, plane: Numbers, scratch: Image) -> Image:
+        """As contiguous float32: alpha is often every fourth number of the colour."""
+        if plane.dtype == np.float32 and plane.strides[1] == 4:
+            return plane
+        single = scratch[: len(plane)]
+        np.copyto(single, plane, casting="unsafe")
+        return single
 
-    def _blocks(self) -> Iterator[slice]:
-        for start in range(0, self.height, self._rows):
-            yield slice(start, min(start + self._rows, self.height))
+    def _check(self, image: Source, color: Image | None, depth: Image | None) -> None:
+        size = (self.height, self.width)
+        if depth is not None and image.depth is None:
+            raise ValueError("depth is to be stored, and the image has none")
+        for plane in (image.color[..., 0], image.own_alpha, image.depth, image.alpha):
+            if plane is not None and plane.shape != size:
+                raise ValueError(f"an image of {plane.shape} is not of {size}")
+        for slot, shape in ((color, (*size, 4)), (depth, size)):
+            if slot is not None and not (
+                slot.shape == shape and slot.dtype == np.float32 and slot.flags.c_contiguous
+            ):
+                found = f"{slot.dtype} of shape {slot.shape}"
+                raise ValueError(f"a slot is {found}, not contiguous float32 of {shape}")
 
-    def _like(self, block: Image, layout: Layout) -> Image:
-        """Scratch of the block's shape whose axes lie in memory as the layout's do."""
-        scratch = self._scratch[: block.size]
-        if layout == "HWC":
-            return scratch.reshape(block.shape)
-        rows, width, channels = block.shape
-        return scratch.reshape(channels, rows, width).transpose(1, 2, 0)
 
-    def _check_depth(self, source: Image, slot: Image, alpha: Image | None) -> None:
-        self._check("depth", source)
-        self._check("depth slot", slot)
-        if alpha is not None:
-            self._check("alpha", alpha)
+def _quotient(dividend: Image | np.float32, divisor: Image, out: Image) -> Image:
+    """Rounded once; what overflows is the largest number, what is divided by 0 infinite [ACC-8]."""
+    try:
+        with np.errstate(over="raise"):
+            return np.divide(dividend, divisor, out=out)
+    except FloatingPointError:
+        np.divide(dividend, divisor, out=out)
+        overflows = (out > LARGEST) & (divisor > 0.0) & (dividend <= LARGEST)
+        np.copyto(out, LARGEST, where=overflows)
+        return out
 
-    def _check(self, what: str, array: Image, channels: tuple[int, ...] = ()) -> None:
-        expected = (self.height, self.width, *channels)
-        if array.dtype != np.float32 or array.shape != expected:
-            raise ValueError(
-                f"{what} is {array.dtype} of shape {array.shape}, not float32 of {expected}"
-            )
+
+def _compiled() -> ModuleType | None:
+    try:
+        from splatbus_server import compiled
+    except ImportError:
+        return None
+    return compiled

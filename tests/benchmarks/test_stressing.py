@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from splatbus_server.exchange import BOTH
 from splatbus_server.memory import Memory, _slots
 from splatbus_wire.init_packet import Semantics, host_ring
 
@@ -100,8 +101,7 @@ def test_every_pixel_of_every_slot_is_found_by_the_init_packet():
     try:
         for slot in range(memory.ring.slots):
             color, depth = big_images.pattern(64, 48, slot)
-            memory.publisher.color(color, memory.color(slot))
-            memory.publisher.depth(depth, memory.depth(slot))
+            memory.writer(color, depth, None, "linear", None)(slot, BOTH)
         if sys.platform == "linux":
             assert big_images.wrong_pixels(memory, 100) == 0
             memory.color(1)[3, 5, 2] = 0.9

@@ -38,12 +38,8 @@ def given(format: dict[str, Any], size: tuple[int, int]) -> tuple[Any, Any, Any]
 def by_processor(color: Any, depth: Any, alpha: Any, kind: Any, premultiplied: bool) -> Any:
     height, width = depth.shape
     image = source(color, depth, alpha, kind, width, height, premultiplied)
-    publisher = Publisher(width, height)
     out = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
-    publisher.color(image.color, out[0], image.layout)
-    rules = {"linear": publisher.depth, "inverse": publisher.inverse_depth}
-    rules["accumulated"] = publisher.accumulated_depth
-    rules[kind](image.depth, out[1], image.alpha)
+    Publisher(width, height).write(image, *out)
     return out[0][::-1], out[1][::-1]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from splatbus_client import display
 from splatbus_conformance import pinhole
-from splatbus_server.publish import Publisher
+from splatbus_server.publish import Publisher, source
 from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.conventions import ENGINES
 from splatbus_wire.depth import expected_depth, planar_depth, surface_depth
@@ -39,7 +39,7 @@ def test_the_wire_finds_the_depth(case, empty):
     assert is_near("images", "depth", got, empty if expected == math.inf else expected)
 
 
-@pytest.mark.parametrize("estimator", ["harmonic", "median", "none"])
+@pytest.mark.parametrize("estimator", list(ESTIMATES))
 @pytest.mark.parametrize("with_alpha", [True, False])
 def test_the_reference_server_publishes_the_depth(estimator, with_alpha):
     """All cases side by side in one row, as an image has them."""
@@ -52,10 +52,11 @@ def test_the_reference_server_publishes_the_depth(estimator, with_alpha):
     given = np.array([[singles(case[member]) for case in row]])
     alpha = np.array([[singles(case["alpha"]) for case in row]]) if with_alpha else None
     expected = [[doubles(case["expected"]) for case in row]]
-    publisher = Publisher(len(row), 1)
     slot = np.zeros((1, len(row)), np.float32)
-    publish = publisher.inverse_depth if estimator == "harmonic" else publisher.depth
-    publish(given, slot, alpha)
+    kinds = {"harmonic": "inverse", "expected": "accumulated", "median": "linear", "none": "linear"}
+    color = np.zeros((1, len(row), 3), np.float32)
+    image = source(color, given, alpha, kinds[estimator], len(row), 1, premultiplied=False)
+    Publisher(len(row), 1).write(image, None, slot)
     assert is_near("images", "depth", slot, expected)
 
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 from splatbus_server import cli, demo
-from splatbus_server.publish import Publisher
 from splatbus_server.raycast import Raycaster
 from splatbus_server.scene import Floor, Scene, Sphere
 from splatbus_server.view import Intrinsics
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.poses import Pose
 
+from splatbus_conformance.selftest.mutants.server.images import stored
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import wrap
@@ -28,16 +28,6 @@ def serving(patch: Patch, **changes: Any) -> None:
         "serve",
         lambda original, *size, **named: original(*size, **(named | changes)),
     )
-
-
-def stored(patch: Patch, channel: str, change: Any) -> None:
-    """Change what lies in a slot after it was written."""
-
-    def written(original: Any, self: Publisher, source: Any, slot: Any, *more: Any) -> None:
-        original(self, source, slot, *more)
-        change(slot)
-
-    wrap(patch, Publisher, channel, written)
 
 
 @variation()
@@ -86,11 +76,6 @@ def server_of_distances(patch: Patch) -> None:
 def server_that_is_empty_at_100(patch: Patch) -> None:
     """Stores the depth 100 where nothing is seen, as the deployed server does, and says so."""
     serving(patch, semantics=Semantics(depth_empty=100.0))
-
-    def fill(slot: Any) -> None:
-        slot[np.isinf(slot)] = 100.0
-
-    stored(patch, "depth", fill)
 
 
 @variation()

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from splatbus_server.exchange import Exchange
-from splatbus_server.publish import Publisher
+from splatbus_server.memory import Memory
 from splatbus_server.ring import Ring
 
 from splatbus_conformance.selftest.patching import Patch
@@ -19,11 +19,17 @@ LATE_SECONDS = 0.03
 def stored(patch: Patch, channel: str, change: Callable[[Any], None]) -> None:
     """Change what lies in a slot after it was written."""
 
-    def written(original: Any, self: Publisher, source: Any, slot: Any, *more: Any) -> None:
-        original(self, source, slot, *more)
-        change(slot)
+    def writer(original: Any, self: Memory, *image: Any) -> Any:
+        write = original(self, *image)
 
-    wrap(patch, Publisher, channel, written)
+        def written(slot: int, wants: Any) -> None:
+            write(slot, wants)
+            if channel in wants:
+                change(getattr(self, channel)(slot))
+
+        return written
+
+    wrap(patch, Memory, "writer", writer)
 
 
 @mutant("BUF-2", check="check_numbers_are_little_endian", reason="big-endian")

@@ -8,12 +8,12 @@ import numpy as np
 from splatbus_server import api, cli, demo
 from splatbus_server.control import Control, Poses
 from splatbus_server.exchange import Exchange
-from splatbus_server.memory import Memory
 from splatbus_server.raycast import Raycaster
 from splatbus_server.scene import IDENTITY, ObjectPose, multiply, rotate, transpose
 from splatbus_wire.messages import CameraPose, Placement
 from splatbus_wire.poses import Pose
 
+from splatbus_conformance.selftest.mutants.server.images import stored
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
@@ -62,14 +62,14 @@ def inverse(rotation: Any, position: Any) -> Any:
 def server_stores_rows_top_down(patch: Patch) -> None:
     """Stores the top row of the image first."""
     for channel in ("color", "depth"):
-        wrap(patch, Memory, channel, lambda original, self, slot: original(self, slot)[::-1])
+        stored(patch, channel, lambda slot: np.copyto(slot, slot[::-1].copy()))
 
 
 @mutant("BUF-1", check="check_rows_are_bottom_up", reason="columns stored from right to left")
 def server_stores_columns_from_the_right(patch: Patch) -> None:
     """Stores the right column of the image first."""
     for channel in ("color", "depth"):
-        wrap(patch, Memory, channel, lambda original, self, slot: original(self, slot)[:, ::-1])
+        stored(patch, channel, lambda slot: np.copyto(slot, slot[:, ::-1].copy()))
 
 
 @mutant("BUF-6", check="check_depth_is_planar", reason="distances along the ray")
