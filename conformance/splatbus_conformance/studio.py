@@ -98,6 +98,14 @@ def answers(trial: ServerTrial, connection: Connection) -> bool:
     )
 
 
+def further(trial: ServerTrial, *others: Connection) -> Connection:
+    """One more message client; skips the check where the server serves fewer at a time."""
+    connection = trial.greeted("msg")
+    if not answers(trial, connection) or any(other.ended for other in others):
+        trial.not_observable("the server serves one connection at a time on the message channel")
+    return connection
+
+
 def placed(name: str, pose: Pose, scale: float | None = None) -> Json:
     """An `object_pose`."""
     added: Json = {} if scale is None else {"scale": scale}

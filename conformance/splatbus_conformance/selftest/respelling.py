@@ -35,9 +35,11 @@ def escape_letters(patch: Patch) -> None:
     """Every letter in names and strings as an escape."""
 
     def escape(text: re.Match[bytes]) -> bytes:
-        return b'"' + b"".join(b"\\u%04x" % byte for byte in text[1]) + b'"'
+        units = json.loads(text[0]).encode("utf-16-be", "surrogatepass")
+        pairs = zip(units[::2], units[1::2], strict=True)
+        return b'"' + b"".join(b"\\u%02x%02x" % pair for pair in pairs) + b'"'
 
-    payloads(patch, lambda payload: re.sub(rb'"([^"\\]*)"', escape, payload))
+    payloads(patch, lambda payload: re.sub(rb'"(?:[^"\\]|\\.)*"', escape, payload))
 
 
 def write_fractions(patch: Patch, form: bytes) -> None:

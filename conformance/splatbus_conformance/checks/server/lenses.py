@@ -13,7 +13,7 @@ from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.pinhole import Camera
 from splatbus_conformance.reprojection import APART, AS_SPECIFIED, FITS, Pair, agreement
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.studio import LENS, Studio, answers, at_rest, elsewhere
+from splatbus_conformance.studio import LENS, Studio, answers, at_rest, elsewhere, further
 from splatbus_conformance.survey import first_view
 from splatbus_conformance.values import show, whole
 
@@ -209,7 +209,7 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     own = {name: first.frame["camera"][name] for name in LENS}
     wrong = in_force(studio.look().frame, own)
     trial.expect(not wrong, f"nobody sent intrinsics, and of the frame's camera {wrong}")
-    other = trial.greeted("msg")
+    other = further(trial, studio.poser)
     lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
     foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
     for number in trial.each(range(3)):

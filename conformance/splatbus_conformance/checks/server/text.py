@@ -84,7 +84,7 @@ def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, ful
     1.0, of the server that knows it.
     """
     asking = [(trial.dial("msg"), REQUESTS)]
-    if trial.facts.welcome["msg"] is not None:
+    if trial.facts.welcome["msg"] is not None and not trial.facts.alone["msg"]:
         asking.append((trial.greeted("msg"), REQUESTS_1_1))
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
         connection, requests = asking[number % len(asking)]

@@ -18,7 +18,7 @@ from splatbus_conformance.resizing import (
     size_of,
 )
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.studio import answers
+from splatbus_conformance.studio import answers, further
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import show
 
@@ -81,7 +81,7 @@ def check_obeys_who_has_control(trial: ServerTrial) -> None:
     the first has gone.
     """
     with resizing(trial) as client:
-        first = trial.greeted("msg")
+        first = further(trial, client)
         trial.viewer.say(first, camera_pose())
         if not answers(trial, first) or "busy" in dealings_of(trial, first).errors():
             trial.not_observable("the client that posed first was not given control")
@@ -151,7 +151,7 @@ def check_announces_no_other_memory_unasked(trial: ServerTrial) -> None:
         for size in trial.each(asks):
             asked(trial, client, size)
             trial.delivered += 1
-        first = trial.greeted("msg")
+        first = further(trial, client)
         trial.viewer.say(first, camera_pose())
         answers(trial, first)
         refused = asked(trial, client, other_sizes(trial)[0]).get("type") == "error"

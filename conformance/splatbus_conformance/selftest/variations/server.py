@@ -4,12 +4,12 @@ import socket
 from typing import Any
 
 from splatbus_server import api, cli, memory, service
-from splatbus_server.connection import Connection, Refusal
-from splatbus_server.control import ONE_AT_REST, Control
+from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
+from splatbus_server.control import Control
 from splatbus_server.service import Peer, Service
 from splatbus_server.session import Session
 from splatbus_wire import from_client
-from splatbus_wire.messages import GetViewportSize, ViewportSize
+from splatbus_wire.messages import GetViewportSize, Placement, ViewportSize
 from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_conformance.messages import init_packet_1_0
@@ -91,7 +91,7 @@ def server_ignores_broken_requests(patch: Patch) -> None:
     """Leaves a message connection of 1.0 open after a broken request."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.welcome is None:
+        if self.welcome is None and _type_and_id(payload)[0] in REQUESTS:
             return Refusal(error.code, str(error))
         return original(self, error, payload, now)
 
@@ -204,7 +204,8 @@ def server_goes_home(patch: Patch) -> None:
     def leave(original: Any, self: Control, connection: Any) -> bool:
         had_control = next(iter(self._sent), None) is connection
         if had_control:
-            self.poses = self.poses._replace(camera=IDENTITY, objects=ONE_AT_REST, tag=None)
+            at_rest = {name: Placement(name, IDENTITY) for name in self.poses.objects}
+            self.poses = self.poses._replace(camera=IDENTITY, objects=at_rest, tag=None)
         return bool(original(self, connection)) or had_control
 
     wrap(patch, Control, "leave", leave)

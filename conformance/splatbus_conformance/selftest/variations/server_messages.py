@@ -18,8 +18,13 @@ from splatbus_conformance.selftest.variations.server_images import serving
 
 
 def grants(patch: Patch, *capabilities: str) -> None:
-    """Have these capabilities of the message channel and no others."""
+    """Have these capabilities of the message channel and no others.
+
+    A scene that is not told is the one of `conformance/SCENE.md` with all in one object.
+    """
     patch.setattr(api, "MESSAGE_CAPABILITIES", capabilities)
+    if "scene" not in capabilities:
+        serving(patch, objects=api.ONE_OBJECT)
 
 
 @variation()
