@@ -108,7 +108,7 @@ class Story:
 def stories(trial: ServerTrial) -> Iterator[Story]:
     """One story whose steps are always the same, then some that are drawn."""
     drawn = st.lists(st.sampled_from(ACTIONS), min_size=1, max_size=8)
-    for actions in trial.each([USUAL], drawn, quick=4, full=60):
+    for actions in trial.each([USUAL], drawn, quick=2, full=60):
         trial.peer.close_all()
         story = Story(trial)
         story.go_through(actions)
