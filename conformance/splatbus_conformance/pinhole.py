@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.messages import Json
+from splatbus_conformance.values import is_number, numbers
 
 Reals = NDArray[np.float64]
 ORIGIN: Reals = np.zeros(3)
@@ -91,6 +92,17 @@ _SIGNS = ((1, 1, -1, -1), (1, -1, 1, -1), (1, -1, -1, 1))
 def rigid(position: Sequence[float], rotation: Sequence[float]) -> Rigid:
     """A pose as it stands on the wire."""
     return Rigid(rotation_matrix(rotation), np.array(position, np.float64))
+
+
+def placed_in(frame: Json, name: str) -> Placed:
+    """Where a frame says that an object was; at rest, if it lists it not, or badly (OBJ-7)."""
+    listed = frame.get("objects")
+    for item in listed if isinstance(listed, list) else ():
+        if isinstance(item, dict) and item.get("object") == name:
+            position, rotation, scale = (item.get(it) for it in ("position", "rotation", "scale"))
+            if numbers(position, 3) and numbers(rotation, 4) and is_number(scale):
+                return Placed(rigid(position, rotation), float(scale))
+    return STILL
 
 
 def camera_of(frame: Json) -> Camera | None:

@@ -11,7 +11,7 @@ from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
-from splatbus_conformance.pinhole import STILL, Placed
+from splatbus_conformance.pinhole import Placed, placed_in
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
@@ -83,13 +83,19 @@ class ServerFacts:
     def setting(
         self,
         frame: Json,
-        default: Placed = STILL,
-        ball: Placed = STILL,
+        default: Placed | None = None,
+        ball: Placed | None = None,
     ) -> Setting:
-        """How the known scene is to look in an image with its objects here."""
+        """How the known scene is to look in an image with its objects here, or where its frame says
+        that they are: whoever moved them last may be gone, and they stay (CTL-5).
+        """
         time: Any = frame.get("time")
         seconds = float(time) if self.time_range() and is_number(time) else 0.0
-        return Setting(default, ball if BALL in self.objects() else None, seconds)
+        return Setting(
+            default or placed_in(frame, DEFAULT),
+            (ball or placed_in(frame, BALL)) if BALL in self.objects() else None,
+            seconds,
+        )
 
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""

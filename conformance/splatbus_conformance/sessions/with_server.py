@@ -176,9 +176,12 @@ class WithServer:
         self.viewer.greet(connection)
         dealings = self.viewer.with_(connection)
         reads = connection.channel == "ipc" and self.knowledge.frames
-        self.trial.wait(
-            lambda: (dealings.init_packets if reads else dealings.welcome) or connection.ended
-        )
+
+        def served() -> bool:
+            # With CUDA memory the init packet comes first (NEG-15), without it the welcome.
+            return bool(dealings.welcome) and (bool(dealings.init_packets) or not reads)
+
+        self.trial.wait(lambda: served() or connection.ended)
         return not connection.ended and bool(dealings.welcome) and not dealings.errors()
 
     def _ask(self, seat: int, what: int) -> None:

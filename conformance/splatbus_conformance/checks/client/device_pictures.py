@@ -142,10 +142,11 @@ def check_goes_on_without_device_memory(trial: ClientTrial) -> None:
     freed, handles that the driver does not know.
     """
     assert trial.device is not None, "a check of device memory needs a device"
-    gone = DeviceRing(trial.device, trial.role.width, trial.role.height, trial.role.slots)
-    freed = gone.init_packet(1)
-    gone.free()
     with ring_for(trial) as ring:
+        # Freed while the other is there, which could otherwise have its place, and its handle.
+        gone = DeviceRing(trial.device, trial.role.width, trial.role.height, trial.role.slots)
+        freed = gone.init_packet(1)
+        gone.free()
         good = ring.init_packet(1)
         events = good["ring"]["events"]
         unusable: dict[str, dict[str, object]] = {
