@@ -1,8 +1,11 @@
 """Readers of a server's images, as its checks use them."""
 
+import time
+
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.server_trial import ServerTrial, shows
+from splatbus_conformance.trial import EFFECT_SECONDS
 
 LENDS = ("1.1", "frames")
 """What a server must have shown that lends images."""
@@ -40,4 +43,20 @@ def pinning(trial: ServerTrial, connection: Connection) -> Json | None:
     if trial.sees(connection, trial.move()) is None:
         return None
     dealings.holds = True
-    return trial.sees(connection, trial.move())
+    return following(trial, connection, trial.move())
+
+
+def following(trial: ServerTrial, connection: Connection, pose: Json) -> Json | None:
+    """The frame of this pose that a reader holds once it has given back those before it, which a
+    server sends all the time whose scene moves by itself; None if it does not come in time.
+    """
+    dealings = trial.viewer.with_(connection)
+    deadline = time.monotonic() + EFFECT_SECONDS
+    while not connection.ended and time.monotonic() < deadline:
+        held = dealings.held
+        if held is not None and shows(held, pose):
+            return held
+        if held is not None:
+            trial.viewer.release(connection, held)
+        trial.wait(lambda: dealings.held or connection.ended, deadline - time.monotonic())
+    return None

@@ -9,7 +9,7 @@ from splatbus_conformance.memory_reading import Opened, Pixels
 from splatbus_conformance.messages import Json
 from splatbus_conformance.server_trial import Image, ServerTrial, shows
 from splatbus_conformance.trial import REACTION_SECONDS
-from splatbus_conformance.watching import LENDS, beside, frames_of, holding
+from splatbus_conformance.watching import LENDS, beside, frames_of, holding, pinning
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
 QUIET_SECONDS = 0.4
@@ -146,9 +146,8 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
         for moment in script:
             dealings = trial.viewer.with_(connection)
             if moment == "holding":
-                dealings.holds = True
-                if not trial.sees(connection, trial.move()):
-                    trial.violated("no frame came when the camera moved, to a reader that waits")
+                held = pinning(trial, connection)
+                trial.expect(held, "no frame came when the camera moved, to a reader that waits")
             pose = trial.move()
             if moment == "holding":
                 trial.rest(RENDER_SECONDS)

@@ -7,7 +7,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.trial import EFFECT_SECONDS
-from splatbus_conformance.watching import LENDS, beside, frames_of, holding, pinning
+from splatbus_conformance.watching import LENDS, beside, following, frames_of, holding, pinning
 
 SAFE: int = LIMITS["max_safe_integer"]
 GLANCE_SECONDS = 0.05
@@ -54,7 +54,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
             pose = trial.move()
             trial.rest(GLANCE_SECONDS)
             trial.viewer.release(connection, held)
-            held = trial.sees(connection, pose) or trial.violated("no frame after release")
+            held = following(trial, connection, pose) or trial.violated("no frame after release")
         elif number != held[kind]:
             wrong[kind] = number
         else:
@@ -67,7 +67,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
         trial.rest(GLANCE_SECONDS)
         trial.expect(len(frames) == before, f"{told}: another frame came")
         trial.viewer.release(connection, held)
-        seen = trial.sees(connection, pose)
+        seen = following(trial, connection, pose)
         if seen is None:
             trial.judge(trial.fate() or ("closes" if connection.ended else "hangs"), told)
         else:
@@ -143,9 +143,7 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
             "too_many_clients" in codes, f"{told} was told {', '.join(codes) or 'nothing'}"
         )
         trial.judge("closes" if trial.ends(connection) else "waits", told)
-        last = frames_of(trial, readers[-1])[-1]
-        trial.viewer.release(readers[-1], last)
-        seen = trial.sees(readers[-1], trial.move(), EFFECT_SECONDS)
+        seen = following(trial, readers[-1], trial.move())
         trial.expect(seen, f"after {told[:-1]} was refused, another saw no move")
         trial.delivered += 1
         return
