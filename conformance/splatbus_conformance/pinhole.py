@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,8 @@ def placed_in(frame: Json, name: str) -> Placed:
     listed = frame.get("objects")
     for item in listed if isinstance(listed, list) else ():
         if isinstance(item, dict) and item.get("object") == name:
-            position, rotation, scale = (item.get(it) for it in ("position", "rotation", "scale"))
+            found: Any = (item.get(it) for it in ("position", "rotation", "scale"))
+            position, rotation, scale = found
             if numbers(position, 3) and numbers(rotation, 4) and is_number(scale):
                 return Placed(rigid(position, rotation), float(scale))
     return STILL
