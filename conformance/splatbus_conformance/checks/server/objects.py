@@ -137,7 +137,8 @@ def _expect_listed(trial: ServerTrial, where: Moved, frame: Json) -> None:
         told = told_of(frame, name)
         if told is None:
             at_rest = pose == AT_REST and scale == 1.0
-            trial.expect(at_rest, f"a frame does not list {name}, which is not at rest: {pose}")
+            what = f"which was put to {pose} with scale {scale}"
+            trial.expect(at_rest, f"a frame does not list {name}, {what}")
             continue
         said = f"a frame tells of {name} that it is at {show(told)}"
         trial.expect(_same(told, pose, scale), f"{said}; it was put to {pose} with scale {scale}")

@@ -121,7 +121,7 @@ def server_does_not_say_where_objects_are(patch: Patch) -> None:
     messages(patch, of_type("frame", lambda m: {n: it for n, it in m.items() if n != "objects"}))
 
 
-@mutant("OBJ-7", check=LISTED, reason="ball")
+@mutant("OBJ-7", check=LISTED, reason="a frame ")
 def server_says_where_objects_were(patch: Patch) -> None:
     """Lists in each frame what the one before it should have listed."""
     former: list[Any] = []
