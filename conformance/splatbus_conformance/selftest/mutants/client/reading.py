@@ -133,7 +133,9 @@ def finds_members_at_any_level(patch: Patch) -> None:
 )
 def crashes_on_unknown_members_of_a_reply(patch: Patch) -> None:
     """Crashes on a reply with a member that it does not know."""
-    known = set("type id viewport_size position rotation version server capabilities".split())
+    known = {*"type id viewport_size position rotation version server capabilities".split()}
+    known |= {*"intrinsics t serverTime code message pointer supported".split()}
+    known |= {*"objects timeRange cameras origin seq time series".split()}
 
     def decode(original: Any, payload: bytes, request: Any) -> Any:
         if set(json.loads(payload)) - known:

@@ -87,13 +87,13 @@ def _on_a_bad_reply(patch: Patch, react: Any) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("REQ-14", reason='type is "ping"')
+@mutant("REQ-14", reason='type is "nudge"')
 def sends_a_type_of_its_own(patch: Patch) -> None:
-    """Sends a `ping` of its own after each request."""
-    ping = b'{"type":"ping"}'
+    """Sends a `nudge` of its own after each request."""
+    nudge = b'{"type":"nudge"}'
 
     def data_to_send(original: Any, self: MessageProtocol, now: float) -> bytes:
         data: bytes = original(self, now)
-        return data + len(ping).to_bytes(4, "little") + ping if b'"get_' in data else data
+        return data + len(nudge).to_bytes(4, "little") + nudge if b'"get_' in data else data
 
     wrap(patch, MessageProtocol, "data_to_send", data_to_send)
