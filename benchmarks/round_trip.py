@@ -169,7 +169,8 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
         bars = axis.bar(places, heights, width=0.19, label=f"{who}, {percentile[:3]}")
         axis.bar_label(bars, fmt="%.2g", fontsize=7)
     axis.set_xticks(
-        range(len(rows)), [f"{row['rendering']}\np50 ×{row['ratio_p50']}" for row in rows]
+        range(len(rows)),
+        [f"{row['rendering'].replace(', ', chr(10))}\np50 ×{row['ratio_p50']}" for row in rows],
     )
     axis.set_yscale("log")
     axis.set_ylabel("round trip of get_viewport_size (ms)")
