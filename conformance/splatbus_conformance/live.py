@@ -61,7 +61,6 @@ class Live:
     _took: defaultdict[str, deque[float]] = field(
         default_factory=lambda: defaultdict(lambda: deque(maxlen=NEWEST))
     )
-    _messages: int = 0
     _judged_at: int = 0
 
     def feed(self, entry: Entry) -> None:
@@ -101,16 +100,16 @@ class Live:
     @property
     def is_due(self) -> bool:
         """Whether enough has come since the last judgement for another."""
-        return self._messages > 0 and self._messages >= GROWTH * self._judged_at
+        seen = self._counts.total()
+        return seen > 0 and seen >= GROWTH * self._judged_at
 
     def judged(self) -> Audit:
         """What the session shows of both peers, so far."""
-        self._judged_at = self._messages
+        self._judged_at = self._counts.total()
         return audit_of(self.assembler.so_far())
 
     def _count(self, conversation: Conversation, message: Message) -> None:
         kind = (conversation.channel, message.direction, _name(message))
-        self._messages += 1
         self._counts[kind] += 1
         self._bytes[kind] += len(message.packet.payload)
         self._recent.append((self.now, kind))

@@ -94,15 +94,21 @@ def rigid(position: Sequence[float], rotation: Sequence[float]) -> Rigid:
     return Rigid(rotation_matrix(rotation), np.array(position, np.float64))
 
 
+def told_of(frame: Json, name: str) -> Json | None:
+    """What a frame says of an object; None if it does not list it."""
+    held = frame.get("objects")
+    found = [it for it in held or [] if isinstance(it, dict)] if isinstance(held, list) else []
+    return next((it for it in found if it.get("object") == name), None)
+
+
 def placed_in(frame: Json, name: str) -> Placed:
     """Where a frame says that an object was; at rest, if it lists it not, or badly (OBJ-7)."""
-    listed = frame.get("objects")
-    for item in listed if isinstance(listed, list) else ():
-        if isinstance(item, dict) and item.get("object") == name:
-            found: Any = (item.get(it) for it in ("position", "rotation", "scale"))
-            position, rotation, scale = found
-            if numbers(position, 3) and numbers(rotation, 4) and is_number(scale):
-                return Placed(rigid(position, rotation), float(scale))
+    told = told_of(frame, name) or {}
+    position: Any = told.get("position")
+    rotation: Any = told.get("rotation")
+    scale: Any = told.get("scale")
+    if numbers(position, 3) and numbers(rotation, 4) and is_number(scale):
+        return Placed(rigid(position, rotation), float(scale))
     return STILL
 
 

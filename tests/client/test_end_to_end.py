@@ -13,7 +13,8 @@ from splatbus_client import Pose
 from splatbus_client.cli import main
 from splatbus_client.poses import look_at
 from splatbus_server import scene
-from splatbus_wire.rotations import rotation_matrix
+
+from tests.closed_form import exact_pixels
 
 WIDTH, HEIGHT = 96, 72
 TOP_LEFT = (11, 27)  # of the colour panel
@@ -56,20 +57,7 @@ def frame_from(session, pose):
 
 def exact(camera):
     """What a sample of pixels shows: row, column, RGBA, depth, where no edge is near."""
-    r = rotation_matrix(camera.pose.rotation)
-    pinhole = scene.Camera(
-        *(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
-        camera.pose.position,
-        (r[0:3], r[3:6], r[6:9]),
-    )
-    pixels = np.random.default_rng(0).integers((0, 0), (HEIGHT, WIDTH), (300, 2))
-    for row, column in pixels:
-        shown = [
-            scene.exact_pixel(scene.default_scene(), pinhole, column + 0.5 + du, row + 0.5 + dv)
-            for du, dv in ((0, 0), (-0.02, -0.02), (0.02, 0.02), (-0.02, 0.02), (0.02, -0.02))
-        ]
-        if np.ptp([color for color, _ in shown], axis=0).max() < 0.02:
-            yield row, column, *shown[0]
+    return exact_pixels(scene.default_scene(), camera, 300, seed=0)
 
 
 @pytest.mark.parametrize("pose", POSES)

@@ -18,7 +18,8 @@ from splatbus_client.cli import main
 from splatbus_client.clock import best
 from splatbus_server import scene
 from splatbus_wire.messages import Histogram, Placement, Scalar, Text
-from splatbus_wire.rotations import rotation_matrix
+
+from tests.closed_form import exact_pixels, matrix
 
 WIDTH, HEIGHT = 96, 72
 AHEAD = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -98,28 +99,10 @@ def rotation_about_y(angle):
 
 def check_pixels(frame, count=40, degrees_per_second=0.0):
     """Hold a frame against the scene as its own camera sees it, where no edge is near."""
-    color, depth, camera = frame.color, frame.depth, frame.camera
     shown = scene_of(frame, degrees_per_second)
-    pinhole = scene.Camera(
-        *(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
-        camera.pose.position,
-        matrix(camera.pose.rotation),
-        camera.near,
-        camera.far,
-    )
-    for row, column in np.random.default_rng(frame.seq).integers((0, 0), depth.shape, (count, 2)):
-        around = [
-            scene.exact_pixel(shown, pinhole, column + 0.5 + du, row + 0.5 + dv)
-            for du, dv in ((0, 0), (-0.02, -0.02), (0.02, 0.02), (-0.02, 0.02), (0.02, -0.02))
-        ]
-        if np.ptp([color for color, _ in around], axis=0).max() < 0.02:
-            np.testing.assert_allclose(color[row, column], around[0][0], atol=2e-5)
-            np.testing.assert_allclose(depth[row, column], around[0][1], rtol=2e-5)
-
-
-def matrix(rotation):
-    r = rotation_matrix(rotation)
-    return r[0:3], r[3:6], r[6:9]
+    for row, column, color, depth in exact_pixels(shown, frame.camera, count, frame.seq):
+        np.testing.assert_allclose(frame.color[row, column], color, atol=2e-5)
+        np.testing.assert_allclose(frame.depth[row, column], depth, rtol=2e-5)
 
 
 def test_a_lens_is_scaled_to_the_images_and_stays_in_force(session):

@@ -22,7 +22,6 @@ from splatbus_wire.messages import (
     CameraReply,
     GetCameraPose,
     GetViewportSize,
-    Hello,
     Intrinsics,
     ObjectPose,
     Pose,
@@ -33,18 +32,16 @@ from splatbus_wire.messages import (
 from tests.client.fake_server import (
     CAMERA_REPLY,
     LENS,
-    MESSAGE_CAPABILITIES,
     POSITION,
     ROTATION,
     packet,
     packets,
     welcome,
 )
+from tests.client.machines import HELLO, SIZE, machine_of_1_0, machine_of_1_1, receive
 
-HELLO = Hello(("1.1", "1.0"), Program("test", "0"), MESSAGE_CAPABILITIES)
 INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)
-SIZE = {"viewport_size": [320, 240]}
 BROKEN = [
     b"\xff",
     b"[]",
@@ -64,25 +61,6 @@ BROKEN = [
     b"\xef\xbb\xbf{}",
     b"9" * 5000,
 ]
-
-
-def receive(machine, data, now):
-    return list(machine.receive(data, now))
-
-
-def machine_of_1_0():
-    machine = MessageProtocol(HELLO)
-    machine.data_to_send(0.0)
-    receive(machine, packet(SIZE), 0.0)
-    return machine
-
-
-def machine_of_1_1(*capabilities):
-    machine = MessageProtocol(HELLO)
-    machine.data_to_send(0.0)
-    receive(machine, packet(welcome(*capabilities)), 0.0)
-    receive(machine, packet({"type": "viewport_size"} | SIZE), 0.0)
-    return machine
 
 
 def test_hello_comes_first_and_the_question_that_tells_versions_apart_second():

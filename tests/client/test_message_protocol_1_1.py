@@ -16,12 +16,10 @@ from splatbus_wire.messages import (
     CameraPose,
     GetCameraPose,
     GetScene,
-    Hello,
     Intrinsics,
     ObjectPose,
     Ping,
     Pose,
-    Program,
     SetTime,
     SetViewport,
     SubscribeTelemetry,
@@ -40,30 +38,10 @@ from tests.client.fake_server import (
     packets,
     welcome,
 )
+from tests.client.machines import HELLO, SIZE, machine_of_1_1, receive
 
-HELLO = Hello(("1.1", "1.0"), Program("test", "0"), MESSAGE_CAPABILITIES)
 INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)
-SIZE = {"viewport_size": [320, 240]}
-
-
-def receive(machine, data, now):
-    return list(machine.receive(data, now))
-
-
-def machine_of_1_0():
-    machine = MessageProtocol(HELLO)
-    machine.data_to_send(0.0)
-    receive(machine, packet(SIZE), 0.0)
-    return machine
-
-
-def machine_of_1_1(*capabilities):
-    machine = MessageProtocol(HELLO)
-    machine.data_to_send(0.0)
-    receive(machine, packet(welcome(*capabilities)), 0.0)
-    receive(machine, packet({"type": "viewport_size"} | SIZE), 0.0)
-    return machine
 
 
 OF_1_1 = [

@@ -6,7 +6,6 @@ import threading
 
 import pytest
 from splatbus_client import (
-    Intrinsics,
     Pose,
     ServerRefusedError,
     connect,
@@ -17,7 +16,6 @@ from splatbus_wire.errors import ProtocolError
 from tests.client.fake_server import (
     CAMERA_REPLY,
     HEIGHT,
-    LENS,
     POSITION,
     ROTATION,
     WIDTH,
@@ -25,8 +23,6 @@ from tests.client.fake_server import (
 )
 
 POSE = Pose(POSITION, ROTATION)
-LENS_SENT = Intrinsics(**LENS)
-BUSY = {"type": "error", "code": "busy", "message": "another client steers"}
 OTHER = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 
 

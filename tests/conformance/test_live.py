@@ -69,7 +69,7 @@ def test_judging_all_along_costs_a_few_looks_at_the_whole() -> None:
     for t in range(2000):
         live.feed(said(float(t), "c2s", type="camera_pose"))
         if live.is_due:
-            judged += live._messages
+            judged += sum(line.seen for line in live.lines())
             live.judged()
     assert judged < 10 * 2000
 

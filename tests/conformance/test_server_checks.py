@@ -18,11 +18,11 @@ from splatbus_conformance.checks.server.lenses import (
     same_shape,
     scaled,
 )
-from splatbus_conformance.checks.server.objects import broken_object_poses, told_of
+from splatbus_conformance.checks.server.objects import broken_object_poses
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.kinds import CAPABILITIES
 from splatbus_conformance.messages import frame
-from splatbus_conformance.pinhole import STILL, Placed
+from splatbus_conformance.pinhole import STILL, Placed, told_of
 from splatbus_conformance.rules.cameras import lens as judged_lens
 from splatbus_conformance.rules.objects import object_pose as judged_object_pose
 from splatbus_conformance.server_introduction import ServerFacts

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from hypothesis import strategies as st
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
 
@@ -24,3 +25,19 @@ def refusal(decode, *arguments, **keywords) -> ProtocolError:
     with pytest.raises(ProtocolError) as caught:
         decode(*arguments, **keywords)
     return caught.value
+
+
+@st.composite
+def edited(draw: st.DrawFn, *payloads: bytes) -> bytes:
+    """One of these with a few of its bytes cut, doubled, or replaced."""
+    payload = draw(st.sampled_from(payloads))
+    for _ in range(draw(st.integers(1, 3))):
+        start = draw(st.integers(0, len(payload)))
+        end = start + draw(st.integers(0, 12))
+        new = draw(
+            st.just(b"")
+            | st.just(payload[start:end] * 2)
+            | st.text('0123456789eE.+-"{}[]:, \n\\xyzw', max_size=4).map(str.encode)
+        )
+        payload = payload[:start] + new + payload[end:]
+    return payload

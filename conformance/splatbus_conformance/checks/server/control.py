@@ -3,10 +3,10 @@
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.clocks import set_time
 from splatbus_conformance.checks.server.lenses import in_force, lens_of
-from splatbus_conformance.checks.server.objects import told_of
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographer import AT_REST
+from splatbus_conformance.pinhole import told_of
 from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.steering import Steering, camera_of

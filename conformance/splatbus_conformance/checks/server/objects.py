@@ -13,7 +13,7 @@ from splatbus_conformance.closed_form import COLOR_BUDGET, NOTHING, Exact, rende
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.photographs import Photograph
-from splatbus_conformance.pinhole import STILL, Placed, rigid
+from splatbus_conformance.pinhole import STILL, Placed, rigid, told_of
 from splatbus_conformance.server_introduction import BALL, DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.staging import turned_about
@@ -142,13 +142,6 @@ def _expect_listed(trial: ServerTrial, where: Moved, frame: Json) -> None:
             continue
         said = f"a frame tells of {name} that it is at {show(told)}"
         trial.expect(_same(told, pose, scale), f"{said}; it was put to {pose} with scale {scale}")
-
-
-def told_of(frame: Json, name: str) -> Json | None:
-    """What a frame says of an object; None if it does not list it."""
-    held = frame.get("objects")
-    found = [it for it in held or [] if isinstance(it, dict)] if isinstance(held, list) else []
-    return next((it for it in found if it.get("object") == name), None)
 
 
 def _same(told: Json, pose: Pose, scale: float) -> bool:
