@@ -19,9 +19,9 @@ from splatbus_conformance.audit import results as audit_results
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
 from splatbus_conformance.findings import Traffic
 from splatbus_conformance.judging import judge
-from splatbus_conformance.plan import Side, Usage
+from splatbus_conformance.plan import SIDES, Side, Usage
 from splatbus_conformance.replay_command import replay_script
-from splatbus_conformance.reports import json_report
+from splatbus_conformance.reports.as_json import json_report
 from splatbus_conformance.script import load
 from splatbus_conformance.terminal import print_connections, print_failures, summary
 from splatbus_conformance.verdicts import (
@@ -117,7 +117,7 @@ def _opinion(
     audits: Iterable[tuple[str, Audit]], arguments: argparse.Namespace, out: Console
 ) -> int:
     """Say what the audits found; the exit status."""
-    peers = PEERS if arguments.peer == "both" else (arguments.peer,)
+    peers = SIDES if arguments.peer == "both" else (arguments.peer,)
     codes, reports = [], []
     for name, judged in audits:
         began = time.monotonic()
@@ -132,6 +132,7 @@ def _opinion(
             reports.append(
                 json_report(
                     f"the {peer} in {Path(name).name}",
+                    peer,
                     sentence,
                     results,
                     exercised,

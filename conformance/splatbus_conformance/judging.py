@@ -15,7 +15,8 @@ from splatbus_conformance.demands import shortfalls
 from splatbus_conformance.failures import work_out
 from splatbus_conformance.findings import Findings
 from splatbus_conformance.plan import NoVerdict, Plan
-from splatbus_conformance.reports import json_report, junit_report
+from splatbus_conformance.reports.as_json import json_report
+from splatbus_conformance.reports.junit import junit_report
 from splatbus_conformance.running import run_checks
 from splatbus_conformance.terminal import (
     Live,
@@ -31,6 +32,7 @@ from splatbus_conformance.verdicts import (
     Result,
     Verdict,
     exit_code,
+    reached,
 )
 
 
@@ -88,31 +90,28 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     if complaints:
         status = EXIT_NOT_CONFORMING
     out.print(f"{sentence}\n{traffic.sentence(seconds)}", markup=False)
+    report = json_report(
+        traffic.testee,
+        plan.side,
+        sentence,
+        results,
+        judged,
+        exit_code=status,
+        traffic=traffic,
+        seconds=seconds,
+        least=wishes.demands.level,
+        complaints=complaints,
+        deselected=deselected,
+        profile=plan.profile,
+        seeds=findings.seeds or [plan.seed],
+    )
     if wishes.json:
-        report = json_report(
-            traffic.testee,
-            sentence,
-            results,
-            judged,
-            exit_code=status,
-            traffic=traffic,
-            seconds=seconds,
-            complaints=complaints,
-            deselected=deselected,
-            profile=plan.profile,
-            seeds=findings.seeds or [plan.seed],
-        )
         wishes.json.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
     if wishes.junit:
-        wishes.junit.write_bytes(junit_report(traffic.testee, results, seconds, complaints))
+        wishes.junit.write_bytes(junit_report([report]))
     if wishes.write_expected:
         return write_expected(wishes.write_expected, found, wishes, out)
     return status
-
-
-def reached(results: Iterable[Result]) -> Level:
-    """The highest assurance at which something was found to be right."""
-    return max((it.level for it in results if it.verdict is Verdict.PASS), default=Level.WIRE)
 
 
 def left_out(plan: Plan) -> dict[str, list[str]]:

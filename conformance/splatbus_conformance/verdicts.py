@@ -76,6 +76,11 @@ def by_requirement(results: Iterable[Result]) -> dict[str, list[Result]]:
     return groups
 
 
+def reached(results: Iterable[Result]) -> Level:
+    """The highest assurance at which something was found to be right."""
+    return max((it.level for it in results if it.verdict is Verdict.PASS), default=Level.PASSIVE)
+
+
 def failing(level: str) -> Verdict:
     """What breaking a requirement of this level (MUST, SHOULD, …) is called."""
     return Verdict.FAIL if level.startswith("MUST") else Verdict.WARN

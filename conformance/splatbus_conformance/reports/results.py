@@ -1,0 +1,26 @@
+"""The results of a report, whichever requirement they belong to."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from splatbus_conformance.reports.as_json import Report
+
+
+class Told(NamedTuple):
+    """One result, and what it is about."""
+
+    requirement: str
+    """Its id; empty for what befell the run itself."""
+    sentence: str
+    acceptable: tuple[str, ...]
+    result: dict[str, Any]
+
+
+def results(report: Report) -> Iterator[Told]:
+    """Every result, in the order of the specification, those of the run itself last."""
+    for entry in report["requirements"]:
+        sentence, acceptable = entry.get("sentence", ""), tuple(entry.get("acceptable", ()))
+        for result in entry["results"]:
+            yield Told(entry["id"], sentence, acceptable, result)
+    for result in report.get("others", ()):
+        yield Told(result["requirement"], "", (), result)
