@@ -6,7 +6,8 @@ from typing import Any
 
 from splatbus_schemas.requirements import Requirement, requirements
 
-from splatbus_conformance import tally
+from splatbus_conformance import latencies, tally
+from splatbus_conformance.latencies import Histogram, Latencies
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.selection import RULE, Item
@@ -32,6 +33,8 @@ class Traffic:
     waiting_seconds: float = 0.0
     """Time in which the harness waited for the testee, or listened to its silence."""
     tally: Tally = field(default_factory=dict)
+    latencies: Latencies = field(default_factory=dict)
+    """How long the testee took for its answers."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
@@ -44,6 +47,7 @@ class Traffic:
         self.busy_seconds += other.busy_seconds
         self.waiting_seconds += other.waiting_seconds
         tally.add(self.tally, other.tally)
+        latencies.add(self.latencies, other.latencies)
         self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:
@@ -55,6 +59,9 @@ class Traffic:
         """The reverse of `as_text`."""
         members = json.loads(text)
         members["tally"] = {name: Count(*count) for name, count in members["tally"].items()}
+        members["latencies"] = {
+            what: Histogram.from_counts(**it) for what, it in members["latencies"].items()
+        }
         return cls(**members)
 
     def sentence(self, seconds: float) -> str:

@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance import recording
+from splatbus_conformance import latencies, recording
 from splatbus_conformance.checks import Check
+from splatbus_conformance.conversation import conversations
 from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
@@ -100,8 +101,10 @@ class CheckPlugin:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""
         entries = list(self.stand.peer.entries)
         self.stand.peer.close_all()  # what the testee does about it goes on during the judgement
-        seen = tally(entries, self.plan.side, self.rules)
+        recorded = conversations(entries)
+        seen = tally(recorded, self.plan.side, self.rules)
         add(self.traffic.tally, seen)
+        latencies.add(self.traffic.latencies, latencies.of(recorded, self.plan.side))
         if self.trial_now is not None:
             broken = [requirement for requirement, count in seen.items() if count.broken]
             self.traffic.scripts |= {it: self._script(it, name, by_rule=True) for it in broken}

@@ -3,8 +3,7 @@
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
-from splatbus_conformance.conversation import conversations
-from splatbus_conformance.recording import Entry
+from splatbus_conformance.conversation import Conversation
 from splatbus_conformance.rules import Rule, all_rules
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
@@ -31,10 +30,10 @@ def rules_on(ids: Collection[str]) -> tuple[Rule, ...]:
     return tuple(rule for rule in all_rules() if not set(rule.judges).isdisjoint(ids))
 
 
-def tally(entries: Iterable[Entry], side: str, rules: Iterable[Rule]) -> Tally:
+def tally(recorded: Iterable[Conversation], side: str, rules: Iterable[Rule]) -> Tally:
     """What these rules see of one side in a recording."""
     rules, found = tuple(rules), Tally()
-    for conversation in conversations(entries):
+    for conversation in recorded:
         for rule in rules:
             for sighting in rule(conversation):
                 if sighting.peer == side:

@@ -1,11 +1,13 @@
 """Findings: they cross from process to process, and those of several runs add up."""
 
+from splatbus_conformance.conversation import conversations
 from splatbus_conformance.findings import (
     Findings,
     Traffic,
     result_as_text,
     result_from_text,
 )
+from splatbus_conformance.latencies import Histogram
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.selection import Selection
@@ -38,6 +40,7 @@ def test_a_result_crosses_to_another_process_with_whatever_a_testee_sent() -> No
 
 def test_traffic_crosses_too() -> None:
     traffic = Traffic("cmd", "1.1", "GPU-1", 3, 0.5, 1.5, {"FRM-1": Count(4, 1, "\ud800")})
+    traffic.latencies["ping → pong"] = Histogram({-40: 2}, 0.01)
     assert Traffic.from_text(traffic.as_text().encode("ascii").decode()) == traffic
 
 
@@ -78,8 +81,8 @@ def test_the_breaches_that_rules_saw_say_the_seed_of_the_first() -> None:
 
 
 def test_only_the_rules_that_are_wanted_judge_and_only_this_side() -> None:
-    entries = talk("msg", raw("c2s", b"\x00\x00\x00\x00more"))
+    recorded = conversations(talk("msg", raw("c2s", b"\x00\x00\x00\x00more")))
     rules = rules_on({"FRM-2"})
-    assert tally(entries, "client", rules)["FRM-2"].broken == 1
-    assert tally(entries, "server", rules) == {}
-    assert tally(entries, "client", rules_on({"POS-1"})) == {}
+    assert tally(recorded, "client", rules)["FRM-2"].broken == 1
+    assert tally(recorded, "server", rules) == {}
+    assert tally(recorded, "client", rules_on({"POS-1"})) == {}
