@@ -244,16 +244,11 @@ class Bus:
                 "a renderer without depth can give np.full((height, width), np.inf)"
             )
 
-        def write(slot: int) -> None:
-            fill(slot, view.wants)
-            self._statistics.colors_converted += "color" in view.wants
-            self._statistics.depths_converted += view.wants_depth
-
         if time is None:
             time = 0.0 if view.time is None else view.time
         has_news = True  # former memory may have waited for an image that failed
         try:
-            has_news = self._exchange.publish(view, time, write)
+            has_news = self._exchange.publish(view, time, fill)
         finally:
             if has_news:
                 self._service.ring()

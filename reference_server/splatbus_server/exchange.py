@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Hashable, Set
+from collections.abc import Hashable, Set
 from typing import NamedTuple
 
 from splatbus_server.control import Poses
 from splatbus_server.lens import as_high, lens_of, scaled, without_size
-from splatbus_server.memory import FrameMemory
+from splatbus_server.memory import FrameMemory, Writer
 from splatbus_server.statistics import Statistics
 from splatbus_server.view import Intrinsics, View
 
@@ -59,7 +59,8 @@ class Exchange:
         self.replaced: list[FrameMemory] = []
         self.lens = self._given_lens = lens_of(intrinsics, memory.width, memory.height)
         self._statistics = statistics
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
         self._pending: Counter[object] = Counter()
         self._wanted: frozenset[str] = frozenset()
         self._shown: View | None = None
@@ -71,7 +72,7 @@ class Exchange:
 
     def next_view(self, timeout: float | None, contents_changed: bool) -> View | None:
         """What to render now; None if nothing needs it within `timeout` seconds [IMG-10]."""
-        with self._changed:
+        with self._lock:
             if not self._changed.wait_for(lambda: self._is_due(contents_changed), timeout):
                 return None
             if self._failure is not None:
@@ -91,8 +92,8 @@ class Exchange:
                 memory.generation,
             )
 
-    def publish(self, view: View, scene_time: float, write: Callable[[int], None]) -> bool:
-        """Lets `write` fill a slot with what the view wants, then makes it the newest [IMG-6].
+    def publish(self, view: View, scene_time: float, fill: Writer) -> bool:
+        """Lets `fill` write what the view wants into a slot, then makes it the newest [IMG-6].
 
         Does nothing if the view is of memory that was replaced. If that comes to be meanwhile, the
         image is written and nobody sees it.
@@ -100,19 +101,19 @@ class Exchange:
         Returns whether the I/O thread has something to do: a client waits for an image (the others
         ask when they release theirs), or memory for not being written any more.
         """
-        with self._changed:
+        with self._lock:
             memory = self.memory
             if view.generation != memory.generation:
                 return False
             self._written = memory
             slot = memory.ring.begin_write()
         try:
-            write(slot)
+            fill(slot, view.wants)
         finally:
-            with self._changed:
+            with self._lock:
                 self._written = None
         now = time.monotonic()
-        with self._changed:
+        with self._lock:
             if memory is not self.memory:
                 return True
             seq = memory.ring.publish(slot)
@@ -121,6 +122,8 @@ class Exchange:
             memory.ring.begin_write()  # now, not before the next image, which does not wait then
             is_awaited, self._is_awaited = self._is_awaited, False
         self._statistics.frames_published += 1
+        self._statistics.colors_converted += "color" in view.wants
+        self._statistics.depths_converted += view.wants_depth
         return is_awaited
 
     # Either's side
@@ -136,7 +139,7 @@ class Exchange:
             intrinsics: the renderer's own for its size; if not given, the view keeps the height
                 that those given last have.
         """
-        with self._changed:
+        with self._lock:
             if former is not self.memory:
                 return False
             if intrinsics is not None:
@@ -152,7 +155,7 @@ class Exchange:
 
     def move(self, poses: Poses, received: Counter[object]) -> None:
         """Takes the poses to render with, and how many of each kind arrived since the last."""
-        with self._changed:
+        with self._lock:
             self.poses = poses
             self._pending += received
             self._changed.notify_all()
@@ -160,14 +163,14 @@ class Exchange:
     def want(self, channels: frozenset[str], memory: FrameMemory) -> None:
         """Takes which channels clients read of this memory; none if nobody reads."""
         if channels != self._wanted:
-            with self._changed:
+            with self._lock:
                 if memory is self.memory:
                     self._wanted = channels
                     self._changed.notify_all()
 
     def lend(self, client: Hashable, memory: FrameMemory, wants: Set[str]) -> Image | None:
         """Leases the newest image of the memory [IMG-3]; None if there is nothing new for it."""
-        with self._changed:
+        with self._lock:
             image = self.newest
             if (
                 image is not None
@@ -181,17 +184,17 @@ class Exchange:
 
     def take_back(self, client: Hashable, image: Image) -> None:
         """Ends a lease."""
-        with self._changed:
+        with self._lock:
             image.memory.ring.release(client, image.seq)
 
     def forget(self, client: Hashable, memory: FrameMemory) -> None:
         """Ends whatever a client had in the memory [IMG-17]."""
-        with self._changed:
+        with self._lock:
             memory.ring.drop(client)
 
     def give_up(self, memory: FrameMemory) -> bool:
         """Forgets memory that was replaced, to be closed then; False while it is written still."""
-        with self._changed:
+        with self._lock:
             if memory is self._written:
                 return False
             self.replaced.remove(memory)
@@ -199,7 +202,7 @@ class Exchange:
 
     def fail(self, error: BaseException) -> None:
         """Lets the render loop know that nobody serves its images any more."""
-        with self._changed:
+        with self._lock:
             self._failure = error
             self._changed.notify_all()
 

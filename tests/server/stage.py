@@ -88,7 +88,7 @@ class Stage:
     def publish(self, view: View | None = None) -> None:
         view = view or self.view()
         assert view is not None
-        self.exchange.publish(view, 0.0, lambda slot: None)
+        self.exchange.publish(view, 0.0, lambda slot, wants: None)
         self.catch_up()
 
     def resize(self, width: int, height: int) -> Memory:

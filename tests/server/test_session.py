@@ -240,11 +240,11 @@ def test_a_slot_is_not_written_while_it_is_lent(stage: Stage) -> None:
     assert len(set(held)) == 2
     written: list[int] = []
     for _ in range(20):
-        stage.exchange.publish(view, 0.0, written.append)
+        stage.exchange.publish(view, 0.0, lambda slot, _: written.append(slot))
     assert not set(written) & set(held)
     first.leave()
     for _ in range(20):
-        stage.exchange.publish(view, 0.0, written.append)
+        stage.exchange.publish(view, 0.0, lambda slot, _: written.append(slot))
     assert held[0] in written
     assert held[1] not in written
 

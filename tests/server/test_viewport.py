@@ -235,7 +235,7 @@ def test_memory_is_not_freed_while_an_image_is_written(stage: Stage) -> None:
     view = stage.view()
     assert view is not None
 
-    def write(slot: int) -> None:
+    def write(slot: int, wants: object) -> None:
         change(stage, asker)
         reader.say(*answers(2, 1))
         assert stage.exchange.replaced == [stage.memory]
@@ -255,7 +255,7 @@ def test_an_image_that_fails_does_not_keep_memory(stage: Stage) -> None:
     view = stage.view()
     assert view is not None
 
-    def fail(slot: int) -> None:
+    def fail(slot: int, wants: object) -> None:
         stage.resize(8, 6)
         reader.say(*answers(2, 1))
         raise ZeroDivisionError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 from splatbus_server.cuda import dlpack
 
@@ -12,37 +12,19 @@ LEGACY_STREAM = 1
 _BITS = {"<f4": 32, "<f2": 16}
 
 
-class Form(NamedTuple):
-    """How an array lies in memory: the same for each frame of most renderers.
+Form: TypeAlias = tuple[tuple[int, ...], tuple[int, ...], Any, int]
+"""How an array lies in memory, the same for each frame of most renderers: its shape; its strides in
+numbers, not bytes; the bits of a number (32 or 16, 0 if it is none of ours), or what `bits_of`
+tells that from; the ordinal of its device, -1 where it is not known.
+"""
 
-    Attributes:
-        shape: lengths of the axes.
-        strides: in numbers, not bytes.
-        bits: of a number: 32 or 16, 0 if it is none of ours; or what `bits_of` tells that from.
-        device: ordinal, -1 where it is not known.
-    """
+DeviceArray: TypeAlias = tuple[int, Form, int, Any]
+"""Numbers on a GPU: the address of the first; how the others lie; the stream on which they are
+ready, a handle of the driver, 0 or 1 for the default one; and what keeps the memory alive for as
+long as it is read, where freeing it is not ordered by that stream, None where it is.
 
-    shape: tuple[int, ...]
-    strides: tuple[int, ...]
-    bits: Any
-    device: int
-
-
-class DeviceArray(NamedTuple):
-    """Numbers on a GPU.
-
-    Attributes:
-        pointer: to the first.
-        form: how the others lie.
-        stream: on which they are ready, a handle of the driver; 0 or 1 for the default one.
-        owner: what keeps the memory alive for as long as it is read, where freeing it is not
-            ordered by that stream; None where it is.
-    """
-
-    pointer: int
-    form: Form
-    stream: int
-    owner: Any
+Plain tuples, for these are made for each frame while the GPU waits for it.
+"""
 
 
 def device_array(what: str, array: Any, stream: int | None) -> DeviceArray:
@@ -57,7 +39,15 @@ def device_array(what: str, array: Any, stream: int | None) -> DeviceArray:
         ValueError: it is not on a GPU.
     """
     if hasattr(array, "data_ptr"):
-        found = _of_tensor(array, stream)
+        # By a tensor's own attributes, which takes a tenth of the time of a protocol. PyTorch's
+        # allocator gives memory that is freed to later work on the same stream only.
+        device = array.get_device()
+        if device >= 0:
+            if stream is None:
+                stream = _current_stream(device)
+            form = array.shape, array.stride(), array.dtype, device
+            return array.data_ptr(), form, stream, None
+        found = None
     elif "stream" in (interface := _interface(array)) or not hasattr(array, "__dlpack__"):
         found = _of_interface(what, array, interface, stream)
     else:
@@ -70,9 +60,8 @@ def device_array(what: str, array: Any, stream: int | None) -> DeviceArray:
     return found
 
 
-def bits_of(form: Form) -> int:
-    """How many bits a number has: 32 or 16, 0 if it is none of ours."""
-    bits = form.bits
+def bits_of(bits: Any) -> int:
+    """How many bits a number has, by a form's third member: 32 or 16, 0 if it is none of ours."""
     if isinstance(bits, int):
         return bits if bits in (16, 32) else 0
     return {"torch.float32": 32, "torch.float16": 16}.get(str(bits), 0)
@@ -92,20 +81,6 @@ def handle(stream: Any) -> int:
         return int(stream)
     except (TypeError, ValueError):
         raise ValueError(f"{stream!r} is no CUDA stream") from None
-
-
-def _of_tensor(tensor: Any, stream: int | None) -> DeviceArray | None:
-    """A tensor of PyTorch by its own attributes, which takes a tenth of the time of a protocol.
-
-    Its allocator gives memory that is freed to later work on the same stream only.
-    """
-    device = tensor.get_device()
-    if device < 0:
-        return None
-    if stream is None:
-        stream = _current_stream(device)
-    form = Form(tensor.shape, tensor.stride(), tensor.dtype, device)
-    return DeviceArray(tensor.data_ptr(), form, stream, None)
 
 
 def _current_stream(device: int) -> int:
@@ -136,8 +111,8 @@ def _of_interface(
     if strides is not None and bits:
         steps = tuple(8 * stride // bits for stride in strides)
     made_on = interface.get("stream") or 0
-    form = Form(shape, steps, bits, _ordinal(array))
-    return DeviceArray(interface["data"][0], form, made_on if stream is None else stream, array)
+    form = shape, steps, bits, _ordinal(array)
+    return interface["data"][0], form, made_on if stream is None else stream, array
 
 
 def _ordinal(array: Any) -> int:
@@ -153,5 +128,5 @@ def _of_dlpack(array: Any, stream: int | None) -> DeviceArray | None:
         return None
     ours = stream or LEGACY_STREAM
     found = dlpack.shared(array.__dlpack__(stream=ours))
-    form = Form(found.shape, found.strides, found.bits, found.device[1])
-    return DeviceArray(found.pointer, form, ours, found.owner)
+    form = found.shape, found.strides, found.bits, found.device[1]
+    return found.pointer, form, ours, found.owner

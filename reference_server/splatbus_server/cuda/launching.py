@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from ctypes import c_float, c_int64, c_uint, c_void_p
+from ctypes import byref, c_float, c_int64, c_uint, c_void_p
 
 from splatbus_server.cuda.driver import api, refused
 from splatbus_server.cuda.kernels import THREADS
@@ -18,6 +18,14 @@ from splatbus_server.cuda.source import Layout
 # The driver is loaded already, by cuda-bindings.
 _library = ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
 launch, record = _library.cuLaunchKernelEx, _library.cuEventRecord
+
+
+def current_context() -> int | None:
+    """The handle of the context that is this thread's, if there is one."""
+    found = c_void_p()
+    if status := _library.cuCtxGetCurrent(byref(found)):
+        raise refused("cuCtxGetCurrent", api.CUresult(status))
+    return found.value
 
 
 class _Image(ctypes.Structure):

@@ -30,7 +30,7 @@ from splatbus_server.cuda.driver import (
     memory_handle,
 )
 from splatbus_server.cuda.kernels import Compiler
-from splatbus_server.cuda.launching import Launch
+from splatbus_server.cuda.launching import Launch, current_context
 from splatbus_server.cuda.source import DepthKind, Layout, Source, source
 from splatbus_server.ring import Ring
 
@@ -158,28 +158,30 @@ class DeviceMemory:
         return lambda slot, wants: self._write(slot, found, wants)
 
     def _write(self, slot: int, image: Source, wants: Set[str]) -> None:
-        foreign = int(api.cuCtxGetCurrent()[1]) != self._context
+        layout, pointers, stream, owners = image
+        foreign = current_context() != self._context
         if foreign:
             call(api.cuCtxPushCurrent, self._device.context)
         try:
-            if "depth" not in wants or not image.pointers[1]:
+            if "depth" not in wants or not pointers[1]:
                 kernel = "color_only"
             else:
                 kernel = "color_depth" if "color" in wants else "depth_only"
-            self._launch(kernel, slot, image)
+            self._launch(kernel, slot, layout, pointers, stream)
             if "legacy" in wants:
-                self._launch("legacy", len(self._places) - 1, image)
+                self._launch("legacy", len(self._places) - 1, layout, pointers, stream)
             if self._in_use:
                 self._let_go()
-            if image.owners:
-                self._in_use[slot] = image.owners
+            if owners:
+                self._in_use[slot] = owners
         finally:
             if foreign:
                 call(api.cuCtxPopCurrent)
 
-    def _launch(self, kernel: str, slot: int, image: Source) -> None:
+    def _launch(
+        self, kernel: str, slot: int, layout: Layout, pointers: tuple[int, int, int], stream: int
+    ) -> None:
         """Fills a slot and records its event behind that [IMG-7, BUF-10]."""
-        layout, pointers, stream, _ = image
         launch = self._launches.get((kernel, layout, slot, stream))
         if launch is None:
             launch = self._prepared(kernel, layout, slot, stream)

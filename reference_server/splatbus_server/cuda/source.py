@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, TypeAlias
 
 from splatbus_server.cuda.arrays import Form, bits_of, device_array
 from splatbus_server.cuda.kernels import Format
@@ -32,20 +32,10 @@ class Layout:
     alpha: tuple[int, int]
 
 
-class Source(NamedTuple):
-    """An image on a GPU, top row first.
-
-    Attributes:
-        layout: how its arrays lie.
-        pointers: to colour, depth and alpha; 0 for what there is not.
-        stream: to work on.
-        owners: what keeps the memory alive until the kernel has read it.
-    """
-
-    layout: Layout
-    pointers: tuple[int, int, int]
-    stream: int
-    owners: list[Any]
+Source: TypeAlias = tuple[Layout, tuple[int, int, int], int, list[Any]]
+"""An image on a GPU, top row first: how its arrays lie; pointers to colour, depth and alpha, 0 for
+what there is not; the stream to work on; what keeps the memory alive until the kernel has read it.
+"""
 
 
 def source(
@@ -97,7 +87,7 @@ def source(
         device,
     )
     owners = [it for it in (owner, depth_owner, alpha_owner) if it is not None]
-    return Source(layout, (at, depth_at, alpha_at), stream, owners)
+    return layout, (at, depth_at, alpha_at), stream, owners
 
 
 @lru_cache(maxsize=64)
@@ -140,9 +130,10 @@ def _bits(what: str, form: Form | None, device: int) -> int:
     """Of a number, where it is one that the kernels read and on their device."""
     if form is None:
         return 0
-    if form.device not in (device, -1):
-        raise ValueError(f"{what} is on device {form.device}, the server's memory on {device}")
-    bits = bits_of(form)
+    _, _, numbers, own_device = form
+    if own_device not in (device, -1):
+        raise ValueError(f"{what} is on device {own_device}, the server's memory on {device}")
+    bits = bits_of(numbers)
     if not bits:
         raise ValueError(f"{what} is not of float32 or float16 numbers: convert it on the GPU")
     return bits
@@ -150,7 +141,7 @@ def _bits(what: str, form: Form | None, device: int) -> int:
 
 def _color_strides(color: Form, width: int, height: int) -> tuple[int, int, int, int]:
     """How many channels there are, and the strides of row, column and channel."""
-    shape, strides = tuple(color.shape), color.strides
+    shape, strides = tuple(color[0]), color[1]
     if len(shape) == 3:
         if shape[:2] == (height, width) and shape[2] in (3, 4):
             return shape[2], strides[0], strides[1], strides[2]
@@ -165,7 +156,7 @@ def _color_strides(color: Form, width: int, height: int) -> tuple[int, int, int,
 def _plane_strides(what: str, plane: Form | None, width: int, height: int) -> tuple[int, int]:
     if plane is None:
         return 0, 0
-    shape, strides = tuple(plane.shape), plane.strides
+    shape, strides = tuple(plane[0]), plane[1]
     if shape in ((height, width), (height, width, 1)):
         return strides[0], strides[1]
     if shape == (1, height, width):
