@@ -1,0 +1,168 @@
+"""Pages about judging: what judges each requirement, every check and rule, and the kill matrix."""
+
+import html
+import re
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from splatbus_conformance.coverage import Judge, bound, exclusions, judges
+from splatbus_schemas import requirements
+
+from .markdown import table
+
+PEERS = ("client", "server")
+COVERAGE = "conformance/COVERAGE.md"
+CHECKS = "conformance/CHECKS.md"
+KILL_MATRIX = "conformance/KILL_MATRIX.md"
+FILTER = '<div class="row-filter" data-what="{}"></div>\n'
+_MUTANT = re.compile(r"^\| ([A-Z]{3}-\d+) \|.*\| (\**\w+\**) \|[^|]*\|$", re.MULTILINE)
+_MUTANTS = re.compile(r"(^## Mutants\n\n)(\|.*\n\|.*\n)((?:\|.*\n)+)", re.MULTILINE)
+_JUDGE = {
+    "L0": "by reading bytes that crossed the wire",
+    "L1": "by taking part as a live peer",
+    "L2": "through an adapter beside the client",
+    "L3": "in memory",
+}
+
+
+class Judged(NamedTuple):
+    """A check or rule, and what it judges."""
+
+    judge: Judge
+    peer: str
+    requirement: str
+
+
+def coverage(kill_matrix: str) -> str:
+    """Which check or rule judges each requirement at which level, or why none does."""
+    kills = killed(kill_matrix)
+    page = (
+        "# Coverage\n\n"
+        "What judges each requirement, on a client and on a server, and at which "
+        "[level of assurance](README.md#what-a-verdict-means): "
+        + ", ".join(f"{_level(level)} {how}" for level, how in _JUDGE.items())
+        + ". Where nothing does, the reason. A dash: it does not bind that side. *Mutants* are broken "
+        "programs that are [killed](KILL_MATRIX.md) for that requirement.\n\n"
+    )
+    for peer in PEERS:
+        page += (
+            f"- **{peer.capitalize()}**: {len(bound(peer))} requirements bind it, "
+            f"{len(judges(peer))} are judged, {len(exclusions(peer))} are not.\n"
+        )
+    page += "\n" + FILTER.format("requirements")
+    for clause, ids in _by_clause(requirements("1.1")).items():
+        page += f"\n## {clause}\n\n"
+        page += table(
+            ("requirement", "level", "on a client", "on a server", "mutants"),
+            (
+                (
+                    f'<span id="coverage-{name}"></span>{name}',
+                    requirements("1.1")[name].level,
+                    *(_judged(name, peer) for peer in PEERS),
+                    f'<a href="kill-matrix.html#kills-{name}">{kills[name]}</a>'
+                    if kills.get(name)
+                    else "",
+                )
+                for name in ids
+            ),
+        )
+    return page
+
+
+def checks() -> str:
+    """Every check and rule: what it does, what it sees, and what it judges."""
+    page = (
+        "# Checks and rules\n\n"
+        "A check plays a scenario with its testee; a rule reads bytes, live or in a recording. "
+        "Their names stand in reports, and after `--select`.\n\n" + FILTER.format("checks")
+    )
+    found = _everything()
+    seen: set[str] = set()
+    for title, chosen in (
+        ("Checks on clients", [j for j in found if j.judge.level != "L0" and j.peer == "client"]),
+        ("Checks on servers", [j for j in found if j.judge.level != "L0" and j.peer == "server"]),
+        ("Rules", [j for j in found if j.judge.level == "L0"]),
+    ):
+        page += f"\n## {title}\n\n"
+        page += table(
+            ("name", "level", "judges", "what it does", "what it sees"),
+            (_check_row(name, same, seen) for name, same in _by_name(chosen).items()),
+        )
+    return page
+
+
+def check_names() -> frozenset[str]:
+    """The name of every check and rule: each is an anchor of the page of checks."""
+    return frozenset(each.judge.name for each in _everything())
+
+
+def kill_matrix(text: str) -> str:
+    """The kill matrix with its long table divided by clause, and an anchor for each requirement."""
+
+    def divided(match: re.Match[str]) -> str:
+        rows: dict[str, list[str]] = {}
+        for line in match[3].splitlines(keepends=True):
+            name = line.split()[1]
+            rows.setdefault(name, []).append(line)
+        page = match[1] + FILTER.format("programs")
+        for clause, ids in _by_clause(rows).items():
+            page += f"\n### {clause}\n\n{match[2]}"
+            for name in ids:
+                first, *others = rows[name]
+                page += first.replace("| ", f'| <span id="kills-{name}"></span>', 1)
+                page += "".join(others)
+        return page
+
+    return _MUTANTS.sub(divided, text)
+
+
+def killed(kill_matrix: str) -> Mapping[str, int]:
+    """How many mutants were killed for each requirement."""
+    counts: dict[str, int] = {}
+    for name, fate in _MUTANT.findall(kill_matrix):
+        counts[name] = counts.get(name, 0) + (fate == "killed")
+    return counts
+
+
+def _judged(name: str, peer: str) -> str:
+    if name not in bound(peer):
+        return "—"
+    if name in exclusions(peer):
+        reason = exclusions(peer)[name]
+        return f"*not judged:* {html.escape(reason.reason)}"
+    return "<br>".join(f"{_level(j.level)} `{j.name}`" for j in judges(peer)[name])
+
+
+def _level(level: str) -> str:
+    return f'<span class="assurance">{level}</span>'
+
+
+def _everything() -> list[Judged]:
+    return [
+        Judged(judge, peer, name)
+        for peer in PEERS
+        for name, found in judges(peer).items()
+        for judge in found
+    ]
+
+
+def _by_name(found: Iterable[Judged]) -> dict[str, list[Judged]]:
+    names: dict[str, list[Judged]] = {}
+    for each in sorted(found, key=lambda each: each.judge.name):
+        names.setdefault(each.judge.name, []).append(each)
+    return names
+
+
+def _check_row(name: str, same: list[Judged], seen: set[str]) -> tuple[str, ...]:
+    anchor = "" if name in seen else f'<span id="{name}"></span>'
+    seen.add(name)
+    judge = same[0].judge
+    ids = ", ".join(dict.fromkeys(each.requirement for each in same))
+    return f"{anchor}`{name}`", _level(judge.level), ids, judge.what, judge.observable
+
+
+def _by_clause(ids: Iterable[str]) -> dict[str, list[str]]:
+    clauses: dict[str, list[str]] = {}
+    for name in sorted(ids, key=lambda name: int(name.partition("-")[2])):
+        clauses.setdefault(name.partition("-")[0], []).append(name)
+    return dict(sorted(clauses.items()))
