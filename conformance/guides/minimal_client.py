@@ -4,6 +4,9 @@ It needs nothing but the standard library. It sways around the server's first ca
 first image to a file if one is named (`minimal_client.py picture.ppm`), and tells of the others.
 """
 
+# ruff: noqa: D102, D103
+
+import itertools
 import json
 import math
 import mmap
@@ -77,9 +80,12 @@ def once(pairs):
 
 
 def finite(spelling):
-    if not math.isfinite(float(spelling)):
+    """The nearest double [ACC-14], as an integer where it is one that counts something."""
+    number = float(spelling)
+    if not math.isfinite(number):
         raise ValueError("a number is not finite [JSN-4]")
-    return float(spelling) if set(spelling) & set(".eE") else int(spelling)
+    return int(number) if number.is_integer() and abs(number) <= LARGEST else number
+
 
 
 def depth_of(value):
@@ -236,7 +242,7 @@ class Images:
             demand(offset + (ring["slots"] - 1) * stride + size <= memory["bytes"], "[MEM-10]")
             ranges += [(offset + k * stride, size) for k in range(int(ring["slots"]))]
         ranges.sort()
-        apart = all(a + size <= b for (a, size), (b, _) in zip(ranges, ranges[1:], strict=False))
+        apart = all(a + size <= b for (a, size), (b, _) in itertools.pairwise(ranges))
         demand(apart, "two slots overlap [MEM-9]")
         check_semantics(semantics)
         self.width, self.height, self.ring, self.semantics = int(w), int(h), ring, semantics
@@ -244,12 +250,18 @@ class Images:
         self.memory = map_memory(memory["name"], int(memory["bytes"]))
 
     def rows(self, plane, slot):
-        """Rows of floats, the top one first; in memory the bottom one is [BUF-1]."""
-        numbers = self.width * (4 if plane == "color" else 1)
-        offset = int(self.ring[f"{plane}Offset"] + slot * self.ring[f"{plane}Stride"])
-        end = offset + 4 * numbers * self.height
-        floats = memoryview(self.memory[offset:end]).cast("f").tolist()
-        return [floats[r * numbers :][:numbers] for r in reversed(range(self.height))]
+        """Rows of floats, the top one first."""
+        pitch = self.width * (16 if plane == "color" else 4)
+        begins = [
+            row_begins(self.ring, plane, slot, self.height, pitch, row)
+            for row in range(self.height)
+        ]
+        return [memoryview(self.memory[at : at + pitch]).cast("f").tolist() for at in begins]
+
+
+def row_begins(ring, plane, slot, height, pitch, row):
+    """The byte where a row of the image begins; in memory the bottom one is first [BUF-1]."""
+    return int(ring[f"{plane}Offset"] + slot * ring[f"{plane}Stride"] + (height - 1 - row) * pitch)
 
 
 def check_semantics(semantics):
@@ -308,11 +320,10 @@ def ipc_channel(connection):
             waiting = message
         elif message and kind is None and "meta" in message and granted is None:
             granted = []  # a server of 1.0: say nothing more [NEG-14]
-        elif kind == "frame" and images and message.get("generation") == images.generation:
-            if whole(message.get("slot"), 0, images.ring["slots"] - 1) and "seq" in message:
-                seen = show(images, message, seen)
-                lease = {"generation": images.generation, "seq": message["seq"]}
-                connection.sendall(packet({"type": "release"} | lease))
+        elif kind == "frame" and images and lends(message, images):
+            seen = show(images, message, seen)
+            lease = {"generation": images.generation, "seq": message["seq"]}
+            connection.sendall(packet({"type": "release"} | lease))
         if not (waiting and granted):
             continue
         init, waiting = waiting, None
@@ -339,6 +350,12 @@ def opened(connection, init):
 
 
 # Step 7: the image
+
+
+def lends(frame, images):
+    """Whether the frame is of memory that is open, and of a slot that exists [IMG-15]."""
+    known = frame.get("generation") == images.generation and whole(frame.get("seq"), 0)
+    return known and whole(frame.get("slot"), 0, images.ring["slots"] - 1)
 
 
 def show(images, frame, seen):
