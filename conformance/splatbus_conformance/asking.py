@@ -4,16 +4,21 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
+from splatbus_schemas import LIMITS
+
 from splatbus_conformance import expected
 from splatbus_conformance.coverage import check_functions, judges
 from splatbus_conformance.demands import Demands
 from splatbus_conformance.expected import Expectation, ExpectationsError
+from splatbus_conformance.options import FORMATS
 from splatbus_conformance.plan import Plan, Side, Usage
 from splatbus_conformance.plugin import selectable
+from splatbus_conformance.reports.files import Files, require_folder, require_writable
 from splatbus_conformance.selection import ALL, RULE, Item, Selection, UnknownTermError, terms
 from splatbus_conformance.verdicts import Level
 
 DEPLOYED_PORTS = (6001, 6000)
+MOST_PORT = 65535
 LAUNCH_PATIENCE = 10.0
 WAIT_PATIENCE = 120.0
 
@@ -32,8 +37,7 @@ class Wishes:
     scripts: Path = Path("splatbus-failures")
     """Where a script of each failure goes."""
     write_expected: Path | None = None
-    json: Path | None = None
-    junit: Path | None = None
+    files: Files = Files()  # noqa: RUF009 - it is frozen
 
 
 def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
@@ -78,18 +82,28 @@ def wishes_of(side: Side, arguments: argparse.Namespace) -> Wishes:
             "--write-expected wants a whole run, or it would forget the failures that were not "
             "looked for: leave out --select and --deselect"
         )
-    return Wishes(
+    wishes = Wishes(
         arguments.strict,
         Demands(Level(arguments.require_level), parse_share(arguments.require_coverage)),
         _expectations(arguments.expect_failures, side),
         arguments.minutes,
         arguments.shrink,
         Path(arguments.scripts),
-        *(
-            Path(name) if name else None
-            for name in (arguments.write_expected, arguments.json, arguments.junit)
-        ),
+        Path(arguments.write_expected) if arguments.write_expected else None,
+        files_of(arguments),
     )
+    require_folder("--scripts", wishes.scripts)
+    if wishes.write_expected:
+        require_writable("--write-expected", wishes.write_expected)
+    return wishes
+
+
+def files_of(arguments: argparse.Namespace) -> Files:
+    """Where reports go. Raises Usage for what cannot be written."""
+    given = {name: getattr(arguments, name, None) for name in FORMATS}
+    files = Files(**{name: Path(path) for name, path in given.items() if path is not None})
+    files.require_writable()
+    return files
 
 
 def _expectations(name: str | None, side: Side) -> tuple[Expectation, ...]:
@@ -109,6 +123,10 @@ def parse_ports(text: str | None, default: tuple[int, int]) -> tuple[int, int]:
         ipc, msg = (int(part) for part in text.split(","))
     except ValueError:
         raise Usage(f"--ports {text}: two numbers are wanted, such as 6001,6000") from None
+    if not (0 <= ipc <= MOST_PORT and 0 <= msg <= MOST_PORT):
+        raise Usage(f"--ports {text}: a port is a number from 0, for a free one, to {MOST_PORT}")
+    if ipc == msg != 0:
+        raise Usage(f"--ports {text}: IPC and message need a port each, such as 6001,6000")
     return ipc, msg
 
 
@@ -118,6 +136,9 @@ def parse_size(text: str) -> tuple[int, int]:
         width, height = (int(part) for part in text.lower().split("x"))
     except ValueError:
         raise Usage(f"--viewport {text}: width and height are wanted, such as 1920x1080") from None
+    most = LIMITS["max_image_size"]
+    if not (1 <= width <= most and 1 <= height <= most):
+        raise Usage(f"--viewport {text}: images are 1 to {most} pixels wide and high")
     return width, height
 
 

@@ -13,7 +13,7 @@ from splatbus_conformance.rules import Sighting, judge
 from splatbus_conformance.rules.answers import exchanges
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 
-VERSION = "1.1"
+VERSIONS = ("1.0", "1.1")
 """Rules of 1.1 judge only what a `hello` or an init packet of 1.1 has brought into play."""
 
 
@@ -71,10 +71,32 @@ class Audit:
 
     findings: tuple[Finding, ...]
     """What was exercised, in the order of the specification, the client's before the server's."""
-    connections: Mapping[Channel, int]
-    """How many connections were seen on each channel."""
+    conversations: tuple[Conversation, ...]
+    """What was judged."""
     left_over: tuple[str, ...]
     """What no rule could judge, in words."""
+
+    @property
+    def connections(self) -> Mapping[Channel, int]:
+        """How many connections were seen on each channel."""
+        channels: tuple[Channel, ...] = ("ipc", "msg")
+        return {name: sum(it.channel == name for it in self.conversations) for name in channels}
+
+    @property
+    def seconds(self) -> float:
+        """How long the session lasted."""
+        times = [
+            t
+            for it in self.conversations
+            for t in (it.opened, *(m.packet.ended for m in it.messages), *it.ended.values())
+        ]
+        return max(times, default=0.0) - min(times, default=0.0)
+
+    def version(self, peer: str) -> str:
+        """The version of the specification that `client` or `server` has come to be judged by."""
+        first = requirements(VERSIONS[0])
+        added = any(finding.requirement.id not in first for finding in self.of(peer))
+        return VERSIONS[added]
 
     def of(self, peer: str) -> tuple[Finding, ...]:
         """The findings on `client` or `server`."""
@@ -88,11 +110,10 @@ def audit(entries: Iterable[Entry]) -> Audit:
 
 def audit_of(found: Sequence[Conversation]) -> Audit:
     """Judge what was recorded so far, put together already."""
-    known = requirements(VERSION)
+    known = requirements(VERSIONS[-1])
     sightings: dict[tuple[str, str], list[Sighting]] = {}
     for sighting in judge(found):
         sightings.setdefault((sighting.requirement, sighting.peer), []).append(sighting)
-    channels: tuple[Channel, ...] = ("ipc", "msg")
     return Audit(
         tuple(
             _finding(requirement, peer, sightings[name, peer])
@@ -100,7 +121,7 @@ def audit_of(found: Sequence[Conversation]) -> Audit:
             for peer in ("client", "server")
             if (name, peer) in sightings
         ),
-        {name: sum(each.channel == name for each in found) for name in channels},
+        tuple(found),
         tuple(line for conversation in found for line in _left_over(conversation)),
     )
 

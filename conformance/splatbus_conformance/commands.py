@@ -1,36 +1,26 @@
 """What each command of `splatbus-conformance` does."""
 
 import argparse
-import json
+import io
 import os
 import sys
-import time
-from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
-from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import recording
-from splatbus_conformance.asking import plan_of, wishes_of
-from splatbus_conformance.audit import Audit
+from splatbus_conformance.asking import files_of, plan_of, wishes_of
 from splatbus_conformance.audit import audit as judge_recording
-from splatbus_conformance.audit import results as audit_results
 from splatbus_conformance.browse import PEERS, print_explanation, print_list
-from splatbus_conformance.findings import Traffic
+from splatbus_conformance.data import read_text
 from splatbus_conformance.judging import judge
+from splatbus_conformance.opinion import opinion
 from splatbus_conformance.plan import SIDES, Side, Usage
 from splatbus_conformance.replay_command import replay_script
-from splatbus_conformance.reports.as_json import json_report
+from splatbus_conformance.reports.stored import load as load_reports
 from splatbus_conformance.script import load
-from splatbus_conformance.terminal import print_connections, print_failures, summary
-from splatbus_conformance.verdicts import (
-    EXIT_CONFORMING,
-    EXIT_NO_VERDICT,
-    EXIT_NOT_CONFORMING,
-    EXIT_USAGE,
-    exit_code,
-)
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_USAGE
 
 PLAIN_WIDTH = 240
 DEMO_TESTEES = 6
@@ -39,6 +29,9 @@ DEMO_TESTEES = 6
 
 def console(plain: bool) -> Console:
     """Where people read."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # not every terminal knows → and ✓
     out = Console(highlight=False, no_color=plain or None, force_terminal=False if plain else None)
     if not out.is_terminal:
         out.width = PLAIN_WIDTH
@@ -67,14 +60,15 @@ def replay(arguments: argparse.Namespace, out: Console) -> int:
         script = load(Path(arguments.file))
     except OSError as error:
         raise Usage(str(error)) from error
-    plan = plan_of(script.side, parser().parse_args([script.side, *arguments.how]))
-    return replay_script(script, plan, out)
+    given = parser().parse_args([script.side, *arguments.how])
+    return replay_script(script, plan_of(script.side, given), files_of(given), out)
 
 
 def demo(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the reference client."""
     from splatbus_conformance.cli import parser
 
+    files = files_of(arguments)
     command = f'"{sys.executable}" -m splatbus_client view'
     out.print(
         "Judging the reference client, as you would judge yours:\n"
@@ -83,70 +77,51 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
     # NumPy starts twice as fast without threads that nothing here needs.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     line = ["client", "--launch", command, "--parallel", str(DEMO_TESTEES)]
-    return client(parser().parse_args(line), out)
+    given = parser().parse_args(line)
+    return judge(plan_of("client", given), replace(wishes_of("client", given), files=files), out)
 
 
 def audit(arguments: argparse.Namespace, out: Console) -> int:
     """Judge recorded sessions."""
+    files = files_of(arguments)
     judged = []
     for name in arguments.files:
         try:
             judged.append((name, judge_recording(recording.load(Path(name)))))
         except (OSError, recording.RecordingError, UnicodeDecodeError) as error:
             raise Usage(f"{name}: {error}") from error
-    return _opinion(judged, arguments, out)
+    return opinion(judged, peers_of(arguments), files, out, strict=arguments.strict)
 
 
 def proxy(arguments: argparse.Namespace, out: Console) -> int:
     """Stand between a client and a server, and judge both."""
-    from splatbus_conformance.proxy import endpoint, relayed, watch
+    from splatbus_conformance.proxy import endpoint, session
 
-    listen, to, file = endpoint(arguments.listen), endpoint(arguments.to), Path(arguments.record)
-    out.print(
-        f"Clients connect to {listen}, and are passed on to {to}; recorded in {file}.\n"
-        f"For a client that reads the environment: SPLATBUS_HOST={listen.host}"
-        f" SPLATBUS_IPC_PORT={listen.ipc} SPLATBUS_MSG_PORT={listen.msg}",
-        markup=False,
+    files, file = files_of(arguments), Path(arguments.record)
+    judged = session(
+        endpoint(arguments.listen), endpoint(arguments.to), file, arguments.seconds, out
     )
-    with relayed(listen, to, file):
-        live = watch(out, file, f"{listen} → {to}", arguments.seconds)
-    return _opinion([(str(file), live.judged())], arguments, out)
+    return opinion([(str(file), judged)], peers_of(arguments), files, out, strict=arguments.strict)
 
 
-def _opinion(
-    audits: Iterable[tuple[str, Audit]], arguments: argparse.Namespace, out: Console
-) -> int:
-    """Say what the audits found; the exit status."""
-    peers = SIDES if arguments.peer == "both" else (arguments.peer,)
-    codes, reports = [], []
-    for name, judged in audits:
-        began = time.monotonic()
-        print_connections(out, name, judged)
-        for peer in peers:
-            results = audit_results(judged, peer)
-            print_failures(out, results, requirements("1.1"))
-            exercised = {f.requirement.id: f.requirement for f in judged.of(peer)}
-            sentence, verdicts = summary(results, exercised, "L0")
-            codes.append(exit_code(verdicts, strict=arguments.strict))
-            out.print(f"{peer}: {sentence}", markup=False)
-            reports.append(
-                json_report(
-                    f"the {peer} in {Path(name).name}",
-                    peer,
-                    sentence,
-                    results,
-                    exercised,
-                    exit_code=codes[-1],
-                    traffic=Traffic(),
-                    seconds=time.monotonic() - began,
-                )
-            )
-        out.print()
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(reports, indent=1) + "\n", "utf-8")
-    if EXIT_NOT_CONFORMING in codes:
-        return EXIT_NOT_CONFORMING
-    return EXIT_CONFORMING if EXIT_CONFORMING in codes else EXIT_NO_VERDICT
+def peers_of(arguments: argparse.Namespace) -> tuple[Side, ...]:
+    """Whom to judge of a session."""
+    return SIDES if arguments.peer == "both" else (arguments.peer,)
+
+
+def report(arguments: argparse.Namespace, out: Console) -> int:
+    """Make reports of a stored one."""
+    if arguments.schema:
+        sys.stdout.write(read_text("report.schema.json"))
+        return EXIT_CONFORMING
+    reports = load_reports(Path(arguments.file))
+    files = files_of(arguments)
+    if not any(files):
+        raise Usage(f"what is to be made of {arguments.file}? Add --html FILE, say")
+    files.write(reports)
+    for each in reports:
+        out.print(f"{each['testee']}: {each['summary']}", markup=False)
+    return EXIT_CONFORMING
 
 
 def list_(arguments: argparse.Namespace, out: Console) -> int:

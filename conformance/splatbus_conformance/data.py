@@ -7,4 +7,9 @@ from typing import Any
 
 def read_json(name: str) -> Any:
     """The JSON file of this name, parsed."""
-    return json.loads(files(__package__).joinpath(name).read_text("utf-8"))
+    return json.loads(read_text(name))
+
+
+def read_text(name: str) -> str:
+    """The data file of this name."""
+    return files(__package__).joinpath(name).read_text("utf-8")

@@ -1,10 +1,10 @@
 """A whole run on a live testee: meet it, judge it, say what came of it."""
 
-import json
 import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from splatbus_schemas.requirements import requirements
@@ -13,10 +13,9 @@ from splatbus_conformance import expected
 from splatbus_conformance.asking import Wishes, selectable_on
 from splatbus_conformance.demands import shortfalls
 from splatbus_conformance.failures import work_out
-from splatbus_conformance.findings import Findings
+from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.reports.as_json import json_report
-from splatbus_conformance.reports.junit import junit_report
 from splatbus_conformance.running import run_checks
 from splatbus_conformance.terminal import (
     Live,
@@ -48,6 +47,9 @@ def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
             findings = soak(plan, 60 * wishes.minutes, live)
         else:
             findings = run_checks(plan, live)
+    except NoVerdict as error:
+        wishes.files.write(_not_met(plan, str(error), time.monotonic() - began))
+        raise
     finally:
         live.end()
     return _report(plan, findings, time.monotonic() - began, wishes, out)
@@ -70,6 +72,22 @@ def soak(plan: Plan, seconds: float, live: Live) -> Findings:
             findings.put(0, Result("", "introduction", Level.WIRE, Verdict.ERROR, text))
         seed += 1
     return findings
+
+
+def _not_met(plan: Plan, why: str, seconds: float) -> dict[str, Any]:
+    """The report of a run that came to no verdict, so that a CI job has one to show."""
+    return json_report(
+        plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
+        plan.side,
+        f"no verdict: {why}",
+        [Result("", "introduction", Level.WIRE, Verdict.ERROR, why)],
+        Traffic().judged(plan.side),
+        exit_code=EXIT_NO_VERDICT,
+        traffic=Traffic(),
+        seconds=seconds,
+        profile=plan.profile,
+        seeds=[plan.seed],
+    )
 
 
 def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out: Console) -> int:
@@ -105,10 +123,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
         profile=plan.profile,
         seeds=findings.seeds or [plan.seed],
     )
-    if wishes.json:
-        wishes.json.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
-    if wishes.junit:
-        wishes.junit.write_bytes(junit_report([report]))
+    wishes.files.write(report)
     if wishes.write_expected:
         return write_expected(wishes.write_expected, found, wishes, out)
     return status

@@ -10,6 +10,7 @@ from typing import Any
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance import latencies
 from splatbus_conformance.demands import observed
 from splatbus_conformance.findings import Traffic
 from splatbus_conformance.plan import Side
@@ -35,8 +36,8 @@ def json_report(
     complaints: Iterable[str] = (),
     deselected: Mapping[str, list[str]] = MappingProxyType({}),
     not_judged: Iterable[str] = (),
-    profile: str = "quick",
-    seeds: Sequence[int] = (0,),
+    profile: str | None,
+    seeds: Sequence[int],
 ) -> dict[str, Any]:
     """The report as one object, which satisfies report.schema.json.
 
@@ -53,7 +54,7 @@ def json_report(
         complaints: what fails the run besides verdicts.
         deselected: by requirement, what the user left out.
         not_judged: what a recording holds that no rule could judge.
-        profile: how many cases were asked for.
+        profile: how many cases were asked for; None where no cases were drawn.
         seeds: of the drawn cases.
     """
     results = list(results)
@@ -84,6 +85,7 @@ def json_report(
             "host": platform.node(),
             "device": traffic.device,
         },
+        "latencies": latencies.as_json(traffic.latencies),
         "requirements": [
             {
                 "id": requirement.id,

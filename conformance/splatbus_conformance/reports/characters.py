@@ -2,10 +2,9 @@
 
 
 def printable(text: str) -> str:
-    """`text` without the characters that XML 1.0 forbids: a testee must not break a report."""
-    return "".join(
-        c
-        if c in "\t\n" or 32 <= ord(c) < 0xD800 or 0xE000 <= ord(c) < 0xFFFE or c > "\uffff"
-        else "·"
-        for c in text
-    )
+    """`text` with a dot for what is no visible character, but for tabs and line feeds.
+
+    XML forbids some of the others, UTF-8 half of a surrogate pair; marks of direction would
+    rearrange what stands around them.
+    """
+    return "".join(c if c.isprintable() or c in "\t\n" else "·" for c in text)

@@ -29,16 +29,16 @@ def junit_report(reports: Iterable[Report]) -> bytes:
 
 
 def _suite(report: Report, number: int) -> ElementTree.Element:
-    told, complaints = list(results(report)), report.get("complaints", [])
+    told, complaints = list(results(report)), report["complaints"]
     verdicts = [each.result["verdict"] for each in told]
-    package = f"splatbus.{report['side']}" if "side" in report else "splatbus"
+    package = f"splatbus.{report['side']}"
     suite = ElementTree.Element(
         "testsuite",
         name=f"SplatBus conformance: {printable(report['testee'])}",
         package=package,
         id=str(number),
         timestamp=report["made"][: len("2026-01-01T00:00:00")],
-        hostname=printable(report["environment"].get("host", "")).strip() or "localhost",
+        hostname=printable(report["environment"]["host"]).strip() or "localhost",
         tests=str(len(told) + len(complaints)),
         failures=str(verdicts.count("fail") + len(complaints)),
         errors=str(verdicts.count("harness-error")),
@@ -58,9 +58,9 @@ def _suite(report: Report, number: int) -> ElementTree.Element:
 def _properties(report: Report) -> Iterator[tuple[str, str]]:
     """What a suite says of the whole run: names, and values as text."""
     for name in PROPERTIES:
-        if name in report:
+        if report[name] is not None:
             yield name, str(report[name])
-    if "seeds" in report:
+    if report["seeds"]:
         yield "seeds", ",".join(map(str, report["seeds"]))
     yield from ((name, str(value)) for name, value in report["environment"].items())
 
@@ -90,7 +90,7 @@ def _account(told: Told) -> Iterator[str]:
         yield f"acceptable: {', '.join(told.acceptable)}"
     yield f"seen: {result['text']}"
     yield from result["evidence"]
-    if result.get("replay"):
+    if result["replay"]:
         yield f"smallest: {result['smallest']}"
         yield f"to see it: {result['replay']}"
 

@@ -19,8 +19,7 @@ class Told(NamedTuple):
 def results(report: Report) -> Iterator[Told]:
     """Every result, in the order of the specification, those of the run itself last."""
     for entry in report["requirements"]:
-        sentence, acceptable = entry.get("sentence", ""), tuple(entry.get("acceptable", ()))
         for result in entry["results"]:
-            yield Told(entry["id"], sentence, acceptable, result)
-    for result in report.get("others", ()):
+            yield Told(entry["id"], entry["sentence"], tuple(entry["acceptable"]), result)
+    for result in report["others"]:
         yield Told(result["requirement"], "", (), result)

@@ -1,0 +1,81 @@
+"""What `--help` ends with: examples, and what the exit status says."""
+
+EXAMPLES = {
+    "": """\
+examples:
+  splatbus-conformance demo
+      judge the reference client, to see what a verdict looks like
+  splatbus-conformance client --launch "./my-viewer --headless"
+      start my-viewer again and again, and judge it
+  splatbus-conformance server --launch "./my-renderer"
+      start my-renderer, and judge it as a server
+  splatbus-conformance audit session.jsonl
+      judge a recorded session, both sides of it
+  splatbus-conformance proxy --to 127.0.0.1:6001,6000
+      stand between a client and a server, and judge both while they talk
+  splatbus-conformance explain FRM-3
+      the sentence, what it accepts, and how it is checked
+
+`splatbus-conformance COMMAND --help` has more of each.
+
+exit status: 0 conforming, 1 not conforming, 2 usage, 3 no verdict, 130 interrupted
+""",
+    "client": """\
+examples:
+  splatbus-conformance client --launch "./my-viewer --headless" --html report.html
+      start my-viewer again and again, judge it, and write a page about it
+  splatbus-conformance client --launch ./my-viewer --parallel 4 --profile full
+      deliver many more cases, to four of them at a time
+  splatbus-conformance client --launch ./my-viewer --select FRM,JSN-6 --record sessions
+      only the clause FRM and one requirement, and keep what crosses the wire
+  splatbus-conformance client --launch ./my-viewer --write-expected known.toml
+      note what is broken today; with --expect-failures known.toml only what changes fails
+  splatbus-conformance client --launch ./my-viewer --junit report.xml --json report.json
+      in a CI job; `report report.json --html report.html` makes a page of it later
+  splatbus-conformance client --wait --ports 6001,6000
+      wait for a client that you start by hand, or inside an engine
+""",
+    "server": """\
+examples:
+  splatbus-conformance server --launch "./my-renderer" --html report.html
+      start my-renderer again and again, judge it, and write a page about it
+  splatbus-conformance server --launch ./my-renderer --junit report.xml --json report.json
+      in a CI job
+  splatbus-conformance server --connect --ports 6001,6000
+      judge one that runs already
+""",
+    "replay": """\
+examples:
+  splatbus-conformance replay splatbus-failures/FRM-3-bad_length_closes_ipc.json \\
+      --launch ./my-viewer
+      what stands below a failure as the way to see it again
+
+exit status: 1 it fails again, 0 it does not, 3 nothing can be said
+""",
+    "audit": """\
+examples:
+  splatbus-conformance audit session.jsonl --html session.html
+      judge both sides, and write a page about them
+  splatbus-conformance audit sessions/*.jsonl --peer client --junit report.xml
+      judge the client in each of these, for a CI system
+""",
+    "proxy": """\
+examples:
+  splatbus-conformance proxy --listen 127.0.0.1:7001,7000 --to 127.0.0.1:6001,6000
+      pass on what comes to 7001 (IPC) and 7000 (messages), until Ctrl-C
+  splatbus-conformance proxy --seconds 60 --html session.html
+      for a minute, and write a page about it
+""",
+    "report": """\
+examples:
+  splatbus-conformance report report.json --html report.html
+      a page, from what an earlier run wrote with --json
+  splatbus-conformance report report.json --markdown "$GITHUB_STEP_SUMMARY" --badge badge.json
+      the summary of a step in a workflow of GitHub, and a badge
+  splatbus-conformance report --schema
+      the JSON Schema of what --json writes
+
+exit status: 0 the reports are made, whatever they say; 2 the file is no report
+""",
+}
+"""By command; the first is of them all."""
