@@ -19,7 +19,8 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict
-from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Command, Ended
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Command, Ended, end
 
 if TYPE_CHECKING:  # slow to import, and used where there is an adapter
     from jsonschema import Draft202012Validator
@@ -59,6 +60,7 @@ class Adapted:
     """A testee that the harness starts, and asks, through its adapter."""
 
     expendable = True
+    group = None
 
     def __init__(
         self, command: str, environment: Mapping[str, str], peer: Peer, patience: float
@@ -67,6 +69,7 @@ class Adapted:
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
         self._command = Command(command, environment)
+        self.argv = self._command.argv
         self._peer, self._patience = peer, patience
         self._process: subprocess.Popen[bytes] | None = None
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
@@ -160,21 +163,18 @@ class Adapted:
         if process is None:
             return None
         self._commands.put(None)
-        for force, seconds in (
-            (process.poll, patience),
-            (process.terminate, STOP_SECONDS),
-            (process.kill, STOP_SECONDS),
-        ):
-            force()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(seconds)
-                break
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(patience)
+        end(process)
         ended, self._process = self.ended(), None
         return ended
 
     def output(self) -> str:
         """The end of what it said on stderr."""
         return self._command.printed()
+
+    def missed(self, channel: Channel) -> None:
+        """The adapter is told to start its client, so there is nothing to say."""
 
     def close(self) -> None:
         """End it, and forget what it printed."""

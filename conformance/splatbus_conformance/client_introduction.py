@@ -6,15 +6,17 @@ Checks ask no more of it than it has shown here.
 from dataclasses import dataclass, field
 from typing import Any
 
+from splatbus_conformance import meeting, mistakes, processes
 from splatbus_conformance.adapter import Greeting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.kinds import POSES, REQUESTS, REQUESTS_1_0
+from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
-from splatbus_conformance.peer import CHANNELS, Peer
+from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
-from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
+from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 
 SETTLE_SECONDS = 1.0
@@ -43,6 +45,8 @@ class ClientFacts:
     """Where device memory for it lies: a GPU, or the stand-in; nothing if there is none."""
     returns: set[Channel] = field(default_factory=set)
     """Channels that it connects to again after its connection was closed."""
+    advice: list[str] = field(default_factory=list)
+    """What the meeting suggests to its author."""
 
     def speaks_1_1(self, channel: Channel) -> bool:
         """It said `hello` on this channel."""
@@ -56,6 +60,22 @@ class ClientFacts:
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""
         return "1.1" if any(self.hello.values()) else "1.0"
+
+    def __str__(self) -> str:
+        """What it did when it was left alone, for those who know what it should have done."""
+        if not self.connects:
+            return "it connects to neither channel"
+        where = " and ".join(meeting.NAMES[it] for it in CHANNELS if it in self.connects)
+        back = [meeting.NAMES[it] for it in CHANNELS if it in self.returns]
+        parts = [
+            f"it speaks {self.version()}",
+            f"connects to {where}",
+            f"sends {', '.join(sorted(self.says))}" if self.says else "sends nothing that can be read",
+        ]
+        if self.version() == "1.1":
+            parts.append("opens the memory" if self.opens else "does not open the memory")
+        parts.append(f"comes back to {' and '.join(back)}" if back else "does not come back")
+        return ", ".join(parts)
 
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
@@ -108,12 +128,14 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     testee.ensure_running()
     peer.until(lambda: peer.connections or testee.ended(), patience)
     if not peer.connections:
-        raise NoVerdict(_why_nothing(peer, testee, patience))
+        raise NoVerdict(mistakes.absent(_absent(peer, testee, patience)))
     peer.until(lambda: {c.channel for c in peer.connections} == set(CHANNELS), SETTLE_SECONDS)
     peer.until(lambda: _everything(_shown(peer, role)), SETTLE_SECONDS)
     facts = _shown(peer, role)
-    peer.close_all()
     met = list(peer.connections)
+    seen = [_met(connection, role, testee) for connection in met]
+    facts.advice = meeting.on_client(seen, peer.ports, testee.group)
+    peer.close_all()
     peer.until(
         lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,
         RETURN_SECONDS,
@@ -143,13 +165,48 @@ def _everything(facts: ClientFacts) -> bool:
     return shown and (facts.opens or "host_shm" not in facts.capabilities())
 
 
-def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
-    where = " and ".join(f"{name} {peer.host}:{peer.ports[name]}" for name in CHANNELS)
-    text = f"nothing connected to {where} within {patience:g} s"
-    if ended := testee.ended():
-        text = f"nothing connected to {where}: the testee {ended}"
-    return (
-        f"{text}{last_words(testee)}"
-        "\nThe testee finds these ports in SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT;"
-        f"\n{FIXED_PORTS}"
+def _met(connection: Connection, role: Role, testee: Testee) -> meeting.Met:
+    dealings = role.with_(connection)
+    unread = (it.payload for it in connection.packets if read(it.payload).value is None)
+    return meeting.Met(
+        connection.channel,
+        connection.port,
+        dealings.heard,
+        connection.no_packet,
+        next(unread, b""),
+        connection.ended is not None,
+        _offered(role, connection),
+        next((str(it.get("reason")) for it in dealings.heard if _declines(it)), ""),
+        _process(connection, testee),
+    )
+
+
+def _offered(role: Role, connection: Connection) -> str:
+    """What a client was told of images on a connection, if it was told any."""
+    dealings = role.with_(connection)
+    told = dealings.generation or dealings.count("get_viewport_size")
+    return f"images of {role.width}x{role.height}" if told else ""
+
+
+def _declines(message: Json) -> bool:
+    return message.get("type") == "open_failed"
+
+
+def _process(connection: Connection, testee: Testee) -> int | None:
+    """The process at the other end; those that the harness started count as one."""
+    process = processes.owner(connection.testee_port, connection.port)
+    return testee.group if process and processes.group(process) == testee.group else process
+
+
+def _absent(peer: Peer, testee: Testee, patience: float) -> mistakes.Absent:
+    ended = testee.ended()
+    return mistakes.Absent(
+        "client",
+        " and ".join(f"{name} {peer.host}:{peer.ports[name]}" for name in CHANNELS),
+        peer.host,
+        patience,
+        testee.argv,
+        str(ended or ""),
+        ended.status if ended else None,
+        testee.output(),
     )

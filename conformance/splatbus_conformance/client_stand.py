@@ -1,21 +1,23 @@
 """A stand for clients: two listeners, memory to offer, and the client."""
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance import mistakes, processes
 from splatbus_conformance.adapter import Adapted
 from splatbus_conformance.client_introduction import ClientFacts, introduce
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.device_introduction import device_for, stand_in_for, why_unseen
 from splatbus_conformance.device_memory import STAND_IN
-from splatbus_conformance.host_memory import HostMemory, sweep
+from splatbus_conformance.host_memory import HostMemory, free_bytes, sweep
 from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Peer
-from splatbus_conformance.plan import Plan, Usage
+from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.role import Role
 from splatbus_conformance.smoke import smoke
-from splatbus_conformance.testee import Awaited, Launched, Testee
+from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee
 
 SLOTS = 3
 
@@ -23,16 +25,20 @@ SLOTS = 3
 class ClientStand:
     """The harness listens where the client will connect to."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, say: Say) -> None:
         self.plan = plan
         self.stand_in = stand_in_for(plan)
         self.device = device_for(plan, self.stand_in)
-        self.peer = _listening(plan)
         device = self.stand_in.environment() if self.stand_in else {}
-        self.testee = self._testee(self.peer.environment() | device)
         self.facts = ClientFacts()
         sweep()
-        self._memory = HostMemory(ring_bytes(*plan.viewport, SLOTS))
+        with ExitStack() as undo:
+            self.peer = _listening(plan)
+            undo.callback(self.peer.close)
+            self._memory = _memory(plan.viewport)
+            undo.callback(self._memory.close)
+            self.testee = self._testee(self.peer.environment() | device, say)
+            undo.pop_all()
 
     def introduce(self) -> None:
         """Meet the client for the first time. Raises NoVerdict."""
@@ -73,12 +79,12 @@ class ClientStand:
         if self.stand_in:
             self.stand_in.close()
 
-    def _testee(self, environment: Mapping[str, str]) -> Testee:
+    def _testee(self, environment: Mapping[str, str], say: Say) -> Testee:
         if self.plan.adapter:
             return Adapted(self.plan.adapter, environment, self.peer, self.plan.patience)
         if self.plan.launch:
             return Launched(self.plan.launch, environment)
-        return Awaited("the client that connects")
+        return Awaited("the client that connects", say)
 
     def _role(self) -> Role:
         return Role(self._memory, *self.plan.viewport, SLOTS)
@@ -92,8 +98,17 @@ def _listening(plan: Plan) -> Peer:
             peer.listen(channel)
         except OSError as error:
             peer.close()
+            port = ports[channel]
+            holder = processes.listener(port)
             raise Usage(
-                f"cannot listen on {plan.host}:{ports[channel]} for the {channel} channel "
-                f"({error.strerror}); does another server run? --ports names other ports"
+                mistakes.port_refused(plan.host, port, WORDS[channel], error, holder)
             ) from None
     return peer
+
+
+def _memory(size: tuple[int, int]) -> HostMemory:
+    needed = ring_bytes(*size, SLOTS)
+    try:
+        return HostMemory(needed)
+    except OSError as error:
+        raise NoVerdict(mistakes.no_shared_memory(error, needed, free_bytes(), size)) from None

@@ -20,6 +20,8 @@ from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
 MANY_CONNECTIONS = 6
 """From which on the quick profile delivers one of `RARELY` cases."""
 RARELY = 16
+MISSED_SECONDS = 3.0
+"""After which it is said that a testee is waited for."""
 
 
 class ClientTrial(Trial):
@@ -84,7 +86,10 @@ class ClientTrial(Trial):
             if used.channel == channel:
                 used.close()
         seconds = self.patience if seconds is None else seconds
-        self.peer.until(lambda: self._unused(channel) or self.testee.ended(), seconds)
+        for part in (min(seconds, MISSED_SECONDS), seconds - MISSED_SECONDS):
+            self.peer.until(lambda: self._unused(channel) or self.testee.ended(), part)
+            if part == MISSED_SECONDS and not self._unused(channel):
+                self.testee.missed(channel)
         found = self._unused(channel)
         if found is not None:
             self._used.add(found)

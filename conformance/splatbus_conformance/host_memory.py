@@ -38,10 +38,27 @@ def sweep() -> None:
                 os.close(file)
 
 
+def free_bytes() -> int | None:
+    """How much shared memory is left, where that is known; None where there is none."""
+    if sys.platform != "linux":
+        return None
+    with contextlib.suppress(OSError):
+        left = os.statvfs(LINUX_FOLDER)
+        return left.f_bavail * left.f_frsize
+    return None
+
+
+def _reserve(file: int, size: int) -> None:
+    """Have all pages now: where there are too few, whoever touches one too many is killed."""
+    if size:
+        os.posix_fallocate(file, 0, size)
+
+
 class HostMemory:
     """A named piece of shared memory of `size` bytes, filled with zeros; owned by the harness.
 
-    A check that needs an odd name gives one; OSError where the system has no such names.
+    A check that needs an odd name gives one; OSError where the system has no such names, or too
+    little memory.
     """
 
     def __init__(self, size: int, name: str | None = None) -> None:
@@ -55,7 +72,12 @@ class HostMemory:
             flags = os.O_CREAT | os.O_EXCL | os.O_RDWR
             self._file = os.open(LINUX_FOLDER / self.name, flags, 0o600)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            os.ftruncate(self._file, size)
+            try:
+                _reserve(self._file, size)
+            except OSError:
+                os.close(self._file)
+                (LINUX_FOLDER / self.name).unlink(missing_ok=True)
+                raise
             self._map: mmap.mmap | None = mmap.mmap(self._file, size) if size else None
         elif sys.platform == "win32":
             self._map = mmap.mmap(-1, size, tagname=f"Local\\{self.name}")

@@ -53,6 +53,11 @@ class Connection:
                 self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
 
+    @property
+    def no_packet(self) -> bytes:
+        """What the testee sent from a header on that is none (FRM-2), as far as it is kept."""
+        return self._splitter.rest if self._splitter.refused is not None else b""
+
     def push(self, data: bytes) -> int | None:
         """Send what TCP takes at once, off the record; how much, or None if the testee has gone.
 

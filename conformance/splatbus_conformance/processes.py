@@ -8,6 +8,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from splatbus_conformance.lenient_json import shorten
+
 PROC = Path("/proc")
 
 
@@ -21,6 +23,29 @@ def owner(port: int, peer_port: int) -> int | None:
     """The process whose TCP connection goes from `port` to `peer_port`, if that is shown."""
     socket = _socket(f":{port:04X}", f":{peer_port:04X}")
     return next((pid for pid in _others() if socket in _open_files(pid)), None) if socket else None
+
+
+def group(pid: int) -> int | None:
+    """The group of processes that a process is in, where there are groups and it is there."""
+    with contextlib.suppress(AttributeError, OSError):
+        return os.getpgid(pid)
+    return None
+
+
+def listener(port: int) -> str:
+    """Which process listens on a TCP port, if that is shown; else nothing."""
+    socket = _socket(f":{port:04X}", ":0000")
+    for pid in (*_others(), os.getpid()):
+        if socket and socket in _open_files(pid):
+            return f"process {pid} ({_command(pid)})"
+    return ""
+
+
+def _command(pid: int) -> str:
+    with contextlib.suppress(OSError):
+        words = (PROC / str(pid) / "cmdline").read_bytes().decode("utf-8", "replace").split("\0")
+        return shorten(" ".join(words).strip())
+    return "?"
 
 
 def _others() -> Iterator[int]:

@@ -13,9 +13,10 @@ from splatbus_conformance.checks import Check
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.findings import Findings
 from splatbus_conformance.gathering import Gathering, Progress
+from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.plugin import CheckPlugin, declared
-from splatbus_conformance.stand import Stand, set_up
+from splatbus_conformance.stand import set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
@@ -56,11 +57,13 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
 
 
 def _run_here(plan: Plan, gathering: Gathering, progress: Progress) -> int:
-    stand = set_up(plan)
+    stand = set_up(plan, progress.say)
     try:
-        if not plan.starts_it:
-            progress.say(_what_to_start(stand, plan))
+        progress.say(_what_happens(stand.peer, plan))
         stand.introduce()
+        progress.say(f"Met the {plan.side}: {stand.facts}.")
+        for advice in stand.facts.advice:
+            progress.say(advice)
         plugin = CheckPlugin(plan, stand, in_order)
         status = _pytest(plan, [plugin, gathering])
         gathering.findings.traffic.add(plugin.traffic)
@@ -74,12 +77,14 @@ def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
     return sorted(items, key=lambda item: declared(item).may_crash)
 
 
-def _what_to_start(stand: Stand, plan: Plan) -> str:
-    peer = stand.peer
+def _what_happens(peer: Peer, plan: Plan) -> str:
     where = f"IPC {peer.host}:{peer.ports['ipc']}, message {peer.host}:{peer.ports['msg']}"
+    limit = f"for at most {plan.patience:g} s"
+    if plan.starts_it:
+        return f"Starting {plan.adapter or plan.launch}; meeting it on {where}, {limit}."
     if plan.side == "server":
-        return f"Looking for a server at {where}."
-    return f"Waiting for a client on {where}: start yours now (in an engine: press Play)."
+        return f"Looking for a server at {where}, {limit}."
+    return f"Waiting for a client on {where}, {limit}: start yours now (in an engine: press Play)."
 
 
 def _note_what_did_not_run(gathering: Gathering, status: int) -> None:

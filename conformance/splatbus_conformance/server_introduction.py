@@ -6,15 +6,17 @@ Checks ask no more of it than it has shown here.
 from dataclasses import dataclass, field
 from typing import Any
 
+from splatbus_conformance import meeting, mistakes
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
+from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.testee import FIXED_PORTS, Testee, last_words
+from splatbus_conformance.testee import Testee
 from splatbus_conformance.values import is_number, numbers
 from splatbus_conformance.viewer import Dealings, Viewer
 
@@ -59,6 +61,21 @@ class ServerFacts:
 
     device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
     """Why nothing is seen of what it does with device memory, or None."""
+    advice: list[str] = field(default_factory=list)
+    """What the meeting suggests to its author, or to who started it."""
+
+    def __str__(self) -> str:
+        """What it did when friendly clients came."""
+        where = " and ".join(meeting.NAMES[it] for it in CHANNELS if self.listens[it])
+        parts = [f"it speaks {self.version()}", f"listens on {where}"]
+        if self.unauthorized:
+            parts.append("asks for a token that it was not given: put it into SPLATBUS_TOKEN")
+        if self.size != (0, 0):
+            parts.append(f"announces images of {self.size[0]}x{self.size[1]}")
+        parts.append("sends frames" if self.renders else "sends no frame")
+        if self.scene_known:
+            parts.append("shows the scene that the harness knows")
+        return ", ".join(parts)
 
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""
@@ -136,7 +153,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     old = {channel: reach(peer, testee, channel, patience) for channel in CHANNELS}
     facts.listens = {channel: connection is not None for channel, connection in old.items()}
     if not any(facts.listens.values()):
-        raise NoVerdict(_why_nothing(peer, testee, patience))
+        raise NoVerdict(mistakes.absent(_absent(peer, testee, patience)))
     if (old_msg := old["msg"]) is not None:
         viewer.ask(old_msg, {"type": "get_viewport_size"})
         peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
@@ -169,6 +186,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             facts.scene = _scene(dealings)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
+    facts.advice = meeting.on_server([_met(it, viewer) for it in peer.connections])
     meta = (facts.init_packet or {}).get("meta", {})
     facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
     peer.close_all()
@@ -210,13 +228,36 @@ def _scene(dealings: Dealings) -> Json | None:
     return next((said for said in dealings.heard if said.get("type") == "scene"), None)
 
 
-def _why_nothing(peer: Peer, testee: Testee, patience: float) -> str:
-    where = " and ".join(f"{peer.host}:{peer.ports[channel]}" for channel in CHANNELS)
-    text = f"nothing listens on {where} after {patience:g} s"
-    if ended := testee.ended():
-        text = f"nothing listens on {where}: the server {ended}"
-    return (
-        f"{text}{last_words(testee)}"
-        "\nA launched server finds its ports in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT;"
-        f"\n{FIXED_PORTS}"
+def _met(connection: Connection, viewer: Viewer) -> meeting.Met:
+    unread = (it.payload for it in connection.packets if read(it.payload).value is None)
+    return meeting.Met(
+        connection.channel,
+        connection.testee_port,
+        [value for it in connection.packets if (value := read(it.payload).value) is not None],
+        connection.no_packet,
+        next(unread, b""),
     )
+
+
+def _absent(peer: Peer, testee: Testee, patience: float) -> mistakes.Absent:
+    ended = testee.ended()
+    return mistakes.Absent(
+        "server",
+        " and ".join(_refusal(peer, channel) for channel in CHANNELS),
+        peer.host,
+        patience,
+        testee.argv,
+        str(ended or ""),
+        ended.status if ended else None,
+        testee.output(),
+    )
+
+
+def _refusal(peer: Peer, channel: Channel) -> str:
+    """An address, and what is said there."""
+    address = f"{channel} {peer.host}:{peer.ports[channel]}"
+    try:
+        peer.dial(channel, REPLY_SECONDS).close()
+    except OSError as error:
+        return f"{address} ({error.strerror or error})"
+    return address

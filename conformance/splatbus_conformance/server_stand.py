@@ -11,7 +11,7 @@ from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_introduction import ServerFacts, introduce
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.testee import Awaited, Launched
+from splatbus_conformance.testee import Awaited, Launched, Say
 from splatbus_conformance.viewer import Viewer
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
@@ -21,7 +21,7 @@ TOKEN_VARIABLE = "SPLATBUS_TOKEN"
 class ServerStand:
     """The harness connects to where the server listens."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, say: Say) -> None:
         self.plan = plan
         self.stand_in = stand_in_for(plan)
         self.device = device_for(plan, self.stand_in)
@@ -31,7 +31,7 @@ class ServerStand:
         self.testee = (
             Launched(plan.launch, self.peer.environment() | device)
             if plan.launch
-            else Awaited(f"the server at {plan.host}")
+            else Awaited(f"the server at {plan.host}", say)
         )
         self.facts = ServerFacts()
         self._token = os.environ.get(TOKEN_VARIABLE) or None

@@ -8,13 +8,15 @@ from splatbus_conformance.client_stand import ClientStand
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_stand import ServerStand
-from splatbus_conformance.testee import Testee
+from splatbus_conformance.testee import Say, Testee
 from splatbus_conformance.trial import Trial
 
 
 class Facts(Protocol):
     """What the testee showed of itself when it was first met."""
 
+    advice: list[str]
+    """What the meeting suggests to its author."""
     device: str
     """Where device memory lies: a GPU, or the stand-in; nothing if there is none."""
 
@@ -50,6 +52,9 @@ class Stand(Protocol):
         """End the testee, and give everything back."""
 
 
-def set_up(plan: Plan) -> Stand:
-    """A stand for this plan. Raises Usage if a port cannot be had."""
-    return ClientStand(plan) if plan.side == "client" else ServerStand(plan)
+def set_up(plan: Plan, say: Say = lambda text: None) -> Stand:
+    """A stand for this plan, which says what its user has to do.
+
+    Raises Usage if a port cannot be had, NoVerdict if there is no shared memory.
+    """
+    return ClientStand(plan, say) if plan.side == "client" else ServerStand(plan, say)

@@ -3,16 +3,22 @@
 import contextlib
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from splatbus_conformance.plan import NoVerdict
+from splatbus_conformance import mistakes
+from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.recording import Channel
+
+Say = Callable[[str], None]
 
 STOP_SECONDS = 5.0
+WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 WINDOWS_CRASH = 0xC0000000
 
 
@@ -30,15 +36,20 @@ class Ended(NamedTuple):
         return f"ended with status {self.status}"
 
 
-FIXED_PORTS = "if it knows only fixed ports, name them: --ports 6001,6000 (IPC, message)."
-
-
 class Testee(Protocol):
     """What the harness can do with a program under test."""
 
     name: str
     expendable: bool
     """It may be crashed: the harness can start another."""
+
+    @property
+    def argv(self) -> Sequence[str]:
+        """The command that starts it; none where somebody else does."""
+
+    @property
+    def group(self) -> int | None:
+        """The group of processes that the harness started for it, where there are such groups."""
 
     def ensure_running(self) -> bool:
         """Start it if it does not run; True if it was started now.
@@ -55,22 +66,26 @@ class Testee(Protocol):
     def output(self) -> str:
         """The last lines that it printed."""
 
+    def missed(self, channel: Channel) -> None:
+        """A check has waited for a connection on this channel for a while."""
+
     def close(self) -> None:
         """End it, and give back what it took."""
 
 
-def last_words(testee: Testee) -> str:
-    """What a testee printed last, to go on after a sentence; nothing if it printed nothing."""
-    output = testee.output().strip()
-    return f"; the last that it printed:\n{output}" if output else ""
-
-
 class Command:
-    """The command that starts a testee, and what the testee prints."""
+    """The command that starts a testee, and what the testee prints.
+
+    Raises Usage if the command line cannot be taken apart.
+    """
 
     def __init__(self, line: str, environment: Mapping[str, str]) -> None:
+        try:
+            self.argv = shlex.split(line, posix=os.name == "posix")
+        except ValueError as error:
+            raise Usage(mistakes.bad_quotes(line, error)) from None
         # Windows splits command lines itself, and by rules of its own.
-        self._line = shlex.split(line) if os.name == "posix" else line
+        self._line = self.argv if os.name == "posix" else line
         self._environment = {**os.environ, **environment}
         file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
         os.close(file)
@@ -91,9 +106,13 @@ class Command:
                     stdin=stdin,
                     stdout=log if stdout is None else stdout,
                     stderr=log,
+                    **GROUPED,
                 )
             except OSError as error:
-                raise NoVerdict(f"cannot start the testee: {error}") from error
+                program = self.argv[0] if self.argv else ""
+                raise NoVerdict(
+                    mistakes.not_started(self.argv, error, _file(program), Path.cwd())
+                ) from error
 
     def printed(self) -> str:
         """The end of what it printed."""
@@ -104,6 +123,47 @@ class Command:
         self._log.unlink(missing_ok=True)
 
 
+def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
+    """Ask a process to end, make it end where it does not, and with it all that it has started.
+
+    A shell, `npm start` or a launcher would else leave behind the client that it started, which
+    would go on connecting, in this run and in the next.
+    """
+    if process.poll() is None:
+        _signal(process, process.terminate, signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(kindly)
+    _signal(process, process.kill, FORCE)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(STOP_SECONDS)
+
+
+GROUPED: dict[str, Any] = {"process_group": 0} if os.name == "posix" else {}
+"""A testee and what it starts are a group of processes of its own."""
+FORCE = signal.SIGKILL if os.name == "posix" else signal.SIGTERM
+
+
+def _signal(
+    process: subprocess.Popen[bytes], alone: Callable[[], None], number: signal.Signals
+) -> None:
+    if os.name != "posix":
+        alone()
+        return
+    with contextlib.suppress(ProcessLookupError, PermissionError):  # none is left of the group
+        os.killpg(process.pid, number)
+
+
+def _file(program: str) -> mistakes.File:
+    """What is where a command says that its program is."""
+    path = Path(program)
+    if not program or os.sep not in program:
+        return mistakes.File(bool(shutil.which(program)), here=bool(program) and path.is_file())
+    first = b""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        first = file.readline(200)
+    return mistakes.File(path.exists(), path.is_dir(), first.decode("utf-8", "replace").rstrip())
+
+
 class Launched:
     """A testee that the harness starts, again for each scenario that left none alive."""
 
@@ -112,6 +172,7 @@ class Launched:
     def __init__(self, command: str, environment: Mapping[str, str]) -> None:
         self.name = command
         self._command = Command(command, environment)
+        self.argv = self._command.argv
         self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -121,6 +182,11 @@ class Launched:
             return False
         self._process = self._command.start(self._added, subprocess.DEVNULL)
         return True
+
+    @property
+    def group(self) -> int | None:
+        """Its processes, while it runs."""
+        return self._process.pid if self._process and os.name == "posix" else None
 
     def add_to_environment(self, added: Mapping[str, str]) -> None:
         """End it; from now on it is started with these variables beside the usual ones."""
@@ -138,13 +204,7 @@ class Launched:
         """Ask it to end, then make it."""
         if self._process is None:
             return None
-        if self._process.poll() is None:
-            self._process.terminate()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(STOP_SECONDS)
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait(STOP_SECONDS)
+        end(self._process)
         ended = self.ended()
         self._process = None
         return ended
@@ -152,6 +212,9 @@ class Launched:
     def output(self) -> str:
         """The end of what it printed."""
         return self._command.printed()
+
+    def missed(self, channel: Channel) -> None:
+        """It is started anew, so there is nothing to say."""
 
     def close(self) -> None:
         """End it, and forget what it printed."""
@@ -163,9 +226,12 @@ class Awaited:
     """A testee that somebody else starts; the harness only sees its connections."""
 
     expendable = False
+    argv: Sequence[str] = ()
+    group = None
 
-    def __init__(self, name: str = "the client that connects") -> None:
+    def __init__(self, name: str, say: Say = lambda text: None) -> None:
         self.name = name
+        self._say = say
 
     def ensure_running(self) -> bool:
         """Nothing to do."""
@@ -182,6 +248,13 @@ class Awaited:
     def output(self) -> str:
         """Nothing."""
         return ""
+
+    def missed(self, channel: Channel) -> None:
+        """Whoever started it may have to start it again."""
+        self._say(
+            f"Waiting for the client to connect to the {WORDS[channel]} channel again: if it has "
+            "stopped, start it anew (in an engine: press Play)."
+        )
 
     def close(self) -> None:
         """Nothing to do."""

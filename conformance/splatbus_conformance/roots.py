@@ -1,0 +1,63 @@
+"""Which failure to look at first: what others rest on comes before them."""
+
+from collections.abc import Iterable, Sequence
+
+from splatbus_conformance.verdicts import Level, Result, Verdict
+
+LAYERS = (
+    (("FRM",), "what cannot be cut into packets is not understood"),
+    (("JSN",), "a message that cannot be read has no effect"),
+    (("CHN", "NEG"), "without its connections a testee shows little"),
+    (("INI", "MEM", "OPN", "CUD"), "without memory there are no images"),
+)
+"""Clauses that others rest on, lowest first, and why."""
+_RANK = {clause: rank for rank, (clauses, _) in enumerate(LAYERS) for clause in clauses}
+_SEVEREST = (Verdict.FAIL, Verdict.ERROR, Verdict.WARN)
+
+
+def in_order(results: Iterable[Result]) -> list[Result]:
+    """What was broken, in the order in which to look at it: failures before advice that was not
+    followed; lower layers first; and in a layer, what the testee sends by itself before what it
+    makes of what it is sent.
+    """
+    broken = [result for result in results if result.verdict in _SEVEREST]
+    return sorted(broken, key=_place)
+
+
+def start_with(results: Sequence[Result]) -> str:
+    """A sentence on which failure to mend first, if there is reason to believe that others come of
+    it; else nothing.
+
+    Only what a testee sends by itself spoils what follows: how it takes hostile input does not.
+    """
+    ordered = [it for it in in_order(results) if it.verdict is Verdict.FAIL]
+    if not ordered or not _by_itself(ordered[0]) or _rank(ordered[0]) > _RANK["JSN"]:
+        return ""
+    first = ordered[0]
+    above = {it.requirement for it in ordered if _rank(it) > _rank(first)}
+    seen = {it.requirement for it in results if it.verdict is not Verdict.SKIP}
+    unseen = {it.requirement for it in results} - seen
+    follow = []
+    if above:
+        follow.append(f"{_counted(above, 'other failure')} may follow from it")
+    if len(unseen) > len(seen):
+        follow.append(f"it may be why {_counted(unseen, 'requirement')} could not be observed")
+    if not follow:
+        return ""
+    return f"Start with {first.requirement}: {LAYERS[_rank(first)][1]}; {', and '.join(follow)}."
+
+
+def _place(result: Result) -> tuple[int, int, bool]:
+    return _SEVEREST.index(result.verdict), _rank(result), not _by_itself(result)
+
+
+def _counted(names: set[str], word: str) -> str:
+    return f"{len(names)} {word}{'s' if len(names) != 1 else ''}"
+
+
+def _rank(result: Result) -> int:
+    return _RANK.get(result.requirement[:3], len(LAYERS))
+
+
+def _by_itself(result: Result) -> bool:
+    return result.level is Level.PASSIVE
