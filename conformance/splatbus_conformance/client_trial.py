@@ -212,10 +212,15 @@ class ClientTrial(Trial):
         good = packet(encode(self.role.init_packet(connection)))
         generation = dealings.generation
         connection.send(good)
-        self.wait(
-            lambda: generation in dealings.opened | dealings.failed or connection.ended,
-            EFFECT_SECONDS if further else REACTION_SECONDS,
-        )
+
+        def reacts() -> bool:
+            return generation in dealings.opened | dealings.failed or connection.ended
+
+        in_time = self.wait(reacts, EFFECT_SECONDS if further else REACTION_SECONDS)
+        if (
+            further and not in_time
+        ):  # no sentence says how soon: it may be busy with what came before
+            self.wait(lambda: reacts() or self.fate(), self.patience)
         answers = {
             message.get("type")
             for message in dealings.heard[heard:]

@@ -235,6 +235,7 @@ def check_handles_the_next_packet_on_the_message_channel(trial: ClientTrial) -> 
     which the testee must close the connection; it is first seen to do so without the text.
     """
     trial.role.welcomes = False
+    trial.role.replies = False  # a client that has a reply takes the server for one of 1.0 [NEG-13]
     texts = broken_texts({"type": "weather_report", "sunny": True})
     step = 1 if trial.thorough else 30
     ignored = 0
