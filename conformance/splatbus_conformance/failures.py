@@ -29,7 +29,8 @@ def work_out(
     failed = [place for place, it in enumerate(results) if it.script and it.verdict in broken]
     scripts = {place: from_text(results[place].script) for place in failed}
     if failed and seconds and plan.starts_it:
-        say(f"making {len(failed)} failures small, for {seconds:g} s at most")
+        what = f"{len(failed)} failures" if len(failed) != 1 else "the failure"
+        say(f"making {what} small, for {seconds:g} s at most")
         scripts = _made_small(plan, scripts, seconds)
     told = list(results)
     for place, script in scripts.items():
@@ -63,7 +64,7 @@ def _made_small(plan: Plan, scripts: dict[int, Script], seconds: float) -> dict[
 
 def _with(result: Result, script: Script, path: Path, plan: Plan) -> Result:
     cases = [case for row in script.cases for case in row]
-    many = f"{len(cases)} cases" if len(cases) != 1 else "one case"
+    many = {0: "it takes no case", 1: "one case"}.get(len(cases), f"{len(cases)} cases")
     if len(cases) == 1 and cases[0].drawn:
         many += f", {shorten(str(cases[0].value))}"
     times = "failed twice of two" if script.confirmed else "unconfirmed: not seen again"

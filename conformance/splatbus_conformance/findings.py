@@ -35,6 +35,8 @@ class Traffic:
     tally: Tally = field(default_factory=dict)
     latencies: Latencies = field(default_factory=dict)
     """How long the testee took for its answers."""
+    advice: list[str] = field(default_factory=list)
+    """What the meeting with the testee suggests to its author."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
@@ -48,6 +50,7 @@ class Traffic:
         self.waiting_seconds += other.waiting_seconds
         tally.add(self.tally, other.tally)
         latencies.add(self.latencies, other.latencies)
+        self.advice = list(dict.fromkeys([*self.advice, *other.advice]))
         self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:

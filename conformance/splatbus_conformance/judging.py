@@ -20,6 +20,7 @@ from splatbus_conformance.running import run_checks
 from splatbus_conformance.terminal import (
     Live,
     print_complaints,
+    print_end,
     print_failures,
     print_what_next,
     summary,
@@ -98,7 +99,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print)
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
     print_failures(out, results, requirements("1.1"))
-    print_what_next(out, results, recorded=bool(plan.record))
+    print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
     sentence, verdicts = summary(results, judged, reached(results), wishes.demands.level)
     deselected = left_out(plan)
     if deselected:
@@ -107,7 +108,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     status = exit_code(verdicts, strict=wishes.strict)
     if complaints:
         status = EXIT_NOT_CONFORMING
-    out.print(f"{sentence}\n{traffic.sentence(seconds)}", markup=False)
+    print_end(out, sentence, traffic.sentence(seconds), status)
     report = json_report(
         traffic.testee,
         plan.side,

@@ -95,7 +95,9 @@ class CheckPlugin:
 
     def _nothing_yet(self) -> Traffic:
         facts = self.stand.facts
-        return Traffic(self.stand.testee.name, facts.version(), facts.device)
+        return Traffic(
+            self.stand.testee.name, facts.version(), facts.device, advice=list(facts.advice)
+        )
 
     def _keep(self, place: int, name: str) -> None:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""

@@ -1,15 +1,37 @@
 """What a person sees while the harness runs, and at its end."""
 
-from collections.abc import Iterable, Mapping
+import re
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.table import Column
 from rich.text import Text
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.audit import Audit
 from splatbus_conformance.demands import observed
-from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
+from splatbus_conformance.excerpt import INDENT
+from splatbus_conformance.roots import in_order, start_with
+from splatbus_conformance.selection import RULE
+from splatbus_conformance.verdicts import (
+    EXIT_CONFORMING,
+    EXIT_NOT_CONFORMING,
+    Level,
+    Result,
+    Verdict,
+    by_requirement,
+    worst,
+)
 
 STYLE = {
     Verdict.PASS: "green",
@@ -19,10 +41,21 @@ STYLE = {
     Verdict.ERROR: "bold magenta",
     Verdict.EXPECTED: "cyan",
 }
+CONFORMS = "conforms"
+"""The outcome of a requirement whose sentence says all that it accepts."""
+SHOWN_WITH_BYTES = 5
+"""Failures; those after them are told by their sentences and the command that shows them."""
+LEAST_COLUMNS = 20
+_STYLE_OF_END = {EXIT_CONFORMING: "bold green", EXIT_NOT_CONFORMING: "bold red"}
+_VERSION = re.compile(r"\b(\d) (\d)\b")
+_ONE_LINE = Column(no_wrap=True, overflow="ellipsis", ratio=1)
 
 
 class Live:
-    """Says what runs now, and what came of it: one line, rewritten, or one line for each check."""
+    """Says what runs now, and what came of it: one line for each check that said something, and
+    on a terminal a last one, rewritten, with what runs. Why checks were skipped is told at the end,
+    once for each reason.
+    """
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -30,87 +63,172 @@ class Live:
         self._done = 0
         self._running: dict[str, str] = {}
         """By check, what it says that it judges."""
-        self._status = console.status("starting") if console.is_terminal else None
+        self._skipped: dict[str, list[str]] = {}
+        """By reason, the requirements whose checks were skipped for it."""
+        self._bar = _bar(console) if console.is_terminal else None
+        self._task = self._bar.add_task("meeting the testee", total=None) if self._bar else None
 
     def say(self, text: str) -> None:
         """Something that the user has to do or know."""
         self._console.print(text, markup=False)
+        self._show()
 
     def begin(self, total: int) -> None:
         """So many checks will run."""
         self._total, self._done = total, 0
         self._running.clear()
-        if self._status:
-            self._status.start()
+        self._show()
 
     def start(self, check: str, requirement: str) -> None:
         """This one runs now, beside those that run already."""
-        self._running[check] = f"{requirement}  {words(check)}"
+        self._running[check] = f"{requirement} {words(check)}"
         self._show()
 
     def done(self, result: Result) -> None:
         """One has its verdict."""
         self._done += 1
         self._running.pop(result.check, None)
-        line = Text(f"{self._done:4}/{self._total}  {result.requirement:<7} ")
-        line.append(f"{result.verdict:<7}", STYLE[result.verdict])
-        line.append(f" {words(result.check)}")
-        if result.verdict is not Verdict.PASS:
-            line.append(f": {result.text.splitlines()[0] if result.text else ''}", "dim")
-        self._console.print(line, no_wrap=True, overflow="ellipsis", crop=self._console.is_terminal)
+        if result.verdict is Verdict.SKIP:
+            self._skipped.setdefault(result.text, []).append(result.requirement)
+        else:
+            self._console.print(
+                _line(result, f"{self._done:4}/{self._total}"),
+                no_wrap=True,
+                overflow="ellipsis",
+                crop=self._console.is_terminal,
+            )
         self._show()
 
     def end(self) -> None:
         """The run is over."""
-        if self._status:
-            self._status.stop()
+        if self._bar:
+            self._bar.stop()
+        print_skipped(self._console, self._skipped)
+        self._skipped = {}
 
     def _show(self) -> None:
-        if self._status and self._running:
-            self._status.update(f"{self._done}/{self._total}  {'; '.join(self._running.values())}")
+        if self._bar and self._task is not None:
+            self._bar.start()
+            self._bar.update(self._task, completed=self._done, total=self._total or None)
+            if self._running:
+                self._bar.update(self._task, description="; ".join(self._running.values()))
+
+
+def _bar(console: Console) -> Progress:
+    """One line: how far the run is, for how long it has run, and what runs now."""
+    return Progress(
+        SpinnerColumn(),
+        MofNCompleteColumn(),
+        BarColumn(20),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False, table_column=_ONE_LINE),
+        console=console,
+        transient=True,
+        expand=True,
+    )
+
+
+def _line(result: Result, place: str) -> Text:
+    line = Text(f"{place}  {result.requirement:<7} ")
+    line.append(f"{result.verdict:<7}", STYLE[result.verdict])
+    line.append(f" {words(result.check)}")
+    if result.verdict is not Verdict.PASS and result.text:
+        line.append(f": {result.text.splitlines()[0]}", "dim")
+    return line
+
+
+def print_skipped(console: Console, skipped: Mapping[str, Sequence[str]]) -> None:
+    """Why checks were skipped, the most frequent reason first, and what they would have judged."""
+    if skipped:
+        console.print("\nSkipped, and why:")
+    for reason, names in sorted(skipped.items(), key=lambda it: -len(it[1])):
+        _print_hanging(console, f"{len(names):4}  ", reason)
+        _print_hanging(console, " " * 6, " ".join(dict.fromkeys(names)), "dim")
 
 
 def words(check: str) -> str:
     """The name of a check as words."""
-    return check.removeprefix("check_").replace("_", " ")
+    text = check.removeprefix("check_").replace("_", " ").replace(" s ", "'s ")
+    return _VERSION.sub(r"\1.\2", text)
 
 
 def print_failures(
     console: Console, results: Iterable[Result], known: Mapping[str, Requirement]
 ) -> None:
-    """Each breach: the sentence, what the specification accepts, what came, and the bytes."""
-    for result in results:
-        if result.verdict not in (Verdict.FAIL, Verdict.WARN, Verdict.ERROR):
-            continue
+    """Each breach: the sentence, what the specification accepts, what came, and the bytes.
+
+    In the order in which to look at them; the bytes of the first few only.
+    """
+    for place, result in enumerate(in_order(results)):
         style = STYLE[result.verdict]
+        how = "in what it sent" if result.check == RULE else words(result.check)
         console.print()
         console.print(
-            f"[{style}]{result.verdict.upper()}[/] [bold]{result.requirement}[/] "
-            f"[dim]at {result.level}, {words(result.check)}[/]"
+            f"[{style}]{result.verdict.upper()}[/] [bold]{result.requirement}[/]  "
+            f"{escape(how)} [dim]({result.level})[/]"
         )
         if requirement := known.get(result.requirement):
-            console.print(f"  the standard   {escape(requirement.sentence)}")
-            console.print(f"  acceptable     {', '.join(requirement.acceptable)}")
-        console.print(f"  seen           {escape(result.text)}")
-        for line in result.evidence:
-            console.print(Text(f"    {line}", "dim"), no_wrap=True, overflow="ellipsis")
+            _print_hanging(console, "  the standard   ", requirement.sentence)
+            if requirement.acceptable != (CONFORMS,):
+                _print_hanging(console, "  it accepts     ", ", ".join(requirement.acceptable))
+        _print_hanging(console, "  what came      ", result.text, "bold")
+        if place < SHOWN_WITH_BYTES:
+            _print_evidence(console, result.evidence)
         if result.replay:
-            console.print(f"  smallest       {escape(result.smallest)}")
-            console.print("  to see it      ", end="")
+            _print_hanging(console, "  smallest       ", result.smallest)
+            console.print("  see it again   ", end="")
             console.print(result.replay, style="bold", markup=False, soft_wrap=True)
     console.print()
 
 
-def print_what_next(console: Console, results: Iterable[Result], *, recorded: bool) -> None:
-    """How to look closer at what failed."""
+def _print_evidence(console: Console, lines: Iterable[str]) -> None:
+    for line in lines:
+        style = "dim" if line.startswith(INDENT) else ""
+        console.print(Text(f"    {line}", style), no_wrap=True, overflow="ellipsis")
+
+
+def _print_hanging(console: Console, label: str, text: str, style: str = "") -> None:
+    """Text beside a label, its further lines below its first."""
+    lines = textwrap.wrap(
+        text,
+        max(console.width - len(label), LEAST_COLUMNS),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    for place, line in enumerate(lines or [""]):
+        console.print(
+            Text.assemble(label if not place else " " * len(label), (line, style)), soft_wrap=True
+        )
+
+
+def print_what_next(
+    console: Console, results: Iterable[Result], advice: Iterable[str], *, recorded: bool
+) -> None:
+    """What the meeting with the testee suggested, which failure to look at first, and how to look
+    closer.
+    """
+    results = list(results)
+    for text in filter(None, (*advice, start_with(results))):
+        _print_hanging(console, "", text, "bold")
+        console.print()
     broken = [
-        r.requirement for r in results if r.verdict is Verdict.FAIL and r.level != Level.PASSIVE
+        it.requirement
+        for it in in_order(results)
+        if it.verdict is Verdict.FAIL and it.level != Level.PASSIVE
     ]
     if broken and not recorded:
         ids = ",".join(dict.fromkeys(broken))
         console.print(
-            f"To see all that crossed the wire, add: --select {ids} --record FOLDER\n", style="dim"
+            f"To see all that crossed the wire, add: --select {ids} --record FOLDER\n",
+            style="dim",
+            soft_wrap=True,
         )
+
+
+def print_end(console: Console, sentence: str, more: str, status: int) -> None:
+    """The last lines of a run."""
+    console.print(sentence, style=_STYLE_OF_END.get(status, "bold yellow"), markup=False)
+    console.print(more, style="dim", markup=False)
 
 
 def print_connections(console: Console, name: str, judged: Audit) -> None:
@@ -160,7 +278,8 @@ def summary(
         opinion = "no verdict: nothing was observed"
     else:
         opinion = f"conforming at {level}"
-    text = f"{opinion}: {count} of {len(judged)} requirements observed"
+    mark = ";" if of[Verdict.FAIL] else ":"
+    text = f"{opinion}{mark} {count} of {len(judged)} requirements observed"
     if least > Level.PASSIVE:
         text += f" at {least} or above"
     if of[Verdict.EXPECTED]:

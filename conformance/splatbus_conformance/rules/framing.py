@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from splatbus_conformance.conversation import SENDER, Conversation
+from splatbus_conformance.first_bytes import recognised
 from splatbus_conformance.recording import Direction
 from splatbus_conformance.rules import Rule, Sighting, about, rule
 
@@ -17,6 +18,8 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
         if stream.refused is not None:
             length = int.from_bytes(stream.rest[:4], "little")
             text = f"the header at byte {stream.refused} of the stream announces {length:,} bytes"
+            if known := recognised(stream.rest):
+                text += f": {known}"
             yield _of_stream(conversation, direction, "FRM-2", stream.began, text)
 
 
