@@ -1,0 +1,28 @@
+"""What the clauses of the specification are about, by the letters that their ids begin with."""
+
+CLAUSES = {
+    "FRM": "Framing",
+    "JSN": "Text",
+    "CHN": "Channels and their life",
+    "INI": "The init packet",
+    "BUF": "Buffers",
+    "CUD": "CUDA handles",
+    "POS": "Poses",
+    "REQ": "Requests and replies",
+    "CNV": "Conventions",
+    "ACC": "Accuracy",
+    "LIM": "Limits",
+    "SEC": "Security",
+    "NEG": "Negotiation",
+    "MEM": "Memory",
+    "OPN": "Opening and closing",
+    "IMG": "Frames",
+    "CAM": "Cameras",
+    "CTL": "Control",
+    "OBJ": "Objects",
+    "SCN": "The scene",
+    "VPT": "Viewport",
+    "TIM": "Time",
+    "PNG": "Ping",
+    "TEL": "Telemetry",
+}

@@ -1,0 +1,42 @@
+"""How much of a report the page shows, so that it opens at once however long the run was."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is shown whole."""
+
+    items: int = 1000
+    """Of a list: requirements, failures, measured quantities."""
+    results: int = 50
+    """Of one requirement."""
+    characters: int = 12_000
+    """Of a transcript."""
+
+    @property
+    def sentence(self) -> int:
+        """Characters of what is meant to be a sentence or a command."""
+        return max(self.characters // 6, 4)
+
+    def half(self) -> "Limits":
+        """For a page that was too large."""
+        return Limits(
+            max(self.items // 2, 1), max(self.results // 2, 1), max(self.characters // 2, 16)
+        )
+
+
+class Some(NamedTuple, Generic[T]):
+    """The first of a list, and how many more there are."""
+
+    these: Sequence[T]
+    more: int
+
+
+def first(items: Sequence[T], most: int) -> Some[T]:
+    """So many at most."""
+    return Some(items[:most], max(0, len(items) - most))

@@ -1,0 +1,98 @@
+"""What a testee sent, as text that people can read and that can do nothing on a page."""
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from markupsafe import Markup
+
+INDENT = " " * 13
+"""Of the lines of a transcript that belong to the line before (`excerpt.INDENT`)."""
+HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
+ID = re.compile("([A-Z]{3}-[0-9]+)")
+ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
+
+
+class Line(NamedTuple):
+    """A line of a transcript."""
+
+    text: str
+    kind: str
+    """`event`, `more` of the event before, its bytes as `hex`, or a `note` of the page's own."""
+
+
+class Span(NamedTuple):
+    """A piece of a sentence."""
+
+    text: str
+    marked: bool
+    """It is code, or an id."""
+
+
+def visible(value: Any) -> Any:
+    """Text with every character to be seen: those that would steer its reader show their number.
+
+    Such are control characters, marks that turn the direction of writing, and half surrogates,
+    which no file in UTF-8 can hold. What is no text, or is markup, stays as it is.
+    """
+    if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
+        return value
+    return "".join(c if c.isprintable() or c in "\n\t" else f"⟨U+{ord(c):04X}⟩" for c in value)
+
+
+def cut(text: str, most: int) -> str:
+    """Text of so many characters at most, and a note in its middle of how many were left out."""
+    if len(text) <= most:
+        return text
+    head, tail = text[: most * 2 // 3], text[len(text) - most // 3 :]
+    return f"{head} … [{len(text) - len(head) - len(tail):,} characters left out] … {tail}"
+
+
+def transcript(evidence: Sequence[str], most: int) -> tuple[Line, ...]:
+    """Lines of evidence, `most` characters in all; a note says what was left out in the middle."""
+    lines = [_line(cut(text, most // 4)) for text in _ends(evidence, most)]
+    head, tail = _within(lines, most * 2 // 3), _within(lines[::-1], most // 3)
+    if len(lines) == len(evidence) and len(head) + len(tail) >= len(lines):
+        return tuple(lines)
+    left_out = len(evidence) - len(head) - len(tail)
+    note = f"… {left_out:,} lines left out here; {ALL_OF_IT} …"
+    return (*head, Line(note, "note"), *tail[::-1])
+
+
+def spans(sentence: str) -> tuple[Span, ...]:
+    """A sentence of the specification, its code apart."""
+    parts = sentence.split("`")
+    return tuple(Span(text, number % 2 == 1) for number, text in enumerate(parts) if text)
+
+
+def ids(sentence: str) -> tuple[Span, ...]:
+    """A sentence of a report, the ids of requirements apart."""
+    parts = ID.split(sentence)
+    return tuple(Span(text, number % 2 == 1) for number, text in enumerate(parts) if text)
+
+
+def words(check: str) -> str:
+    """The name of a check as words."""
+    return check.removeprefix("check_").replace("_", " ")
+
+
+def _line(text: str) -> Line:
+    if not text.startswith(INDENT):
+        return Line(text, "event")
+    text = text.removeprefix(INDENT)
+    return Line(text, "hex" if HEX.match(text) else "more")
+
+
+def _ends(evidence: Sequence[str], most: int) -> Sequence[str]:
+    """The lines of which some may be shown; a report may have any number."""
+    return evidence if len(evidence) <= 2 * most else [*evidence[:most], *evidence[-most:]]
+
+
+def _within(lines: Sequence[Line], most: int) -> list[Line]:
+    found, left = [], most
+    for line in lines:
+        left -= len(line.text) + 1
+        if left < 0:
+            break
+        found.append(line)
+    return found
