@@ -87,7 +87,6 @@ def finite(spelling):
     return int(number) if number.is_integer() and abs(number) <= LARGEST else number
 
 
-
 def depth_of(value):
     if not isinstance(value, dict | list):
         return 0
