@@ -25,6 +25,23 @@ EVERY_VERDICT = (
     Result("JSN-4", "check_d", Level.WIRE, Verdict.EXPECTED, "seen (expected: issue 17)"),
     Result("", "collection", Level.WIRE, Verdict.ERROR, "no such file"),
 )
+HOSTILE = (
+    "]]><failure/></failure></testcase><!-- &lt; \x00\x1b[31m \udfff\ud800 \ufffe",
+    "</testcase>\"'<script>alert(1)</script>",
+    "```\n# heading\n</details><details><summary>`` ` ```````",
+    "| a \\| b |\r\n|---|\u2028\u202e\x85 ![x](y) &amp; ~~~\n    indented",
+    "",
+    " \t\n",
+)
+
+
+def failure(text: str) -> Result:
+    """A failure in which everything that can come from a testee is this text."""
+    return Result(
+        *("FRM-3", "check_a", Level.WIRE, Verdict.FAIL, text, (text, text), 0.2),
+        smallest=text,
+        replay=f"splatbus-conformance replay {text}",
+    )
 
 
 def report_of(*results: Result, complaints: Iterable[str] = (), **changed: Any) -> dict[str, Any]:

@@ -128,7 +128,7 @@ def _folded(title: str, text: str) -> str:
 
 def code(text: str) -> str:
     """A code span of one line."""
-    text = " ".join(_cut(printable(text), MOST_LINE).split()) or "…"
+    text = " ".join(printable(_cut(text, MOST_LINE)).split()) or "…"
     ticks = "`" * (_longest_run(text) + 1)
     pad = " " if "`" in (text[0], text[-1]) else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"
@@ -136,7 +136,7 @@ def code(text: str) -> str:
 
 def fenced(text: str, language: str) -> str:
     """A block of code, a line feed at its end."""
-    text = _cut(printable(text), MOST_TRANSCRIPT)
+    text = printable(_cut(text, MOST_TRANSCRIPT))
     fence = "`" * max(3, _longest_run(text) + 1)
     return f"{fence}{language}\n{text}\n{fence}\n"
 
