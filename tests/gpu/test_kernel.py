@@ -110,6 +110,22 @@ def test_the_legacy_slot_is_straight_and_begins_empty(device, compiler):
     ours.close()
 
 
+def test_what_is_shared_is_all_ours_and_overwritten(device, compiler):
+    """[CUD-1], [MEM-16]: a handle opens a whole block of the driver, however small the image."""
+    neighbours = [OnDevice(np.full(64, 7, np.uint8)) for _ in range(3)]
+    width, height = 4, 2
+    ours = memory((width, height), device, compiler)
+    neighbours.append(OnDevice(np.full(64, 7, np.uint8)))
+    begin, size = call(api.cuMemGetAddressRange, ours._pointer)
+    assert int(begin) == int(ours._pointer)
+    assert size % (2 << 20) == 0, "cut out of a block that others share"
+    found = np.full(size // 4, 9.0, np.float32)
+    call(api.cuMemcpyDtoH, found.ctypes.data, ours._pointer, size)
+    assert set(np.unique(found)) == {0.0, np.inf}
+    assert np.isinf(found).sum() == width * height, "the legacy slot's depth alone"
+    ours.close()
+
+
 def test_empty_pixels_hold_what_the_semantics_say(device, compiler):
     ours = memory((4, 2), device, compiler, Semantics(depth_empty=100.0))
     depth = np.array([[1, 0, np.nan, np.inf], [-1, 2, 3, 4]], np.float32)

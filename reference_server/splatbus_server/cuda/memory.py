@@ -37,6 +37,9 @@ from splatbus_server.ring import Ring
 _MOST_LAUNCHES = 1024
 """Prepared and kept; more are of arrays that never lie alike."""
 _INFINITY = 0x7F800000
+_BLOCK = 2 << 20
+"""Bytes. The driver cuts what is smaller out of blocks of this size, and a handle opens all of its
+block, neighbours and all [CUD-1]."""
 
 
 class DeviceMemory:
@@ -89,15 +92,20 @@ class DeviceMemory:
         layout, legacy_color = host_ring(width, height, self.ring.slots)
         legacy_depth = legacy_color + layout.color_stride
         size = legacy_depth + layout.depth_stride
+        allocated = math.ceil(size / _BLOCK) * _BLOCK
         with device.current():
-            self._pointer = call(api.cuMemAlloc, size)
+            self._pointer = call(api.cuMemAlloc, allocated)
             base = int(self._pointer)
-            # What this process had there before is nobody's business.
-            call(api.cuMemsetD8Async, self._pointer, 0, size, 0)
-            call(api.cuMemsetD32Async, base + legacy_depth, _INFINITY, width * height, 0)
             self._events = [interprocess_event() for _ in range(self.ring.slots + 1)]
+            # What this process had there before is nobody's business, so nobody is told of the
+            # memory before that is done [MEM-16]; on a stream that waits for no renderer's.
+            stream = call(api.cuStreamCreate, api.CUstream_flags.CU_STREAM_NON_BLOCKING)
+            call(api.cuMemsetD8Async, self._pointer, 0, allocated, stream)
+            call(api.cuMemsetD32Async, base + legacy_depth, _INFINITY, width * height, stream)
             for event in self._events:
-                call(api.cuEventRecord, event, 0)
+                call(api.cuEventRecord, event, stream)
+            call(api.cuStreamSynchronize, stream)
+            call(api.cuStreamDestroy, stream)
             shared = memory_handle(self._pointer)
             *events, legacy_event = map(event_handle, self._events)
         legacy = LegacyBuffers(
@@ -116,7 +124,7 @@ class DeviceMemory:
             for slot in range(layout.slots)
         ]
         self._places.append((base + legacy_color, base + legacy_depth))
-        self._wrote: list[int | None] = [0] * len(self._places)  # stream that wrote the slot last
+        self._wrote: list[int | None] = [None] * len(self._places)  # stream that wrote there last
         self._in_use: dict[int, list[Any]] = {}  # owners of what a slot's kernel may still read
         self._launches: dict[tuple[str, Layout, int, int], Launch] = {}
         self._context = int(device.context)
