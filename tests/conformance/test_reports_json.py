@@ -56,6 +56,7 @@ def report() -> dict[str, Any]:
     """A report in which nothing that can be filled is empty, of few requirements."""
     TRAFFIC.latencies["ping → pong"] = Histogram({-60: 3}, 0.001)
     made = report_of(*EVERY_VERDICT, complaints=["too little"], notJudged=["ipc #1: 3 bytes"])
+    made["advice"].append("The two ports may be swapped")
     TRAFFIC.latencies.clear()
     kept = [it for it in made["requirements"] if it["results"] or it["deselected"]]
     made["requirements"] = kept

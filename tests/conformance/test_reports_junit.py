@@ -78,6 +78,8 @@ def test_a_suite_says_when_where_and_of_what() -> None:
     told = {each.get("name"): each.get("value") for each in suite.find("properties")}
     assert told["summary"] == report["summary"]
     assert told["seeds"] == "3,4"
+    advised = read(report | {"advice": ["Start with FRM-2"], "notJudged": ["3 bytes"]})[0]
+    assert advised.find("system-out").text == f"{report['summary']}\nStart with FRM-2\n3 bytes"
     nameless = report | {"environment": report["environment"] | {"host": " "}}
     assert read(nameless)[0].get("hostname") == "localhost"
 

@@ -37,7 +37,11 @@ def of_a_testee(text: str) -> Report:
     warning = Result("FRM-7", "rule", Level.PASSIVE, Verdict.WARN, text, (text,))
     skip = Result("JSN-1", "check_b", Level.WIRE, Verdict.SKIP, text)
     return report_of(
-        *(failure(text), warning, skip), testee=text, notJudged=[text], complaints=[f"a {text} b"]
+        *(failure(text), warning, skip),
+        testee=text,
+        notJudged=[text],
+        complaints=[f"a {text} b"],
+        advice=[f"a {text} b"],
     )
 
 

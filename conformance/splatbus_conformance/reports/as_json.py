@@ -14,6 +14,7 @@ from splatbus_conformance import latencies
 from splatbus_conformance.demands import observed
 from splatbus_conformance.findings import Traffic
 from splatbus_conformance.plan import Side
+from splatbus_conformance.roots import start_with
 from splatbus_conformance.verdicts import Level, Result, by_requirement, reached, worst
 
 FORMAT = "1"
@@ -76,6 +77,7 @@ def json_report(
         "profile": profile,
         "seeds": list(seeds),
         "complaints": list(complaints),
+        "advice": [*traffic.advice, *filter(None, [start_with(results)])],
         "notJudged": list(not_judged),
         "environment": {
             "harness": version(DISTRIBUTION),

@@ -50,8 +50,9 @@ def _suite(report: Report, number: int) -> ElementTree.Element:
         ElementTree.SubElement(properties, "property", name=name, value=printable(value))
     suite.extend(_case(each, package) for each in told)
     suite.extend(_complaint(printable(text), package) for text in complaints)
-    for stream in ("system-out", "system-err"):
-        ElementTree.SubElement(suite, stream)
+    said = printable("\n".join((report["summary"], *report["advice"], *report["notJudged"])))
+    ElementTree.SubElement(suite, "system-out").text = said
+    ElementTree.SubElement(suite, "system-err")
     return suite
 
 

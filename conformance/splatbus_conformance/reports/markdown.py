@@ -49,6 +49,8 @@ def _parts(report: Report) -> Iterator[str]:
     yield f"{_circumstances(report)}\n"
     for complaint in report["complaints"]:
         yield f"- {plain(complaint)}\n"
+    for advice in report["advice"]:
+        yield f"{plain(advice)}\n"
     for verdict in ("fail", "harness-error"):
         for each in told:
             if each.result["verdict"] == verdict:

@@ -1,0 +1,98 @@
+"""The command line: its examples, and what it refuses before anything is started."""
+
+import io
+import shlex
+import sys
+
+import pytest
+from splatbus_conformance.asking import plan_of
+from splatbus_conformance.cli import main, parser
+from splatbus_conformance.commands import console
+from splatbus_conformance.examples import EXAMPLES
+from splatbus_conformance.options import FORMATS
+from splatbus_conformance.plan import Usage
+from splatbus_schemas import LIMITS
+
+LINES = [
+    line.strip()
+    for text in EXAMPLES.values()
+    for line in text.replace("\\\n", "").splitlines()
+    if line.startswith("  splatbus-conformance")
+]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_examples_are_command_lines(line: str) -> None:
+    program, *words = shlex.split(line)
+    assert program == "splatbus-conformance"
+    given = parser().parse_args(words)
+    if given.command == "replay":
+        given = parser().parse_args(["client", *given.how])
+    if given.command in ("client", "server"):
+        plan_of(given.command, given)
+
+
+@pytest.mark.parametrize("command", [name for name in EXAMPLES if name])
+def test_help_ends_with_the_examples_of_its_command_and_fits_a_terminal(
+    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with pytest.raises(SystemExit) as end:
+        main([command, "--help"])
+    assert end.value.code == 0
+    output = capsys.readouterr().out
+    assert output.endswith(EXAMPLES[command])
+    examples = [line for line in LINES if line.split()[1] == command]
+    assert len(examples) > (command == "client")
+    assert max(map(len, output.splitlines())) <= 100
+
+
+@pytest.mark.parametrize("command", ["client", "server", "demo", "audit", "proxy"])
+def test_every_run_offers_every_format(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    output = capsys.readouterr().out
+    assert [name for name in FORMATS if f"--{name} FILE" not in output] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--launch", "x", "--ports", "6001"], "two numbers are wanted"),
+        (["--launch", "x", "--ports", "6001,6001"], "IPC and message need a port each"),
+        (["--launch", "x", "--ports", "6001,65536"], "to 65535"),
+        (["--launch", "x", "--ports=-1,6000"], "a port is a number from 0"),
+        (["--launch", "x", "--viewport", "0x48"], "1 to"),
+        (["--launch", "x", "--viewport", f"{LIMITS['max_image_size'] + 1}x1"], "1 to"),
+        (["--launch", "x", "--viewport", "big"], "width and height are wanted"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(words: list[str], told: str) -> None:
+    with pytest.raises(Usage, match=told):
+        plan_of("client", parser().parse_args(["client", *words]))
+
+
+def test_free_ports_may_be_asked_for_twice() -> None:
+    given = parser().parse_args(["client", "--launch", "x", "--ports", "0,0"])
+    assert plan_of("client", given).ports == (0, 0)
+
+
+@pytest.mark.parametrize("option", ["--launch", "--adapter"])
+@pytest.mark.parametrize("command", ["", " "])
+def test_a_blank_command_is_none(
+    option: str, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["client", option, command])
+    assert end.value.code == 2
+    assert "a command is wanted" in capsys.readouterr().err
+
+
+def test_a_terminal_that_lacks_a_character_gets_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    raw = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
+    console(True).print("client → server ✓", markup=False)
+    sys.stdout.flush()
+    assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
