@@ -90,11 +90,13 @@ def parser() -> argparse.ArgumentParser:
     replay = commands_.add_parser(
         "replay",
         help="show a failure again",
-        usage="%(prog)s FILE (--launch CMD | --adapter CMD | --wait | --connect) …",
+        usage="%(prog)s FILE (--launch CMD | --adapter CMD | --wait | --connect) …\n"
+        "       %(prog)s SESSION.jsonl (client | server) (--launch CMD | --wait | --connect) …",
         **_prose(
             "replay",
             "Deliver the script that a run wrote of a failure, and say whether the testee "
-            "fails again. What follows FILE are options of `client`, or of `server`.",
+            "fails again. What follows FILE are options of `client`, or of `server`. Of a "
+            "recording, one side is played again to the other, which is judged: say which that is.",
         ),
     )
     replay.add_argument("file", metavar="FILE")

@@ -53,9 +53,16 @@ def _live(side: Side, arguments: argparse.Namespace, out: Console) -> int:
 
 
 def replay(arguments: argparse.Namespace, out: Console) -> int:
-    """Show a failure again."""
+    """Show a failure again, or play one side of a recording again."""
     from splatbus_conformance.cli import parser
 
+    if Path(arguments.file).suffix == ".jsonl":
+        from splatbus_conformance.play_command import play_recording, side_of
+
+        side = side_of(arguments.how)
+        given = parser().parse_args(arguments.how)
+        plan, files = plan_of(side, given), files_of(given)
+        return play_recording(Path(arguments.file), plan, files, out, strict=given.strict)
     try:
         script = load(Path(arguments.file))
     except OSError as error:
