@@ -12,7 +12,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 STOP_SECONDS = 15.0
-PRELOADED = ["splatbus_conformance.cli", "splatbus_conformance.selftest.preload"]
+PRELOADED = ["splatbus_conformance.selftest.preload"]
 
 _running: set[BaseProcess] = set()
 _starting = threading.Lock()
@@ -30,6 +30,8 @@ def run(line: list[str], seconds: float) -> tuple[int | None, str]:
         output = Path(folder, "output.txt")
         process = _context.Process(target=_harness, args=(line, str(output)))  # type: ignore[attr-defined]
         with _starting:
+            # NumPy starts twice as fast without threads that no specimen needs.
+            os.environ["OPENBLAS_NUM_THREADS"] = "1"
             if isinstance(_context, ForkServerContext):
                 _context.set_forkserver_preload(PRELOADED)
             process.start()
@@ -53,6 +55,7 @@ def stop_all() -> None:
 def _harness(line: list[str], output: str) -> None:
     """Runs in the process of its own, in a group of its own, so that it ends with its children."""
     from splatbus_conformance.cli import main
+    from splatbus_conformance.selftest.nursery import forking_specimens
 
     if os.name == "posix":
         os.setsid()
@@ -60,9 +63,9 @@ def _harness(line: list[str], output: str) -> None:
     file = os.open(output, os.O_WRONLY | os.O_CREAT, 0o600)
     for stream in (1, 2):
         os.dup2(file, stream)
-    # NumPy starts twice as fast without threads that no specimen needs.
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    sys.exit(main(line))
+    with forking_specimens():
+        status = main(line)
+    sys.exit(status)
 
 
 def _end(process: BaseProcess) -> None:
