@@ -9,6 +9,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses these, but a checkout runs without it
+    sys.exit(f"Python 3.11 or newer is needed, and this is {sys.version.split()[0]}")
+
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("schemas", "reference_server", "reference_client", "conformance", "tests", "benchmarks")
 PACKAGES = (
