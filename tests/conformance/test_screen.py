@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -116,6 +117,8 @@ def test_nothing_that_a_peer_sends_reaches_the_terminal_as_a_command() -> None:
         live.feed(Entry(9.0, "msg", number, "c2s", data))
     found = broken(live)
     assert len(found) > 10
+    assert found[0].first  # and if a rule quoted it as it is
+    found[0] = replace(found[0], first=replace(found[0].first, text=HOSTILE))
     text = io.StringIO()
     out = Console(file=text, width=100, no_color=True)
     for finding in found:

@@ -100,9 +100,8 @@ def served(
     **options: Any,
 ) -> Iterator[tuple[splatbus_server.Bus, Tap]]:
     """A server with this render loop, which ends when the event is set, and a tap before it."""
-    with splatbus_server.serve(
-        width, height, host="127.0.0.1", ipc_port=0, message_port=0, **options
-    ) as bus:
+    options = {"host": "127.0.0.1", "ipc_port": 0, "message_port": 0} | options
+    with splatbus_server.serve(width, height, **options) as bus:
         stopped = threading.Event()
         tap = Tap(bus.address.ipc_port, bus.address.message_port)
         with tap.open(), on_a_thread(lambda: loop(stopped, bus), stopped.set):

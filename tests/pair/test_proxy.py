@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
 import socket
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -11,6 +14,8 @@ import pytest
 from splatbus_client import Pose
 from splatbus_conformance import cli
 from splatbus_conformance.audit import audit
+from splatbus_conformance.commands import console
+from splatbus_conformance.plan import Usage
 from splatbus_conformance.recording import load
 
 from tests.pair.legacy import packet
@@ -32,7 +37,7 @@ def proxied(listen: Ports, to: Ports, file: Path, seconds: float, *more: str) ->
     ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
     line = ["--plain", "proxy", "--listen", ends[0], "--to", ends[1], "--record", str(file)]
     arguments = cli.parser().parse_args([*line, "--seconds", str(seconds), *more])
-    return int(arguments.run(arguments, cli.commands.console(True)))
+    return int(arguments.run(arguments, console(True)))
 
 
 def connected(port: int) -> socket.socket:
@@ -43,6 +48,22 @@ def connected(port: int) -> socket.socket:
         except OSError:
             threading.Event().wait(0.05)
     raise TimeoutError(port)
+
+
+def audited(file: Path, status: int) -> Path:
+    """The report of an audit of a recording."""
+    report = file.with_suffix(".audited.json")
+    assert cli.main(["--plain", "audit", str(file), "--json", str(report)]) == status
+    return report
+
+
+def verdicts(report: Path) -> dict[tuple[str, str], list[tuple[str, str]]]:
+    """Of each side and requirement, what was found, in words."""
+    return {
+        (one["side"], each["id"]): [(it["verdict"], it["text"]) for it in each["results"]]
+        for one in json.loads(report.read_text("utf-8"))
+        for each in one["requirements"]
+    }
 
 
 def test_a_session_is_passed_on_written_down_and_judged(
@@ -75,6 +96,7 @@ def test_a_session_is_passed_on_written_down_and_judged(
     assert "server: conforming at L0" in out
     assert [f.broken for f in audit(load(file)).findings if f.broken] == []
     assert len(json.loads(report.read_text("utf-8"))) == 2
+    assert verdicts(report) == verdicts(audited(file, 0))
 
 
 def test_what_is_broken_is_said_while_the_session_lasts_and_fails_it(
@@ -91,23 +113,82 @@ def test_what_is_broken_is_said_while_the_session_lasts_and_fails_it(
         client = threading.Thread(target=misbehave)
         client.start()
         to = bus.address.ipc_port, bus.address.message_port
-        code = proxied(listen, to, tmp_path / "session.jsonl", 3.0)
+        file, report = tmp_path / "session.jsonl", tmp_path / "report.json"
+        code = proxied(listen, to, file, 3.0, "--json", str(report))
         client.join(MOST_SECONDS)
     out = capsys.readouterr().out
     assert code == 1
     live, judged = out.index("FAIL POS-1 client"), out.index("client: not conforming")
     assert live < judged
+    assert verdicts(report) == verdicts(audited(file, 1))
+
+
+def test_a_server_that_comes_later_is_found_by_a_client_that_came_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import splatbus_client
+
+    listen, to = free_ports(), free_ports()
+    came, shown = threading.Event(), []
+
+    def look() -> None:
+        with connected(listen[0]):  # the proxy runs
+            pass
+        with splatbus_client.connect("127.0.0.1", *listen) as session:
+            came.set()
+            with session.next_frame(MOST_SECONDS) as frame:
+                shown.append(is_whole(frame))
+
+    def serve() -> None:
+        came.wait(MOST_SECONDS)
+        threading.Event().wait(1.0)
+        with serving(painter(), ipc_port=to[0], message_port=to[1]):
+            client.join(MOST_SECONDS)
+
+    client, server = threading.Thread(target=look), threading.Thread(target=serve)
+    client.start()
+    server.start()
+    code = proxied(listen, to, tmp_path / "session.jsonl", 8.0)
+    client.join(MOST_SECONDS)
+    server.join(MOST_SECONDS)
+    out = capsys.readouterr().out
+    assert shown == [True]
+    assert f"no server at 127.0.0.1:{to[0]}" in out
+    assert "start it, or say with --to where it is" in out
+    assert code == 0, out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signal there is like Ctrl-C")
+def test_ctrl_c_ends_the_session_and_judges_it(tmp_path: Path) -> None:
+    listen = free_ports()
+    with serving(painter()) as (bus, _):
+        to = bus.address.ipc_port, bus.address.message_port
+        ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
+        line = ["--plain", "proxy", "--listen", ends[0], "--to", ends[1]]
+        running = subprocess.Popen(
+            [sys.executable, "-m", "splatbus_conformance", *line],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        with connected(listen[1]) as client:
+            client.sendall(packet({"type": "camera_pose", "position": {"x": 0.0}}))
+            threading.Event().wait(0.5)
+            running.send_signal(signal.SIGINT)
+            out, _ = running.communicate(timeout=MOST_SECONDS)
+    assert running.returncode == 1
+    assert "client: not conforming: POS-1 broken" in out
+    assert load(tmp_path / "splatbus-session.jsonl")
+    assert "\x1b" not in out
 
 
 def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(cli.Usage, match=f"127.0.0.1:{port}"):
+        with pytest.raises(Usage, match=f"127.0.0.1:{port}"):
             proxied((port, 0), (1, 1), tmp_path / "session.jsonl", 1.0)
 
 
 def test_an_address_that_is_none_is_explained() -> None:
-    with pytest.raises(cli.Usage, match="HOST:IPC,MSG"):
-        cli.commands.proxy(
-            cli.parser().parse_args(["proxy", "--to", "localhost"]), cli.commands.console(True)
-        )
+    with pytest.raises(Usage, match="HOST:IPC,MSG"):
+        proxied((1, 2), (0, 0), Path("session.jsonl"), 1.0)
