@@ -4,9 +4,10 @@ What it finds out leaves in the reports of pytest, as text, so that it does not 
 process the checks run.
 """
 
+import sys
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from splatbus_schemas.requirements import requirements
 from splatbus_conformance import latencies, recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.conversation import conversations
+from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
@@ -33,6 +35,26 @@ PLACE = pytest.StashKey[int]()
 RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
 """Properties of reports: place and result of a check, and what crossed the wire meanwhile."""
 Order = Callable[[list[pytest.Item]], list[pytest.Item]]
+
+
+class Modules(pytest.Directory):
+    """Python modules of a folder, found without looking through it, which takes pytest longer than
+    most checks run.
+    """
+
+    modules: Sequence[Path]
+
+    @classmethod
+    def of(cls, parent: pytest.Collector, folder: Path, modules: Sequence[Path]) -> "Modules":
+        """These modules of this folder."""
+        node: Modules = cls.from_parent(parent, path=folder)
+        node.modules = modules
+        return node
+
+    def collect(self) -> Iterator[pytest.Module]:
+        """Each of them."""
+        for path in self.modules:
+            yield pytest.Module.from_parent(self, path=path)
 
 
 class CheckPlugin:
@@ -53,9 +75,18 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         self._keep(0, "introduction")
 
+    def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
+        """The modules of checks that hold one which was selected."""
+        found = {
+            Path(str(sys.modules[it.__module__].__file__))
+            for it in check_functions(self.plan.side)
+            if self._takes(it.__name__, it.check)
+        }
+        return Modules.of(parent, path, sorted(found))
+
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Leave out what was not selected, and put the rest in order."""
-        items[:] = [item for item in items if self._selected(item)]
+        items[:] = [item for item in items if self._takes(item.name, declared(item))]
         for place, item in enumerate(items, 1):
             item.stash[PLACE] = place
         items[:] = self.order(items)
@@ -65,8 +96,11 @@ class CheckPlugin:
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Turn what happened into a result, and send it along with the report."""
+        # What pytest makes of a failure holds what testees sent, which not every transport can
+        # carry, and to look up the lines of source takes longer than most checks.
+        item.repr_failure = lambda excinfo, style=None: ""  # type: ignore[method-assign]
         report = yield
-        report.longrepr = None  # it holds what testees sent, which not every transport can carry
+        report.longrepr = None
         if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
             result = self._result(item, call)
             report.user_properties.append((RESULT, (item.stash[PLACE], result_as_text(result))))
@@ -116,8 +150,8 @@ class CheckPlugin:
         if self.plan.record:
             recording.save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
 
-    def _selected(self, item: pytest.Item) -> bool:
-        return self.plan.selection.takes(selectable(item.name, declared(item)), self.plan.profile)
+    def _takes(self, name: str, check: Check) -> bool:
+        return self.plan.selection.takes(selectable(name, check), self.plan.profile)
 
     def _missing(self, check: Check) -> str | None:
         for need in check.needs:

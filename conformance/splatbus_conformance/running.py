@@ -104,7 +104,8 @@ def _pytest(plan: Plan, plugins: list[object], *more: str) -> int:
     folder = Path(splatbus_conformance.checks.__file__).parent / plan.side
     arguments = [
         str(folder),
-        *("-c", os.devnull, "--rootdir", str(folder), "--import-mode=importlib"),
+        *("-c", os.devnull, "--rootdir", str(folder), "--confcutdir", str(folder)),
+        "--import-mode=importlib",
         *(argument for name in NOT_NEEDED for argument in ("-p", f"no:{name}")),
         *("--capture=no", "--assert=plain"),
         *("-o", "python_files=*.py", "-o", "python_functions=check_*"),
