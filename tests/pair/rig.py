@@ -100,8 +100,8 @@ def served(
     **options: Any,
 ) -> Iterator[tuple[splatbus_server.Bus, Tap]]:
     """A server with this render loop, which ends when the event is set, and a tap before it."""
-    options = {"host": "127.0.0.1", "ipc_port": 0, "message_port": 0} | options
-    with splatbus_server.serve(width, height, **options) as bus:
+    place: dict[str, Any] = {"host": "127.0.0.1", "ipc_port": 0, "message_port": 0}
+    with splatbus_server.serve(width, height, **(place | options)) as bus:
         stopped = threading.Event()
         tap = Tap(bus.address.ipc_port, bus.address.message_port)
         with tap.open(), on_a_thread(lambda: loop(stopped, bus), stopped.set):
