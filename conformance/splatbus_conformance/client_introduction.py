@@ -70,7 +70,9 @@ class ClientFacts:
         parts = [
             f"it speaks {self.version()}",
             f"connects to {where}",
-            f"sends {', '.join(sorted(self.says))}" if self.says else "sends nothing that can be read",
+            f"sends {', '.join(sorted(self.says))}"
+            if self.says
+            else "sends nothing that can be read",
         ]
         if self.version() == "1.1":
             parts.append("opens the memory" if self.opens else "does not open the memory")
@@ -151,11 +153,12 @@ def _shown(peer: Peer, role: Role) -> ClientFacts:
         dealings = role.with_(connection)
         facts.connects.add(connection.channel)
         facts.hello[connection.channel] = facts.hello[connection.channel] or dealings.hello
-        for message in dealings.heard:
-            facts.says.add(str(message.get("type")))
+        kinds = {str(message.get("type")) for message in dealings.heard}
+        facts.says |= kinds
+        if connection.channel == "msg":
+            facts.asks |= kinds & set(REQUESTS)
+            facts.poses = facts.poses or bool(kinds & set(POSES))
         facts.opens = facts.opens or bool(dealings.opened)
-    facts.asks = facts.says & set(REQUESTS)
-    facts.poses = bool(facts.says & set(POSES))
     return facts
 
 

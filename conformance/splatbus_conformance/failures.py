@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from splatbus_conformance import mistakes
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.replaying import worked_out
@@ -28,17 +29,22 @@ def work_out(
     broken = (Verdict.FAIL, Verdict.WARN)
     failed = [place for place, it in enumerate(results) if it.script and it.verdict in broken]
     scripts = {place: from_text(results[place].script) for place in failed}
-    if failed and seconds and plan.starts_it:
+    tries = bool(seconds) and plan.starts_it
+    if failed and tries:
         what = f"{len(failed)} failures" if len(failed) != 1 else "the failure"
         say(f"making {what} small, for {seconds:g} s at most")
         scripts = _made_small(plan, scripts, seconds)
     told = list(results)
     for place, script in scripts.items():
-        folder.mkdir(parents=True, exist_ok=True)
         path = folder / _file_name(script)
         seen = script.seen or results[place].text
-        save(replace(script, seen=seen), path)
-        told[place] = _with(results[place], script, path, plan)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            save(replace(script, seen=seen), path)
+        except OSError as error:
+            say(mistakes.scripts_not_written(str(folder), error))
+            break
+        told[place] = _with(results[place], script, path, plan, tried=tries)
     return told
 
 
@@ -46,7 +52,7 @@ def _made_small(plan: Plan, scripts: dict[int, Script], seconds: float) -> dict[
     until = time.monotonic() + seconds
     try:
         stand = set_up(replace(plan, parallel=1))
-    except Usage:
+    except (Usage, NoVerdict):
         return scripts
     made = dict(scripts)
     try:
@@ -62,13 +68,13 @@ def _made_small(plan: Plan, scripts: dict[int, Script], seconds: float) -> dict[
     return made
 
 
-def _with(result: Result, script: Script, path: Path, plan: Plan) -> Result:
+def _with(result: Result, script: Script, path: Path, plan: Plan, *, tried: bool) -> Result:
     cases = [case for row in script.cases for case in row]
     many = {0: "it takes no case", 1: "one case"}.get(len(cases), f"{len(cases)} cases")
     if len(cases) == 1 and cases[0].drawn:
         many += f", {shorten(str(cases[0].value))}"
     times = "failed twice of two" if script.confirmed else "unconfirmed: not seen again"
-    told = f"{many}, {times}" if plan.starts_it else many
+    told = f"{many}, {times}" if tried else many
     return replace(
         result,
         text=script.seen if script.confirmed and not script.by_rule else result.text,

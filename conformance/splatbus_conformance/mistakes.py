@@ -134,7 +134,9 @@ def no_shared_memory(error: OSError, needed: int, free: int | None, size: tuple[
             f"{said}: {_bytes(free)} are left in /dev/shm. A container has 64 MiB unless it is "
             f"started with more (docker run --shm-size={docker}m); a smaller --viewport takes less"
         )
-    return f"{said}: /dev/shm has to be writable for the user who runs this"
+    if isinstance(error, PermissionError) or error.errno == errno.EROFS:
+        return f"{said}: /dev/shm has to be writable for the user who runs this"
+    return said
 
 
 def _bytes(number: int) -> str:

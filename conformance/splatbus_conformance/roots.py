@@ -17,8 +17,8 @@ _SEVEREST = (Verdict.FAIL, Verdict.ERROR, Verdict.WARN)
 
 def in_order(results: Iterable[Result]) -> list[Result]:
     """What was broken, in the order in which to look at it: failures before advice that was not
-    followed; lower layers first; and in a layer, what the testee sends by itself before what it
-    makes of what it is sent.
+    followed; what the testee sends by itself before what it makes of what it is sent; and of
+    those, lower layers first.
     """
     broken = [result for result in results if result.verdict in _SEVEREST]
     return sorted(broken, key=_place)
@@ -47,8 +47,8 @@ def start_with(results: Sequence[Result]) -> str:
     return f"Start with {first.requirement}: {LAYERS[_rank(first)][1]}; {', and '.join(follow)}."
 
 
-def _place(result: Result) -> tuple[int, int, bool]:
-    return _SEVEREST.index(result.verdict), _rank(result), not _by_itself(result)
+def _place(result: Result) -> tuple[int, bool, int]:
+    return _SEVEREST.index(result.verdict), not _by_itself(result), _rank(result)
 
 
 def _counted(names: set[str], word: str) -> str:

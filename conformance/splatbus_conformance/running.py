@@ -19,7 +19,8 @@ from splatbus_conformance.plugin import CheckPlugin, declared
 from splatbus_conformance.stand import set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
-ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONSAFEPATH": "1"}
+"""No plugins of the user's, and in workers no modules of the folder that the user is in."""
 NOT_NEEDED = (
     *("cacheprovider", "doctest", "faulthandler", "freeze_support", "junitxml", "legacypath"),
     *("logging", "monkeypatch", "pastebin", "recwarn", "setuponly", "setupplan", "stepwise"),

@@ -18,6 +18,7 @@ def start(*arguments: str, cwd: Path | None = None, **environment: str) -> subpr
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        errors="replace",
         cwd=cwd,
         env={**os.environ, **environment},
     )
