@@ -72,21 +72,21 @@ def test_it_says_the_verdict_counts_and_each_failure_with_its_sentence() -> None
         "**not conforming: FRM\\-3 broken: 3 of 6 requirements observed**",
         "| broken | 1 |",
         "- too little",
-        "### FRM-3, a (L1)",
+        "### broken: FRM-3, a (L1)",
         "> A receiver MUST close a connection",
         "Acceptable: closes",
         "Seen: `seen`",
         "line <&>",
         "splatbus-conformance replay a.json --launch cmd",
-        "### JSN-2, c (L2)",
-        "### the run, collection (L1)",
+        "### the harness failed: JSN-2, c (L2)",
+        "### the harness failed: the run, collection (L1)",
         "<details><summary>advice not followed: FRM-7, rule (L0)</summary>",
         "<details><summary>broken, as expected: JSN-4, d (L1)</summary>",
         "- JSN-1: `no hello`",
         "- POS-1: deselected",
     ):
         assert line in made, line
-    assert made.index("### FRM-3") < made.index("<details>")
+    assert made.index("### broken") < made.index("<details>")
 
 
 def test_counts_are_those_of_the_report() -> None:
@@ -109,7 +109,7 @@ def test_however_long_the_run_it_stays_within_what_is_shown(most: int) -> None:
     report = report_of(*[long] * 400)
     made = markdown_report([report], most)
     assert len(made.encode()) <= most
-    shown = made.count("### FRM-3")
+    shown = made.count("### broken")
     assert 0 < shown < 400
     assert f"Too long for a summary: {400 - shown + 1} parts more" in made
     assert [token.type for token in tokens(made)][-1] == "paragraph_close"

@@ -54,7 +54,7 @@ def _parts(report: Report) -> Iterator[str]:
     for verdict in ("fail", "harness-error"):
         for each in told:
             if each.result["verdict"] == verdict:
-                yield _failure(each)
+                yield f"### {VERDICTS[verdict]}: {_title(each)}\n\n{_account(each)}"
     for verdict in ("warn", "expected"):
         for each in told:
             if each.result["verdict"] == verdict:
@@ -82,10 +82,6 @@ def _circumstances(report: Report) -> str:
 def _title(told: Told) -> str:
     check = told.result["check"].removeprefix("check_").replace("_", " ")
     return f"{told.requirement or 'the run'}, {check} ({told.result['assurance']})"
-
-
-def _failure(told: Told) -> str:
-    return f"### {_title(told)}\n\n{_account(told)}"
 
 
 def _account(told: Told) -> str:
