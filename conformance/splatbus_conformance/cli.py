@@ -91,7 +91,7 @@ def parser() -> argparse.ArgumentParser:
         "replay",
         help="show a failure again",
         usage="%(prog)s FILE (--launch CMD | --adapter CMD | --wait | --connect) …\n"
-        "       %(prog)s SESSION.jsonl (client | server) (--launch CMD | --wait | --connect) …",
+        "       %(prog)s SESSION.jsonl (client | server) (--launch CMD | …) …",
         **_prose(
             "replay",
             "Deliver the script that a run wrote of a failure, and say whether the testee "

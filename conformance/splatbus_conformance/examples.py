@@ -49,6 +49,8 @@ examples:
   splatbus-conformance replay splatbus-failures/FRM-3-bad_length_closes_ipc.json \\
       --launch ./my-viewer
       what stands below a failure as the way to see it again
+  splatbus-conformance replay session.jsonl client --launch ./my-viewer
+      say to my-viewer what the server in this recording said, and judge it
 
 exit status: 1 it fails again, 0 it does not, 3 nothing can be said
 """,

@@ -10,7 +10,7 @@ from splatbus_conformance.cli import main, parser
 from splatbus_conformance.commands import console
 from splatbus_conformance.examples import EXAMPLES
 from splatbus_conformance.options import FORMATS
-from splatbus_conformance.plan import Usage
+from splatbus_conformance.plan import SIDES, Usage
 from splatbus_schemas import LIMITS
 
 LINES = [
@@ -27,7 +27,8 @@ def test_examples_are_command_lines(line: str) -> None:
     assert program == "splatbus-conformance"
     given = parser().parse_args(words)
     if given.command == "replay":
-        given = parser().parse_args(["client", *given.how])
+        side = [] if given.how[0] in SIDES else ["client"]
+        given = parser().parse_args([*side, *given.how])
     if given.command in ("client", "server"):
         plan_of(given.command, given)
 

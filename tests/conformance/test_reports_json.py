@@ -223,15 +223,17 @@ def test_reports_of_a_server_satisfy_it(tmp_path: Path) -> None:
 def test_the_demo_writes_what_it_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = []
-    monkeypatch.setattr(
-        commands, "judge", lambda plan, wishes, out: asked.append((plan, wishes)) or 0
-    )
+    asked: list[tuple[Plan, Wishes]] = []
+
+    def judge(plan: Plan, wishes: Wishes, _: object) -> int:
+        asked.append((plan, wishes))
+        return 0
+
+    monkeypatch.setattr(commands, "judge", judge)
     path = tmp_path / "report.html"
     assert main(["--plain", "demo", "--html", str(path)]) == 0
     ((plan, wishes),) = asked
-    assert isinstance(plan, Plan)
-    assert isinstance(wishes, Wishes)
+    assert (plan.side, plan.parallel > 1) == ("client", True)
     assert list(wishes.files) == [("html", path)]
 
 
