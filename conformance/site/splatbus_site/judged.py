@@ -3,6 +3,7 @@
 import html
 import re
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import NamedTuple
 
 from splatbus_conformance.coverage import Judge, bound, exclusions, judges
@@ -15,8 +16,12 @@ COVERAGE = "conformance/COVERAGE.md"
 CHECKS = "conformance/CHECKS.md"
 KILL_MATRIX = "conformance/KILL_MATRIX.md"
 FILTER = '<div class="row-filter" data-what="{}"></div>\n'
-_MUTANT = re.compile(r"^\| ([A-Z]{3}-\d+) \|.*\| (\**\w+\**) \|[^|]*\|$", re.MULTILINE)
-_MUTANTS = re.compile(r"(^## Mutants\n\n)(\|.*\n\|.*\n)((?:\|.*\n)+)", re.MULTILINE)
+_MUTANT = re.compile(
+    r"^\| (?P<breaks>[A-Z]{3}-\d+) \| (?P<name>[^|]*) \| (?P<does>[^|]*) \| (?P<check>[^|]*)"
+    r" \| (?P<fate>[^|]*) \| (?P<reason>[^|]*) \|$",
+    re.MULTILINE,
+)
+_MUTANTS = re.compile(r"(^## Mutants\n\n)((?:\|.*\n)+)", re.MULTILINE)
 _JUDGE = {
     "L0": "by reading bytes that crossed the wire",
     "L1": "by taking part as a live peer",
@@ -41,8 +46,8 @@ def coverage(kill_matrix: str) -> str:
         "What judges each requirement, on a client and on a server, and at which "
         "[level of assurance](README.md#what-a-verdict-means): "
         + ", ".join(f"{_level(level)} {how}" for level, how in _JUDGE.items())
-        + ". Where nothing does, the reason. A dash: it does not bind that side. *Mutants* are broken "
-        "programs that are [killed](KILL_MATRIX.md) for that requirement.\n\n"
+        + ". Where nothing does, the reason. *Mutants* are broken programs that are "
+        "[killed](KILL_MATRIX.md) for that requirement.\n\n"
     )
     for peer in PEERS:
         page += (
@@ -53,12 +58,12 @@ def coverage(kill_matrix: str) -> str:
     for clause, ids in _by_clause(requirements("1.1")).items():
         page += f"\n## {clause}\n\n"
         page += table(
-            ("requirement", "level", "on a client", "on a server", "mutants"),
+            ("id", "level", "judged by", "mutants"),
             (
                 (
                     f'<span id="coverage-{name}"></span>{name}',
                     requirements("1.1")[name].level,
-                    *(_judged(name, peer) for peer in PEERS),
+                    "<br>".join(_judged(name, p) for p in PEERS if name in bound(p)),
                     f'<a href="kill-matrix.html#kills-{name}">{kills[name]}</a>'
                     if kills.get(name)
                     else "",
@@ -85,12 +90,13 @@ def checks() -> str:
     ):
         page += f"\n## {title}\n\n"
         page += table(
-            ("name", "level", "judges", "what it does", "what it sees"),
+            ("judges", "level", "name", "what it sees"),
             (_check_row(name, same, seen) for name, same in _by_name(chosen).items()),
         )
     return page
 
 
+@cache
 def check_names() -> frozenset[str]:
     """The name of every check and rule: each is an anchor of the page of checks."""
     return frozenset(each.judge.name for each in _everything())
@@ -100,17 +106,16 @@ def kill_matrix(text: str) -> str:
     """The kill matrix with its long table divided by clause, and an anchor for each requirement."""
 
     def divided(match: re.Match[str]) -> str:
-        rows: dict[str, list[str]] = {}
-        for line in match[3].splitlines(keepends=True):
-            name = line.split()[1]
-            rows.setdefault(name, []).append(line)
+        rows: dict[str, list[re.Match[str]]] = {}
+        for row in _MUTANT.finditer(match[2]):
+            rows.setdefault(row["breaks"], []).append(row)
         page = match[1] + FILTER.format("programs")
         for clause, ids in _by_clause(rows).items():
-            page += f"\n### {clause}\n\n{match[2]}"
-            for name in ids:
-                first, *others = rows[name]
-                page += first.replace("| ", f'| <span id="kills-{name}"></span>', 1)
-                page += "".join(others)
+            page += f"\n### {clause}\n\n"
+            page += table(
+                ("breaks", "mutant", "check", "fate"),
+                (_mutant_row(row, row is rows[name][0]) for name in ids for row in rows[name]),
+            )
         return page
 
     return _MUTANTS.sub(divided, text)
@@ -119,18 +124,21 @@ def kill_matrix(text: str) -> str:
 def killed(kill_matrix: str) -> Mapping[str, int]:
     """How many mutants were killed for each requirement."""
     counts: dict[str, int] = {}
-    for name, fate in _MUTANT.findall(kill_matrix):
-        counts[name] = counts.get(name, 0) + (fate == "killed")
+    for row in _MUTANT.finditer(kill_matrix):
+        counts[row["breaks"]] = counts.get(row["breaks"], 0) + (row["fate"] == "killed")
     return counts
 
 
+def _mutant_row(row: re.Match[str], first: bool) -> tuple[str, ...]:
+    anchor = f'<span id="kills-{row["breaks"]}"></span>' if first else ""
+    why = f"{row['check']}<br>{row['reason']}"
+    return f"{anchor}{row['breaks']}", f"{row['name']}<br>{row['does']}", why, row["fate"]
+
+
 def _judged(name: str, peer: str) -> str:
-    if name not in bound(peer):
-        return "—"
     if name in exclusions(peer):
-        reason = exclusions(peer)[name]
-        return f"*not judged:* {html.escape(reason.reason)}"
-    return "<br>".join(f"{_level(j.level)} `{j.name}`" for j in judges(peer)[name])
+        return f"{peer} not judged: {html.escape(exclusions(peer)[name].reason)}"
+    return "<br>".join(f"{peer} {_level(j.level)} `{j.name}`" for j in judges(peer)[name])
 
 
 def _level(level: str) -> str:
@@ -158,7 +166,7 @@ def _check_row(name: str, same: list[Judged], seen: set[str]) -> tuple[str, ...]
     seen.add(name)
     judge = same[0].judge
     ids = ", ".join(dict.fromkeys(each.requirement for each in same))
-    return f"{anchor}`{name}`", _level(judge.level), ids, judge.what, judge.observable
+    return ids, _level(judge.level), f"{anchor}`{name}`<br>{judge.what}", judge.observable
 
 
 def _by_clause(ids: Iterable[str]) -> dict[str, list[str]]:

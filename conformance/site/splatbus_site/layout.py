@@ -14,12 +14,14 @@ FOLDERS = (
     "reference_client",
     "benchmarks",
 )
+SHORT_TITLES = {"complete": "In one piece"}
 RAW = ("schemas/splatbus_schemas/**/*.json", "spec/vectors/*.json")
 
 
 def prose(root: Path) -> dict[str, str]:
     """The Markdown files of the repository that are pages of the site, by their paths."""
-    found = [*root.glob("*.md"), *(path for each in FOLDERS for path in root.glob(f"{each}/**/*.md"))]
+    patterns = ("*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
+    found = (path for pattern in patterns for path in root.glob(pattern))
     paths = sorted(path.relative_to(root).as_posix() for path in found)
     return {
         path: (root / path).read_text("utf-8")
@@ -29,7 +31,7 @@ def prose(root: Path) -> dict[str, str]:
 
 
 def docname(source: str) -> str:
-    """The name of a page in the site, without an ending: `spec/1.0/README.md` is `spec/1.0/index`."""
+    """The name of a page, without an ending: `spec/1.0/index` for `spec/1.0/README.md`."""
     if source == FRONT:
         return "index"
     path = PurePosixPath(source)
@@ -38,7 +40,7 @@ def docname(source: str) -> str:
 
 
 def children(index: str, docnames: Iterable[str]) -> list[str]:
-    """The pages directly below an index: those of its folder, then the indexes of its subfolders."""
+    """The pages directly below an index: those of its folder, then indexes of folders in it."""
     folder = posixpath.dirname(index)
     pages, folders = [], []
     for each in docnames:
@@ -52,7 +54,7 @@ def children(index: str, docnames: Iterable[str]) -> list[str]:
 
 def contents(index: str, docnames: Iterable[str]) -> str:
     """The table of contents that Sphinx wants at the end of an index, shown beside the pages."""
-    below = "".join(f"/{each}\n" for each in children(index, docnames))
+    below = "".join(f"{_entry(each)}\n" for each in children(index, docnames))
     return f"\n```{{toctree}}\n:hidden:\n\n{below}```\n" if below else ""
 
 
@@ -63,6 +65,11 @@ def staged(pages: Mapping[str, str]) -> dict[str, str]:
         name: text + contents(name, named) if name.endswith("/index") else text
         for name, text in named.items()
     }
+
+
+def _entry(name: str) -> str:
+    title = SHORT_TITLES.get(PurePosixPath(name).parent.name)
+    return f"{title} </{name}>" if title else f"/{name}"
 
 
 def _naturally(text: str) -> list[tuple[int, str]]:

@@ -3,11 +3,10 @@
 import html
 import posixpath
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 from .layout import docname
-from .markdown import outside_of_fences
+from .markdown import outside_of_fences, without_fences
 
 _LINK = re.compile(
     r"(?P<image>!?)\[(?P<text>(?:[^\[\]]|!?\[[^\]]*\](?:\([^)]*\))?)*)\]\((?P<target>[^)\s]+)\)"
@@ -15,11 +14,9 @@ _LINK = re.compile(
 _ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 
 
-def targets(text: str) -> Iterator[str]:
+def targets(text: str) -> list[str]:
     """The target of each link and picture, outside of fenced blocks."""
-    found: list[str] = []
-    outside_of_fences(lambda part: found.extend(m["target"] for m in _all(part)) or part, text)
-    return iter(found)
+    return [link["target"] for link in _LINK.finditer(without_fences(text))]
 
 
 def is_elsewhere(target: str) -> bool:
@@ -37,8 +34,8 @@ def relinked(source: str, text: str, pages: frozenset[str], root: Path) -> tuple
     """The text as the site needs it, and the files that have to lie beside its pages.
 
     A link to a page becomes one to its docname; one to another file keeps its path, which the file
-    has in the site as well; one to a folder is only its text. A link to nothing stays, for Sphinx to
-    complain of.
+    has in the site as well; one to a folder is only its text. A link to nothing stays: Sphinx will
+    complain of it.
     """
     files: set[str] = set()
     here = posixpath.dirname(docname(source))
@@ -65,7 +62,3 @@ def relinked(source: str, text: str, pages: frozenset[str], root: Path) -> tuple
         return f'<a href="{html.escape(place)}">{match["text"]}</a>'
 
     return outside_of_fences(lambda part: _LINK.sub(replaced, part), text), files
-
-
-def _all(text: str) -> Iterator[re.Match[str]]:
-    return _LINK.finditer(text)

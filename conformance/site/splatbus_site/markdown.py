@@ -16,9 +16,14 @@ def outside_of_fences(change: Callable[[str], str], text: str) -> str:
     return "".join([*pieces, change(text[start:])])
 
 
+def without_fences(text: str) -> str:
+    """The text without its fenced blocks."""
+    return _FENCE.sub("", text)
+
+
 def headings(text: str) -> list[str]:
     """The text of each heading, in order."""
-    return [title for _, title in _HEADING.findall(_FENCE.sub("", text))]
+    return [title for _, title in _HEADING.findall(without_fences(text))]
 
 
 def demoted(text: str) -> str:

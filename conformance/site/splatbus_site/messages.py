@@ -21,8 +21,11 @@ def pages() -> dict[str, str]:
 def listing(version: str) -> str:
     """The messages of one version."""
     rows = (
-        (f"[{schema(name, version)['title']}]({name}.md)", schema(name, version)["description"],
-         f"[raw]({_raw(name, version)})")
+        (
+            f"[{schema(name, version)['title']}]({name}.md)",
+            schema(name, version)["description"],
+            f"[raw]({_raw(name, version)})",
+        )
         for name in names(version)
     )
     return (
@@ -42,17 +45,17 @@ def page(name: str, version: str) -> str:
         f"[examples]({_raw(f'examples/{name}', version, '.json')}) · `{found['$id']}`\n"
     )
     if members := list(_members(found)):
-        text += "\n## Members\n\n" + table(("member", "", "meaning"), members)
+        text += "\n## Members\n\n" + table(("member", "presence", "meaning"), members)
     if comment := found.get("$comment"):
         text += f"\n## What the schema does not say\n\n{comment}\n"
     text += "\n## Valid examples\n"
     for each in valid:
         text += f"\n{_sentence(each.why)}\n\n{_code(each.message)}"
     text += "\n## Invalid examples\n\nEach breaks one requirement at one place.\n"
-    for each in invalid:
-        place = f"`{each.pointer}`" if each.pointer else "the message itself"
-        text += f"\n{_sentence(each.why)} Breaks {each.requirement} at {place}.\n\n"
-        text += _code(each.message)
+    for broken in invalid:
+        place = f"`{broken.pointer}`" if broken.pointer else "the message itself"
+        text += f"\n{_sentence(broken.why)} Breaks {broken.requirement} at {place}.\n\n"
+        text += _code(broken.message)
     return f"{text}\n## Schema\n\n```json\n{json.dumps(found, indent=2, ensure_ascii=False)}\n```\n"
 
 

@@ -7,7 +7,7 @@ letters. So the nodes are made here, not by directives, and the prose stays plai
 import re
 from collections.abc import Iterator
 
-from docutils import nodes
+from docutils import nodes  # type: ignore[import-untyped]
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.transforms import SphinxTransform
@@ -31,16 +31,18 @@ class AnchorRequirements(SphinxTransform):
     default_priority = 500
 
     def apply(self) -> None:
-        for paragraph in list(self.document.findall(nodes.paragraph)):
-            if (name := _defines(paragraph)) is not None:
-                self._enclose(paragraph, name)
+        """Go through what is printed bold: ids are."""
+        for strong in list(self.document.findall(nodes.strong)):
+            if (name := _defined_by(strong)) is not None:
+                self._enclose(strong, name)
 
-    def _enclose(self, paragraph: nodes.paragraph, name: str) -> None:
+    def _enclose(self, strong: nodes.strong, name: str) -> None:
+        paragraph = strong.parent
         badge = nodes.reference(
             "", name, refuri=f"#{name}", internal=True, classes=["requirement-id"]
         )
         badge["reftitle"] = f"Link to {name}"
-        paragraph.replace(paragraph[0], badge)
+        paragraph.replace(strong, badge)
         parent, place = paragraph.parent, paragraph.parent.index(paragraph)
         box = nodes.container("", ids=[name], classes=["requirement"])
         following = parent[place + 1] if place + 1 < len(parent) else None
@@ -60,6 +62,7 @@ class LinkMentions(SphinxPostTransform):
     default_priority = 800
 
     def run(self, **_: object) -> None:
+        """Go through all text but headings, links and blocks of code."""
         for text in list(self.document.findall(nodes.Text)):
             if not any(isinstance(each, _UNTOUCHED) for each in _ancestors(text)):
                 self._link(text)
@@ -105,6 +108,7 @@ class LinkCoverage(SphinxPostTransform):
     default_priority = 801
 
     def run(self, **_: object) -> None:
+        """Go through the boxes that are there by now."""
         coverage = self.app.builder.get_relative_uri(self.env.docname, docname(COVERAGE))
         for box in self.document.findall(nodes.container):
             if "requirement" in box["classes"]:
@@ -128,13 +132,14 @@ def setup(app: Sphinx) -> dict[str, bool]:
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _defines(paragraph: nodes.paragraph) -> str | None:
-    """The id of the requirement that the paragraph is, if it is one."""
-    if not isinstance(paragraph.parent, nodes.section) or not paragraph.children:
-        return None
-    first = paragraph[0]
-    match = _ID.fullmatch(first.astext()) if isinstance(first, nodes.strong) else None
-    return match[1] if match else None
+def _defined_by(strong: nodes.strong) -> str | None:
+    """The id of the requirement that begins here, if one does; one that is quoted does not."""
+    match = _ID.fullmatch(strong.astext())
+    begins = isinstance(strong.parent, nodes.paragraph) and not any(
+        each.astext() for each in strong.parent.children[: strong.parent.index(strong)]
+    )
+    stands_alone = begins and isinstance(strong.parent.parent, nodes.section)
+    return match[1] if match and stands_alone else None
 
 
 def _facts(quote: nodes.block_quote) -> nodes.container:

@@ -37,7 +37,7 @@ def in_one_piece(version: str, pages: Mapping[str, str]) -> str:
     )
 
 
-def index() -> str:
+def index(pages: Mapping[str, str]) -> str:
     """Every requirement of every version with its sentence, chapter by chapter."""
     page = (
         "# All requirements\n\n"
@@ -50,7 +50,7 @@ def index() -> str:
         own = [each for each in requirements(version).values() if f"/{version}/" in each.chapter]
         page += f"\n## {version}: {len(own)} requirements\n"
         for chapter, found in by_chapter(own).items():
-            page += f"\n### {version}, {_title(chapter)}\n\n"
+            page += f"\n### {headings(pages[chapter])[0]} ({version})\n\n"
             page += table(("id", "sentence", "binds", "acceptable"), map(_row, found))
     return page
 
@@ -61,15 +61,6 @@ def by_chapter(found: Iterable[Requirement]) -> dict[str, list[Requirement]]:
     for each in found:
         chapters.setdefault(each.chapter, []).append(each)
     return chapters
-
-
-def _title(chapter: str) -> str:
-    stem = posixpath.basename(chapter).removesuffix(".md")
-    number, _, name = stem.partition("-")
-    if number == "annex":
-        letter, _, name = name.partition("-")
-        return f"annex {letter.upper()}: {name.replace('-', ' ')}"
-    return f"chapter {int(number)}: {name.replace('-', ' ')}"
 
 
 def _row(each: Requirement) -> tuple[str, ...]:

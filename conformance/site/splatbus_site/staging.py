@@ -7,14 +7,14 @@ from . import judged, layout, links, messages, pictures, specification
 
 
 def pages(root: Path) -> dict[str, str]:
-    """Every page of the site by its path in the repository, generated ones by the path they'd have."""
+    """Every page by its path in the repository, generated ones by a path that they could have."""
     found = layout.prose(root)
     matrix = found[judged.KILL_MATRIX]
     found[specification.WHOLE["1.0"]] = specification.in_one_piece("1.0", found)
     for source in specification.WHOLE.values():
         found[source] = specification.NOT_SEARCHED + found[source]
     return found | {
-        specification.INDEX: specification.index(),
+        specification.INDEX: specification.index(found),
         judged.COVERAGE: judged.coverage(matrix),
         judged.CHECKS: judged.checks(),
         judged.KILL_MATRIX: judged.kill_matrix(matrix),

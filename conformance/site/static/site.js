@@ -1,4 +1,5 @@
-// Long tables get a line to filter their rows by; without scripts they are simply long.
+// Long tables get a line to filter their rows by, and long names in them break where words end; what
+// scrolls can be scrolled by keyboard. Without scripts the pages say the same.
 "use strict";
 
 const tablesOf = (box) => box.closest("article").querySelectorAll("table");
@@ -40,9 +41,19 @@ function addFilter(box) {
 function markTarget() {
   document.querySelector(".row-target")?.classList.remove("row-target");
   const place = document.getElementById(decodeURIComponent(location.hash.slice(1)));
-  place?.closest("tr")?.classList.add("row-target");
+  const row = place?.closest("tr");
+  row?.classList.add("row-target");
+  row?.scrollIntoView({ block: "center", behavior: "instant" });
 }
 
+function letNamesBreak(code) {
+  const text = code.textContent.split(/(?<=_)/);
+  code.replaceChildren(...text.flatMap((part) => [part, document.createElement("wbr")]));
+}
+
+document.querySelectorAll("td code").forEach(letNamesBreak);
 document.querySelectorAll(".row-filter").forEach(addFilter);
+for (const box of document.querySelectorAll(".highlight > pre, .table-wrapper")) box.tabIndex = 0;
+for (const caption of document.querySelectorAll(".caption[role=heading]")) caption.ariaLevel = 2;
 addEventListener("hashchange", markTarget);
 markTarget();
