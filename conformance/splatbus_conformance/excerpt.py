@@ -1,6 +1,7 @@
 """Show a piece of a recording to people: who, what it reads as, and the bytes, folded when long."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 from splatbus_conformance.packets import HEADER, Splitter
 from splatbus_conformance.recording import Entry
@@ -13,21 +14,55 @@ SHOWN_CHARACTERS = 160
 INDENT = " " * 13
 
 
+@dataclass
+class Piece:
+    """An event, or what came of a stream up to the end of a packet."""
+
+    entry: Entry
+    """The first, if there were several."""
+    data: bytes
+    parts: int = 1
+    """How many reads it took."""
+    astray: bool = False
+    """It follows a header that is none, so that nobody knows where its packets begin."""
+
+
 def excerpt(entries: Iterable[Entry], last: int) -> Iterator[str]:
-    """The last so many entries as lines of text; the stream of poses is only counted.
+    """The last so many pieces as lines of text; the stream of poses is only counted.
 
     A viewer sends poses all the time, and they would hide everything else.
     """
-    entries = list(entries)
-    telling = [entry for entry in entries if not _is_pose(entry)]
-    for entry in (telling or entries)[-last:]:
-        yield f"{entry.t:9.4f} s  {entry.channel:<3} #{entry.conn}  {_what(entry)}"
-        if entry.data is not None:
-            yield from (
-                f"{INDENT}{line}" for line in (*_decoded(entry.data), hexadecimal(entry.data))
-            )
-    if poses := len(entries) - len(telling):
+    pieces = _pieces(entries)
+    telling = [piece for piece in pieces if not _is_pose(piece)]
+    for piece in (telling or pieces)[-last:]:
+        entry = piece.entry
+        yield f"{entry.t:9.4f} s  {entry.channel:<3} #{entry.conn}  {_what(piece)}"
+        if piece.data:
+            lines = *_decoded(piece), hexadecimal(piece.data)
+            yield from (f"{INDENT}{line}" for line in lines)
+    if poses := len(pieces) - len(telling):
         yield f"{INDENT}and poses of the client, {poses} times"
+
+
+def _pieces(entries: Iterable[Entry]) -> list[Piece]:
+    """Entries, those of one stream joined that hold parts of a packet."""
+    pieces: list[Piece] = []
+    streams: dict[tuple[object, ...], tuple[Splitter, Piece]] = {}
+    for entry in entries:
+        data = entry.data or b""
+        key = entry.channel, entry.conn, entry.dir
+        stream, before = streams.get(key, (Splitter(), None))
+        if data and before and stream.rest and stream.refused is None:
+            before.data += data
+            before.parts += 1
+            stream.feed(data, entry.t)
+            continue
+        piece = Piece(entry, data, astray=stream.refused is not None)
+        pieces.append(piece)
+        if data:
+            stream.feed(data, entry.t)
+            streams[key] = stream, piece
+    return pieces
 
 
 def fold(data: bytes) -> str:
@@ -43,8 +78,12 @@ def hexadecimal(data: bytes) -> str:
     return f"{head} … {end} ({len(data)} bytes)"
 
 
-def _decoded(data: bytes) -> Iterator[str]:
+def _decoded(piece: Piece) -> Iterator[str]:
     """The packets that begin and end here, as text; what is no whole packet by its length."""
+    data = piece.data
+    if piece.astray:
+        yield f"{len(data)} bytes after a header that is none: {_characters(data)}"
+        return
     stream = Splitter()
     for packet in stream.feed(data, 0.0):
         yield f"{len(packet.payload)} bytes: {_characters(packet.payload)}"
@@ -62,18 +101,20 @@ def _characters(data: bytes) -> str:
     return "".join(character if character.isprintable() else "·" for character in text)
 
 
-def _is_pose(entry: Entry) -> bool:
-    data = entry.data or b""
+def _is_pose(piece: Piece) -> bool:
+    data = piece.data
     return (
-        entry.dir == "c2s"
+        piece.entry.dir == "c2s"
         and b"get_" not in data
         and (b"camera_pose" in data or b"point_cloud_pose" in data)
     )
 
 
-def _what(entry: Entry) -> str:
+def _what(piece: Piece) -> str:
+    entry = piece.entry
     if entry.data is not None:
-        return ARROW[entry.dir or "c2s"]
+        parts = f", in {piece.parts} parts" if piece.parts > 1 else ""
+        return f"{ARROW[entry.dir or 'c2s']}{parts}"
     if entry.event == "open":
         return "the client connects"
     who = f"the {SENDER[entry.dir or 'c2s']}"

@@ -45,3 +45,27 @@ def test_packets_are_told_from_what_is_none() -> None:
 def test_a_bad_header_is_read_out() -> None:
     lines = list(excerpt([Entry(0.0, "ipc", 1, "s2c", b"\xff\xff\xff\xff")], 1))
     assert "a header that announces 4,294,967,295 bytes" in lines[1]
+
+
+def test_a_packet_that_came_in_parts_is_read_as_one() -> None:
+    """A client that writes header and payload apart is read as well as any other."""
+    entries = [Entry(0.1, "msg", 1, "c2s", ERROR[:4]), Entry(0.2, "msg", 1, "c2s", ERROR[4:])]
+    lines = [line.strip() for line in excerpt(entries, 12)]
+    assert lines[0] == "0.1000 s  msg #1  client → server, in 2 parts"
+    assert lines[1] == '16 bytes: {"type":"error"}'
+    assert len(lines) == 3
+
+
+def test_parts_of_other_streams_are_kept_apart() -> None:
+    other = Entry(0.2, "msg", 2, "c2s", ERROR)
+    halves = [Entry(0.1, "msg", 1, "c2s", ERROR[:9]), other, Entry(0.3, "msg", 1, "c2s", ERROR[9:])]
+    lines = [line.strip() for line in excerpt(halves, 12)]
+    assert lines.count('16 bytes: {"type":"error"}') == 2
+
+
+def test_what_follows_a_bad_header_is_not_read_as_headers() -> None:
+    header, text = b"\x00\x00\x00\x10", ERROR[4:]
+    entries = [Entry(0.1, "msg", 1, "c2s", header), Entry(0.2, "msg", 1, "c2s", text)]
+    lines = [line.strip() for line in excerpt(entries, 12)]
+    assert "a header that announces 268,435,456 bytes" in lines
+    assert '16 bytes after a header that is none: {"type":"error"}' in lines
