@@ -80,7 +80,7 @@ def _not_met(plan: Plan, why: str, seconds: float) -> dict[str, Any]:
     return json_report(
         plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
         plan.side,
-        f"no verdict: {why}",
+        f"no verdict: {why.splitlines()[0]}",
         [Result("", "introduction", Level.WIRE, Verdict.ERROR, why)],
         Traffic().judged(plan.side),
         exit_code=EXIT_NO_VERDICT,

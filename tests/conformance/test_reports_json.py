@@ -208,6 +208,7 @@ def test_a_run_without_a_verdict_leaves_a_report_that_says_so(tmp_path: Path) ->
     closed().validate(written)
     assert (written["exitCode"], written["observed"]) == (3, 0)
     assert "cannot start the testee" in written["summary"]
+    assert "\n" not in written["summary"]
 
 
 def test_reports_of_a_server_satisfy_it(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ VERDICTS = {
     "fail": "broken",
     "warn": "advice not followed",
     "expected": "broken, as expected",
-    "harness-error": "the harness failed",
+    "harness-error": "no verdict",
     "skip": "not observed",
 }
 LEFT_OUT = "Too long for a summary: {:,} parts more are in the other reports.\n"
