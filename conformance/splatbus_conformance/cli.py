@@ -14,6 +14,7 @@ from splatbus_conformance import commands
 from splatbus_conformance.examples import EXAMPLES
 from splatbus_conformance.options import a_command, format_options, live_options, recording_options
 from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.reports.as_json import harness_version
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE
 
 HELP_WIDTH = 79
@@ -29,6 +30,7 @@ def parser() -> argparse.ArgumentParser:
             "the bytes that show it.",
         ),
     )
+    top.add_argument("--version", action="version", version=f"%(prog)s {harness_version()}")
     top.add_argument("--plain", action="store_true", help="no colour, no moving lines")
     commands_ = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
 

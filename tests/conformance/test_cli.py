@@ -3,6 +3,7 @@
 import io
 import shlex
 import sys
+from importlib.metadata import version
 
 import pytest
 from splatbus_conformance.asking import plan_of
@@ -97,3 +98,10 @@ def test_a_terminal_that_lacks_a_character_gets_another(
     console(True).print("client → server ✓", markup=False)
     sys.stdout.flush()
     assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
+
+
+def test_the_version_is_that_of_the_distribution(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"splatbus-conformance {version('splatbus-protocol')}\n"

@@ -80,7 +80,7 @@ def json_report(
         "advice": [*traffic.advice, *filter(None, [start_with(results)])],
         "notJudged": list(not_judged),
         "environment": {
-            "harness": version(DISTRIBUTION),
+            "harness": harness_version(),
             "python": platform.python_version(),
             "platform": sys.platform,
             "machine": platform.machine(),
@@ -106,6 +106,11 @@ def json_report(
             if each.requirement not in judged
         ],
     }
+
+
+def harness_version() -> str:
+    """As it was installed."""
+    return version(DISTRIBUTION)
 
 
 def _result(result: Result) -> dict[str, Any]:
