@@ -11,23 +11,21 @@ T = TypeVar("T")
 class Limits:
     """What is shown whole."""
 
-    items: int = 1000
-    """Of a list: requirements, failures, measured quantities."""
-    results: int = 50
-    """Of one requirement."""
-    characters: int = 12_000
+    items: int = 400
+    """Of a long list: requirements, failures, measured quantities."""
+    few: int = 40
+    """Of a list that is short as a rule: the results of one requirement, complaints, reasons."""
+    characters: int = 8_000
     """Of a transcript."""
 
     @property
     def sentence(self) -> int:
         """Characters of what is meant to be a sentence or a command."""
-        return max(self.characters // 6, 4)
+        return max(self.characters // 4, 4)
 
     def half(self) -> "Limits":
         """For a page that was too large."""
-        return Limits(
-            max(self.items // 2, 1), max(self.results // 2, 1), max(self.characters // 2, 16)
-        )
+        return Limits(max(self.items // 2, 1), max(self.few // 2, 1), max(self.characters // 2, 16))
 
 
 class Some(NamedTuple, Generic[T]):

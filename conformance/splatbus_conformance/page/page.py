@@ -11,8 +11,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from splatbus_conformance.page import plots
-from splatbus_conformance.page.limits import Limits
-from splatbus_conformance.page.text import visible, words
+from splatbus_conformance.page.limits import Limits, first
+from splatbus_conformance.page.text import transcript, visible, words
 from splatbus_conformance.page.view import view_of
 
 MOST_BYTES = 2_000_000
@@ -36,13 +36,13 @@ def html_report(*reports: Mapping[str, Any]) -> str:
 
 
 def _rendered(reports: tuple[Mapping[str, Any], ...], limits: Limits) -> str:
-    views = [
-        view_of(report, f"{number}-" if number > 1 else "", limits)
-        for number, report in enumerate(reports, 1)
-    ]
+    shown = first(reports, limits.few)
+    views = [view_of(report, number, limits) for number, report in enumerate(shown.these, 1)]
     style = _style()
     digest = base64.b64encode(hashlib.sha256(style.encode("utf-8")).digest()).decode("ascii")
-    return _template().render(views=views, style=Markup(style), style_digest=digest)
+    return _template().render(
+        views=views, more=shown.more, style=Markup(style), style_digest=digest
+    )
 
 
 @cache
@@ -58,6 +58,7 @@ def _template() -> Template:
     environment.globals["plots"] = plots
     environment.filters |= {
         "words": words,
+        "transcript": transcript,
         "duration": plots.duration,
         "digits": plots.digits,
     }

@@ -103,8 +103,8 @@ def duration(seconds: float) -> str:
 
 
 def digits(number: float) -> str:
-    """A number with three digits."""
-    if number == 0 or 1e-4 <= abs(number) < 1e6:
-        text = f"{number:.3g}"
-        return f"{float(text):,.0f}" if "e" in text else text
-    return f"{number:.2e}".replace("e-0", "e-").replace("e+0", "e+").replace("e+", "e")
+    """A number with three digits, or more where they are all of a whole one."""
+    if 1000 <= abs(number) < 1e6:
+        return f"{number:,.0f}"
+    mantissa, e, exponent = f"{number:.3g}".partition("e")
+    return f"{mantissa}e{int(exponent)}" if e else mantissa

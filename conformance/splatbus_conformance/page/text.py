@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 INDENT = " " * 13
 """Of the lines of a transcript that belong to the line before (`excerpt.INDENT`)."""
+UNUSUAL = re.compile("[^ -~\n\t]+")
 HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
 ID = re.compile("([A-Z]{3}-[0-9]+)")
 ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
@@ -37,7 +38,7 @@ def visible(value: Any) -> Any:
     """
     if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
         return value
-    return "".join(c if c.isprintable() or c in "\n\t" else f"⟨U+{ord(c):04X}⟩" for c in value)
+    return UNUSUAL.sub(_seen, value)
 
 
 def cut(text: str, most: int) -> str:
@@ -76,6 +77,10 @@ def words(check: str) -> str:
     return check.removeprefix("check_").replace("_", " ")
 
 
+def _seen(match: re.Match[str]) -> str:
+    return "".join(c if c.isprintable() else f"⟨U+{ord(c):04X}⟩" for c in match[0])
+
+
 def _line(text: str) -> Line:
     if not text.startswith(INDENT):
         return Line(text, "event")
@@ -85,7 +90,8 @@ def _line(text: str) -> Line:
 
 def _ends(evidence: Sequence[str], most: int) -> Sequence[str]:
     """The lines of which some may be shown; a report may have any number."""
-    return evidence if len(evidence) <= 2 * most else [*evidence[:most], *evidence[-most:]]
+    lines = most // 8 + 1
+    return evidence if len(evidence) <= 2 * lines else [*evidence[:lines], *evidence[-lines:]]
 
 
 def _within(lines: Sequence[Line], most: int) -> list[Line]:

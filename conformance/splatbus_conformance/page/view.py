@@ -11,8 +11,15 @@ from splatbus_conformance.coverage import exclusions
 from splatbus_conformance.page import plots
 from splatbus_conformance.page.clauses import CLAUSES
 from splatbus_conformance.page.limits import Limits, Some, first
-from splatbus_conformance.page.text import Line, Span, cut, ids, spans, transcript
-from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NO_VERDICT, Verdict
+from splatbus_conformance.page.text import Span, cut, ids, spans
+from splatbus_conformance.roots import in_order
+from splatbus_conformance.verdicts import (
+    EXIT_CONFORMING,
+    EXIT_NO_VERDICT,
+    Level,
+    Result,
+    Verdict,
+)
 
 Json = Mapping[str, Any]
 ORDER = (
@@ -50,7 +57,8 @@ class Told:
     verdict: str
     text: str
     seconds: float
-    evidence: tuple[Line, ...]
+    evidence: Sequence[str]
+    """Lines of transcript, all of them: few results show theirs."""
     smallest: str
     replay: str
 
@@ -118,6 +126,8 @@ class Measured:
 class View:
     """Everything that the page shows of one report."""
 
+    limits: Limits
+    number: int
     prefix: str
     """Of the ids on the page, so that those of two reports differ."""
     report: Json
@@ -128,6 +138,8 @@ class View:
     opinion: str
     counts: tuple[tuple[str, int], ...]
     """Of requirements, by verdict."""
+    hints: Some[str]
+    """What may be at the root of it."""
     broken: Some[Told]
     advice: Some[Told]
     expected: Some[Told]
@@ -144,44 +156,58 @@ class View:
     """Where, when and how it was judged: names and values."""
 
 
-def view_of(report: Json, prefix: str, limits: Limits) -> View:
-    """A report as the page shows it; each id on the page begins with `prefix`."""
+def view_of(report: Json, number: int, limits: Limits) -> View:
+    """A report as the page shows it, and which of those on the page it is: 1 for the first."""
     listed: Sequence[Json] = report["requirements"]
-    rows = [_row(each, str(report.get("side", "")), limits) for each in listed[: limits.items]]
+    rows = [_row(each, report["side"], limits) for each in listed[: limits.items]]
     others = [
-        _told(_about({"id": it.get("requirement", "")}, limits), it, limits)
-        for it in report.get("others", [])[: limits.items]
+        _told(_about_other(it["requirement"], limits), it, limits)
+        for it in report["others"][: limits.items]
     ]
     told = [*(it for row in rows for it in row.results.these), *others]
-    by_verdict = {verdict: [it for it in told if it.verdict == verdict] for verdict in ORDER}
+    ordered = _in_order(told)
     verdicts = [each["verdict"] for each in listed]
     verdict, opinion = _opinion(report["exitCode"], {it.verdict for it in told})
-    timed = report.get("latencies", [])[: limits.items]
-    axis = plots.decades_around(edge for it in timed for bin in it["bins"] for edge in bin[:2])
+    timed = first(report["latencies"], limits.few)
+    axis = plots.decades_around(
+        edge for it in timed.these for bin in it["bins"] for edge in bin[:2]
+    )
     return View(
-        prefix=prefix,
+        limits=limits,
+        number=number,
+        prefix=f"{number}-" if number > 1 else "",
         report=report,
         testee=cut(report["testee"], limits.sentence),
         summary=ids(_sentence(cut(report["summary"], limits.sentence))),
         verdict=verdict,
         opinion=opinion,
         counts=tuple((it, verdicts.count(it)) for it in ORDER if it in verdicts),
-        broken=first(by_verdict[Verdict.FAIL] + by_verdict[Verdict.ERROR], limits.items),
-        advice=first(by_verdict[Verdict.WARN], limits.items),
-        expected=first(by_verdict[Verdict.EXPECTED], limits.items),
-        complaints=_texts(report.get("complaints", []), limits),
+        hints=_texts(report.get("advice", []), limits),
+        broken=first([it for it in ordered if it.verdict != Verdict.WARN], limits.items),
+        advice=first([it for it in ordered if it.verdict == Verdict.WARN], limits.items),
+        expected=first([it for it in told if it.verdict == Verdict.EXPECTED], limits.items),
+        complaints=_texts(report["complaints"], limits),
         clauses=tuple(
             Clause(letters, CLAUSES.get(letters, ""), tuple(group))
             for letters, group in groupby(rows, lambda row: row.about.id.partition("-")[0])
         ),
         rows_left_out=len(listed) - len(rows),
         unseen=_unseen(rows, limits),
-        not_judged=_texts(report.get("notJudged", []), limits),
+        not_judged=_texts(report["notJudged"], limits),
         axis=axis,
-        latencies=first([_timed(it, axis, limits) for it in timed], limits.items),
+        latencies=Some([_timed(it, axis, limits) for it in timed.these], timed.more),
         measured=first(_measured(listed, limits), limits.items),
         facts=tuple(_facts(report, limits)),
     )
+
+
+def _in_order(told: Sequence[Told]) -> list[Told]:
+    """What was broken, in the order in which to look at it."""
+    results = [
+        Result(it.about.id, it.check, Level(it.assurance), Verdict(it.verdict)) for it in told
+    ]
+    by_result = {id(result): it for result, it in zip(results, told, strict=True)}
+    return [by_result[id(result)] for result in in_order(results)]
 
 
 def _sentence(text: str) -> str:
@@ -201,24 +227,27 @@ def _opinion(exit_code: int, verdicts: set[str]) -> tuple[str, str]:
 
 def _row(entry: Json, side: str, limits: Limits) -> Row:
     about = _about(entry, limits)
-    found = first(entry["results"], limits.results)
+    found = first(entry["results"], limits.few)
     results = Some([_told(about, it, limits) for it in found.these], found.more)
-    return Row(about, entry["verdict"], results, tuple(_why_unseen(entry, side, limits)))
+    return Row(about, Verdict(entry["verdict"]), results, tuple(_why_unseen(entry, side, limits)))
 
 
 def _about(entry: Json, limits: Limits) -> About:
     id = cut(entry["id"], limits.sentence)
     known = requirements("1.1").get(id)
-    sentence = entry.get("sentence", known.sentence if known else "")
-    acceptable = entry.get("acceptable", known.acceptable if known else ())
     return About(
         id,
-        entry.get("level", known.level if known else ""),
-        spans(cut(sentence, limits.sentence)),
-        tuple(cut(it, limits.sentence) for it in acceptable[: limits.results]),
+        cut(entry["level"], limits.sentence),
+        spans(cut(entry["sentence"], limits.sentence)),
+        tuple(cut(it, limits.sentence) for it in entry["acceptable"][: limits.few]),
         spans(known.why or "") if known else (),
         known.chapter if known else "",
     )
+
+
+def _about_other(id: str, limits: Limits) -> About:
+    """A requirement by which the testee could not be judged, or none: the run itself."""
+    return About(cut(id, limits.sentence), "", (), (), (), "")
 
 
 def _told(about: About, result: Json, limits: Limits) -> Told:
@@ -229,9 +258,9 @@ def _told(about: About, result: Json, limits: Limits) -> Told:
         result["verdict"],
         cut(result["text"], limits.sentence),
         result["seconds"],
-        transcript(result["evidence"], limits.characters),
-        cut(result.get("smallest", ""), limits.sentence),
-        cut(result.get("replay", ""), limits.sentence),
+        result["evidence"],
+        cut(result["smallest"], limits.sentence),
+        cut(result["replay"], limits.sentence),
     )
 
 
@@ -239,10 +268,10 @@ def _why_unseen(entry: Json, side: str, limits: Limits) -> Iterator[str]:
     """Why nothing is said of a requirement, where nothing is."""
     if entry["verdict"] != Verdict.SKIP:
         return
-    reasons = [it["text"] for it in entry["results"][: limits.results]]
-    if entry.get("deselected"):
+    reasons = [it["text"] for it in entry["results"][: limits.few]]
+    if entry["deselected"]:
         reasons.append("left out by --select or --deselect")
-    elif not reasons and side and (excluded := exclusions(side).get(entry["id"])):
+    elif not reasons and (excluded := exclusions(side).get(entry["id"])):
         reasons.append(f"no check judges it: {excluded.reason}")
     elif not reasons:
         reasons.append("what it is about did not happen")
@@ -256,7 +285,7 @@ def _unseen(rows: Sequence[Row], limits: Limits) -> Some[tuple[str, tuple[str, .
         for reason in row.unseen:
             found.setdefault(reason, []).append(row.about.id)
     by_weight = sorted(found.items(), key=lambda it: -len(it[1]))
-    return first([(reason, tuple(ids)) for reason, ids in by_weight], limits.items)
+    return first([(reason, tuple(ids)) for reason, ids in by_weight], limits.few)
 
 
 def _timed(entry: Json, axis: plots.Decades, limits: Limits) -> Timed:
@@ -273,8 +302,8 @@ def _measured(listed: Sequence[Json], limits: Limits) -> list[Measured]:
         _measurement(about, it, limits)
         for entry in listed
         for about in [_about(entry, limits)]
-        for result in entry["results"][: limits.results]
-        for it in result.get("measurements", [])[: limits.results]
+        for result in entry["results"][: limits.few]
+        for it in result["measurements"][: limits.few]
     ]
     return sorted(found, key=lambda it: (it.budget is None, not it.beyond, -it.x))
 
@@ -296,14 +325,16 @@ def _measurement(about: About, entry: Json, limits: Limits) -> Measured:
 
 def _facts(report: Json, limits: Limits) -> Iterator[tuple[str, str]]:
     """Where, when and how it was judged."""
+    waiting, busy = report["waitingSeconds"], report["harnessSeconds"]
     found = {
         "made": report["made"].replace("T", " ").replace("+00:00", " UTC"),
-        "judged as": " of SplatBus ".join(
-            it for it in (report.get("side"), report.get("version")) if it
-        ),
-        "profile": report.get("profile", ""),
-        "seeds": ", ".join(map(str, report.get("seeds", [])[: limits.items])),
-        "cases": _delivered(report),
+        "judged as": f"{report['side']} of SplatBus {report['version']}",
+        "observed": f"{report['observed']} of {len(report['requirements'])} requirements",
+        "profile": report["profile"],
+        "seeds": ", ".join(map(str, report["seeds"][: limits.items])),
+        "cases": f"{report['casesDelivered']:,} in {plots.duration(report['seconds'])}"
+        f"; {plots.duration(busy)} of CPU time of the harness, "
+        f"{plots.duration(waiting)} of waiting for the testee",
         "exit status": report["exitCode"],
     }
     named = {ENVIRONMENT.get(name, name): value for name, value in report["environment"].items()}
@@ -312,15 +343,6 @@ def _facts(report: Json, limits: Limits) -> Iterator[tuple[str, str]]:
             yield cut(name, limits.sentence), cut(str(value), limits.sentence)
 
 
-def _delivered(report: Json) -> str:
-    text = f"{report['casesDelivered']:,} in {plots.duration(report['seconds'])}"
-    if "harnessSeconds" in report and "waitingSeconds" in report:
-        text += (
-            f"; {plots.duration(report['harnessSeconds'])} of CPU time of the harness, "
-            f"{plots.duration(report['waitingSeconds'])} of waiting for the testee"
-        )
-    return text
-
-
 def _texts(texts: Sequence[str], limits: Limits) -> Some[str]:
-    return first([cut(text, limits.sentence) for text in texts[: limits.items]], limits.items)
+    found = first(texts, limits.few)
+    return Some([cut(text, limits.sentence) for text in found.these], found.more)
