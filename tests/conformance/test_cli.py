@@ -12,6 +12,7 @@ from splatbus_conformance.commands import console
 from splatbus_conformance.examples import EXAMPLES
 from splatbus_conformance.options import FORMATS
 from splatbus_conformance.plan import SIDES, Usage
+from splatbus_conformance.reports import as_json
 from splatbus_schemas import LIMITS
 
 LINES = [
@@ -105,3 +106,8 @@ def test_the_version_is_that_of_the_distribution(capsys: pytest.CaptureFixture[s
         main(["--version"])
     assert end.value.code == 0
     assert capsys.readouterr().out == f"splatbus-conformance {version('splatbus-protocol')}\n"
+
+
+def test_it_runs_where_nothing_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(as_json, "DISTRIBUTION", "no-such-distribution")
+    assert as_json.harness_version() == "unknown"

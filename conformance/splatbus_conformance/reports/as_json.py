@@ -4,7 +4,7 @@ import platform
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import Any
 
@@ -109,8 +109,11 @@ def json_report(
 
 
 def harness_version() -> str:
-    """As it was installed."""
-    return version(DISTRIBUTION)
+    """As it was installed; `unknown` where it runs from a folder without that."""
+    try:
+        return version(DISTRIBUTION)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def _result(result: Result) -> dict[str, Any]:
