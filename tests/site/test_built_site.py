@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from lxml import html
 from playwright.sync_api import BrowserContext
-from splatbus_schemas import VERSIONS, names, requirements
+from splatbus_schemas import VERSIONS, examples, names, requirements, schema
 
 from conformance.site.splatbus_site import judged, layout, links, specification
 from tests.browser import chromium
@@ -168,6 +168,9 @@ def test_each_schema_has_a_page_and_can_be_downloaded(
             path = f"schemas/splatbus_schemas/{version}/{place}"
             assert path in found
             assert (built / path).read_bytes() == (ROOT / path).read_bytes()
+        shown = [json.loads(block.text_content()) for block in pages[page].xpath("//pre")]
+        valid, invalid = examples(name, version)
+        assert shown == [*(each.message for each in (*valid, *invalid)), schema(name, version)]
 
 
 def test_the_vectors_can_be_downloaded(built: Path, pages: Pages) -> None:
