@@ -27,13 +27,15 @@ class Piece:
     """It follows a header that is none, so that nobody knows where its packets begin."""
 
 
-def excerpt(entries: Iterable[Entry], last: int) -> Iterator[str]:
+def excerpt(entries: Iterable[Entry], last: int, *, to_the_end: bool = False) -> Iterator[str]:
     """The last so many pieces as lines of text; the stream of poses is only counted.
 
-    A viewer sends poses all the time, and they would hide everything else.
+    A viewer sends poses all the time, and they would hide everything else. With `to_the_end` the
+    very last is shown though it is a pose.
     """
     pieces = _pieces(entries)
-    telling = [piece for piece in pieces if not _is_pose(piece)]
+    kept = pieces[-1] if pieces and to_the_end else None
+    telling = [piece for piece in pieces if piece is kept or not _is_pose(piece)]
     for piece in (telling or pieces)[-last:]:
         entry = piece.entry
         yield f"{entry.t:9.4f} s  {entry.channel:<3} #{entry.conn}  {_what(piece)}"

@@ -1,5 +1,6 @@
 """Deliver scripts: confirm a failure, make it small, and show it again."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +11,7 @@ from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.excerpt import excerpt
-from splatbus_conformance.rules import sightings
+from splatbus_conformance.rules import Sighting, sightings
 from splatbus_conformance.script import Case, Script, ScriptError, flat, rows
 from splatbus_conformance.shrinking import simplest, smallest
 from splatbus_conformance.stand import Stand
@@ -19,6 +20,9 @@ from splatbus_conformance.trial import SETTLE_SECONDS, Trial, Violation
 CONFIRMATIONS = 2
 """How often a script has to fail before it is called confirmed."""
 TRANSCRIPT_LINES = 24
+LISTEN_SECONDS = 1.0
+"""How long a testee may take to break again what a rule reads."""
+GLANCE_SECONDS = 0.1
 
 Pair = tuple[int, Case]
 
@@ -54,11 +58,26 @@ def replay(stand: Stand, script: Script) -> Replay:
     except pytest.skip.Exception as skip:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
-    entries = list(stand.peer.entries)
-    if script.by_rule:
-        found = (s for s in sightings(entries) if s.breach and s.peer == script.side)
-        broken = next((s.breach for s in found if s.requirement == script.requirement), None)
-    return Replay(broken, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
+    if not script.by_rule:
+        shown = excerpt(stand.peer.entries, TRANSCRIPT_LINES)
+        return Replay(broken, skipped, trial, tuple(shown))
+    breach = _breach(script, trial)
+    until = breach.t if breach else math.inf
+    entries = [entry for entry in stand.peer.entries if entry.t <= until]
+    shown = excerpt(entries, TRANSCRIPT_LINES, to_the_end=breach is not None)
+    return Replay(breach.breach if breach else None, skipped, trial, tuple(shown))
+
+
+def _breach(script: Script, trial: Trial) -> Sighting | None:
+    """What a rule sees. After a check a testee may need a moment, to send its first pose say."""
+    deadline = time.monotonic() + LISTEN_SECONDS
+    while True:
+        found = (it for it in sightings(list(trial.peer.entries)) if it.peer == script.side)
+        broken = (it for it in found if it.breach and it.requirement == script.requirement)
+        breach = next(broken, None)
+        if breach or time.monotonic() >= deadline:
+            return breach
+        trial.rest(GLANCE_SECONDS)
 
 
 def worked_out(stand: Stand, script: Script, seconds: float) -> Script:

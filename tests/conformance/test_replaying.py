@@ -94,6 +94,16 @@ def test_a_breach_that_a_rule_finds_is_found_again(stand: Stand) -> None:
     assert "byte-order mark" in str(replay(stand, script).broken)
 
 
+LATE_POSES = (("over.wait(0.03)", "over.wait(0.4)"), ('"w": 1.0}', '"w": 2.0}'))
+
+
+@pytest.mark.parametrize("stand", [LATE_POSES], indirect=True)
+def test_a_breach_that_comes_after_its_check_is_waited_for_and_shown(stand: Stand) -> None:
+    given = replay(stand, Script("client", "POS-3", "check_host_and_ports_can_be_set", True, ()))
+    assert "norm of rotation" in str(given.broken)
+    assert "camera_pose" in given.transcript[-2], "the pose that shows it comes last"
+
+
 def test_a_check_that_is_gone_is_named(stand: Stand) -> None:
     with pytest.raises(ScriptError, match="check_of_old"):
         replay(stand, Script("client", "FRM-3", "check_of_old", False, ()))

@@ -174,13 +174,13 @@ def check_survives_losing_its_server(trial: ClientTrial) -> None:
 def check_connects_again(trial: ClientTrial) -> None:
     """Each channel is closed, then reset; the testee is given 6 seconds to come back."""
     for channel in sorted(trial.facts.connects):
-        for end in ("close", "reset"):
+        for end, ended in (("close", "closed"), ("reset", "reset")):
             if channel in trial.facts.returns:
                 getattr(trial.connection(channel), end)()
             before = sum(c.channel == channel for c in trial.peer.connections)
             came = trial.arrives(channel, LIMITS["reconnect_max_seconds"] + 1.0, before)
             outcome = "reconnects" if came else trial.fate() or "waits"
-            trial.judge(outcome, f"a {channel} connection that was {end.replace('se', 'sed')}")
+            trial.judge(outcome, f"a connection to {channel} that was {ended}")
             trial.delivered += 1
 
 

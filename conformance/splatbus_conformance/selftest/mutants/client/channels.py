@@ -139,7 +139,7 @@ def hangs_when_reset(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-20", check="check_connects_again", reason="a ipc connection that was")
+@mutant("CHN-20", check="check_connects_again", reason="a connection to ipc that was")
 def never_connects_to_ipc_again(patch: Patch) -> None:
     """Does not connect to the IPC channel again."""
     made = _all_channels(patch)
