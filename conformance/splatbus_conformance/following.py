@@ -13,7 +13,7 @@ from splatbus_conformance.live import Live, Seen
 from splatbus_conformance.recording import from_line
 
 LOOK_SECONDS = 0.2
-LOWER_PRIORITY = 10
+LESS_PRIORITY, LEAST_PRIORITY = 10, 19
 
 
 class Follower:
@@ -90,4 +90,6 @@ class Follower:
 def _give_way() -> None:
     """The client, the server and the relay come first: to look at them must not slow them down."""
     if sys.platform == "linux":  # elsewhere a thread has no priority of its own
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWER_PRIORITY)
+        thread = threading.get_native_id()
+        nice = os.getpriority(os.PRIO_PROCESS, thread) + LESS_PRIORITY
+        os.setpriority(os.PRIO_PROCESS, thread, min(nice, LEAST_PRIORITY))

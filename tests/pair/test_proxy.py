@@ -155,6 +155,7 @@ def test_a_server_that_comes_later_is_found_by_a_client_that_came_first(
     assert shown == [True]
     assert f"no server at 127.0.0.1:{to[0]}" in out
     assert "start it, or say with --to where it is" in out
+    assert "messages, " in out, "every few seconds a line says how it goes"
     assert code == 0, out
 
 
