@@ -38,5 +38,5 @@ def setup(app: Sphinx) -> None:
     """Lay out the repository, and let Sphinx read that instead of this folder."""
     sources = Path(app.doctreedir) / "sources"
     stage(ROOT, sources, Path(app.outdir))
-    app.srcdir = sources  # type: ignore[assignment]
+    app.srcdir = sources
     app.add_lexer("hex", TextLexer)
