@@ -214,13 +214,11 @@ class ClientTrial(Trial):
         connection.send(good)
 
         def reacts() -> bool:
-            return generation in dealings.opened | dealings.failed or connection.ended
+            return generation in dealings.opened | dealings.failed or connection.ended is not None
 
         in_time = self.wait(reacts, EFFECT_SECONDS if further else REACTION_SECONDS)
-        if (
-            further and not in_time
-        ):  # no sentence says how soon: it may be busy with what came before
-            self.wait(lambda: reacts() or self.fate(), self.patience)
+        if further and not in_time:  # no sentence says how soon, and it may be busy with the script
+            self.wait(reacts, self.patience)
         answers = {
             message.get("type")
             for message in dealings.heard[heard:]
