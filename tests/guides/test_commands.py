@@ -1,0 +1,197 @@
+"""Every command on the pages that people read works, or the page says why it is not run.
+
+What a command judges is one of our own programs under the name of the reader's (`desk.py`), and its
+ports are free ones. Apart from that:
+
+- a command that judges little, or nothing, is run word for word;
+- one that judges everything is run with `--profile brief --select …` behind it: this shows that its
+  options go together and reach the testee, not that the testee passes all, for which there are
+  other tests. Of several that differ only in the program that they start, its patience or its
+  size, one is run;
+- one that writes a list of expected failures takes a whole run. One is run, with the brief profile;
+  of the others, which differ in the testee alone, the options are read.
+"""
+
+import os
+import re
+import shlex
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+import splatbus_client.cli
+import splatbus_conformance.cli
+import splatbus_server.cli
+from splatbus_conformance.asking import plan_of, wishes_of
+from splatbus_conformance.plan import Side
+from splatbus_conformance.script import load
+
+from tests.guides import desk
+from tests.guides.pages import ALL, SHELLS, Block, our_commands
+
+AT_A_TIME = 4
+"""Most of their time commands wait."""
+BLOCKS = [block for block in ALL if block.language == "sh"]
+
+
+def commands(block: Block) -> list[str]:
+    """What is run of a block: each line, or all of it where lines need each other."""
+    return [block.text] if "eval" in block.text else block.text.splitlines()
+
+
+LINES = list(
+    dict.fromkeys(line for block in BLOCKS if not block.why_not_run for line in commands(block))
+)
+READ = [line for line in LINES if "--write-expected" in line and "my-viewer" not in line]
+JUDGING = [
+    line
+    for line in LINES
+    if line not in READ and any(f" {side} " in line for side in ("client", "server"))
+]
+WHOLE = [
+    line
+    for line in LINES
+    if line not in READ
+    and (line not in JUDGING or ("--select" in line and "--adapter" not in line))
+]
+SHORT = list(
+    {
+        re.sub(
+            r"(?<=launch|dapter) (\"[^\"]*\"|\S+)| --(patience|viewport|select) \S+", "", line
+        ): line
+        for line in JUDGING
+        if line not in WHOLE
+    }.values()
+)
+UNTIL = {
+    "proxy": "nothing broken so far",
+    "python conformance": "picture.ppm",
+    "eval": "image ",
+    "splatbus-server": "ready",
+}
+"""What shows that a program which runs until it is stopped has done its work."""
+
+
+def shortened(line: str) -> str:
+    if line not in JUDGING:
+        return line
+    brief = f"{line} --profile brief --shrink 0"
+    if line in WHOLE or "--write-expected" in line:
+        return brief
+    return f"{brief} --select {'CNV-1' if '--require-level' in line else 'FRM-1'}"
+
+
+def beside(line: str) -> str:
+    if "--wait" in line:
+        return "client"
+    served = ("--connect", "proxy", "snapshot", "minimal_client")
+    return "server" if any(word in line for word in served) else ""
+
+
+@pytest.fixture(scope="module")
+def outcomes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[desk.Outcome]]]:
+    """All commands, run a few at a time, each in a folder of its own."""
+
+    def run(line: str) -> desk.Outcome:
+        folder = desk.prepared(tmp_path_factory.mktemp("desk"), line)
+        until = next((text for name, text in UNTIL.items() if line.startswith(name)), "")
+        if " proxy " in line:
+            until = UNTIL["proxy"]
+        return desk.run(folder, shortened(line), beside(line), until)
+
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        yield {line: pool.submit(run, line) for line in WHOLE + SHORT}
+
+
+def test_each_block_is_run_or_says_why_not() -> None:
+    """Everything that is run is a command of ours, or a Python program of the guides."""
+    for line in LINES:
+        first = line.split()[0]
+        known = first in ("python", "eval") or first.startswith("splatbus-")
+        assert known, f"{line!r} is not run by this test: say why in a comment above its block"
+    for block in ALL:
+        assert not block.why_not_run or len(block.why_not_run.split()) > 3, f"{block}: say why"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the commands are for a shell")
+@pytest.mark.parametrize("line", WHOLE)
+def test_a_command_works_word_for_word(
+    line: str, outcomes: dict[str, Future[desk.Outcome]]
+) -> None:
+    check(line, outcomes[line].result())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the commands are for a shell")
+@pytest.mark.parametrize("line", SHORT)
+def test_a_command_works_in_a_short_form(
+    line: str, outcomes: dict[str, Future[desk.Outcome]]
+) -> None:
+    check(line, outcomes[line].result())
+
+
+def check(line: str, outcome: desk.Outcome) -> None:
+    told = f"{line}\nstatus {outcome.status}\n{outcome.output}"
+    if "--require-coverage" in line:
+        assert outcome.status == 1, told
+        assert "--require-coverage" in outcome.output, told
+    elif not any(name in line for name in ("eval", "minimal_client", "proxy")):
+        assert outcome.status == 0, told
+    if line in JUDGING and "--require-coverage" not in line and "replay" not in line:
+        assert "conforming at L" in outcome.output, told
+    for option in ("--json", "--junit", "--html", "--markdown", "--badge", "--record"):
+        if f"{option} " in line:
+            assert line.split(f"{option} ")[1].split()[0] in outcome.files, told
+    for name, sign in UNTIL.items():
+        if f" {name} " in f" {line}" or line.startswith(name):
+            assert sign in outcome.output or sign in outcome.files, told
+
+
+@pytest.mark.parametrize("line", READ)
+def test_the_options_of_a_command_that_takes_a_whole_run_go_together(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    side: Side = "server" if " server " in line else "client"
+    arguments = splatbus_conformance.cli.parser().parse_args(shlex.split(line)[1:])
+    assert plan_of(side, arguments)
+    assert wishes_of(side, arguments).write_expected == Path("known.toml")
+
+
+@pytest.mark.parametrize("block", [b for b in ALL if our_commands(b)], ids=str)
+def test_the_options_of_each_command_exist(
+    block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also of those that are not run, and of lists of commands that belong to no shell."""
+    monkeypatch.chdir(tmp_path)
+    for name, *arguments in our_commands(block):
+        if "--help" in arguments:
+            continue
+        if name == "splatbus-server":
+            splatbus_server.cli._parser().parse_args(arguments)
+        elif name == "splatbus-client":
+            splatbus_client.cli._parser().parse_args(arguments)
+        else:
+            _parse(arguments)
+
+
+def test_no_command_hides_in_a_block_of_another_kind() -> None:
+    """A command that is to be typed stands in a block of a shell."""
+    for block in ALL:
+        if block.language not in ("", *SHELLS):
+            assert not our_commands(block), block
+
+
+def _parse(arguments: list[str]) -> None:
+    parser = splatbus_conformance.cli.parser()
+    found = parser.parse_args(arguments)
+    if found.command == "replay":
+        if found.file.endswith(".jsonl"):  # a recording: the words say themselves to whom
+            parser.parse_args(found.how)
+            return
+        side = "client"
+        if found.file != "FILE" and found.file.endswith(".json"):
+            path = Path(found.file)
+            desk.write_script(path)
+            side = load(path).side
+        parser.parse_args([side, *found.how])
