@@ -21,6 +21,8 @@ from splatbus_conformance.recording import Channel, Direction, Entry, Event
 
 READ_BYTES = 65536
 NAP_SECONDS = 0.2
+CALM_SECONDS = 0.001
+MOST_UNTOLD = 32
 RESET = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
 UNDER_WAY = (0, errno.EINPROGRESS, errno.EWOULDBLOCK)
 
@@ -79,8 +81,8 @@ class Relay:
     Args:
         listeners: bound sockets that clients connect to.
         servers: host and port that each channel is passed on to.
-        note: is told of each piece and each end, after all that had arrived was passed on; `t` is
-            on the monotonic clock, counted from the start.
+        note: is told of each piece and each end, after it was passed on; `t` is on the monotonic
+            clock, counted from the start.
         missed: is told when a client comes and no server is there, and why; the client is reset.
 
     Raises:
@@ -118,6 +120,7 @@ class Relay:
         try:
             while not self._stopping:
                 self.turn(NAP_SECONDS)
+            self._tell_all()
         finally:
             for each in (socket for one in self._open for socket in one.sockets):
                 each.close()
@@ -126,8 +129,13 @@ class Relay:
             self._selector.close()
 
     def turn(self, timeout: float) -> None:
-        """Wait for at most `timeout` seconds, then pass on all that is there, and tell of it."""
-        for key, mask in self._selector.select(timeout):
+        """Wait for at most `timeout` seconds, then pass on all that is there.
+
+        What has passed is told once nothing more comes for a moment: whoever was sent something
+        may need this processor.
+        """
+        events = self._selector.select(min(timeout, CALM_SECONDS) if self._untold else timeout)
+        for key, mask in events:
             if isinstance(key.data, _Link):
                 if key.data in self._open:  # an event before this one may have ended it
                     self._serve(key.data, key.fileobj, mask)
@@ -135,6 +143,10 @@ class Relay:
                 self._connected(key.data)
             else:
                 self._accept(key.data)
+        if not events or len(self._untold) >= MOST_UNTOLD:
+            self._tell_all()
+
+    def _tell_all(self) -> None:
         untold, self._untold = self._untold, []
         for entry in untold:
             self._note(entry)
