@@ -56,8 +56,12 @@ class Histogram:
         return sum(self.counts.values())
 
     def quantile(self, share: float) -> float:
-        """Seconds which this share of all did not exceed, within 6%: the middle of its bin."""
-        rank, below = share * self.count, 0
+        """Seconds which this share of all did not exceed, within 6%: the middle of its bin, or the
+        slowest itself.
+        """
+        rank, below = math.ceil(share * self.count), 0
+        if rank == self.count:
+            return self.slowest
         for number in sorted(self.counts):
             below += self.counts[number]
             if below >= rank:

@@ -1,27 +1,20 @@
 """The report page in a browser: it reads, by every means, and neither runs nor loads anything."""
 
-import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.page import html_report
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
+from tests.browser import chromium
 from tests.conformance.reporting import EVERY_VERDICT, HOSTILE, failure, report_of
 from tests.conformance.test_page import timed
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-ARGUMENTS = (
-    *("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-sync"),
-    *("--disable-background-networking", "--disable-component-update"),
-)
 SCHEMES, WIDTHS = ("light", "dark"), (1280, 360)
 LONG = tuple(
     line
@@ -42,23 +35,17 @@ BROKEN = Result(
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        reason = f"no browser: none of {', '.join(BROWSERS)} is on the path"
-        if os.environ.get("CI"):
-            pytest.fail(f"{reason}, and in CI the page has to be seen")
-        pytest.skip(reason)
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found, args=list(ARGUMENTS))
-        yield browser
-        browser.close()
+def browser() -> Iterator[Browser]:
+    with chromium() as found:
+        yield found
 
 
 class Opened:
     """A page that was opened from a file, and what it did meanwhile."""
 
-    def __init__(self, browser: Any, file: Path, scheme: str = "light", width: int = 1280) -> None:
+    def __init__(
+        self, browser: Browser, file: Path, scheme: str = "light", width: int = 1280
+    ) -> None:
         self.said: list[str] = []
         self.asked_for: list[str] = []
         context = browser.new_context(
@@ -102,11 +89,11 @@ def written(folder: Path, page: str) -> Path:
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_it_reads_everywhere_and_asks_for_nothing(
-    browser: Any, file: Path, scheme: str, width: int
+    browser: Browser, file: Path, scheme: str, width: int
 ) -> None:
     opened = Opened(browser, file, scheme, width)
     opened.ask("document.querySelectorAll('details').forEach(each => each.open = true)")
-    found = axe.Axe().run(opened.page).response["violations"]
+    found = Axe().run(opened.page).response["violations"]
     assert [(it["id"], it["nodes"][0]["html"]) for it in found] == []
     assert opened.ask("document.documentElement.scrollWidth") <= width
     assert opened.said == []
@@ -114,7 +101,7 @@ def test_it_reads_everywhere_and_asks_for_nothing(
     opened.close()
 
 
-def test_its_colours_follow_the_scheme(browser: Any, file: Path) -> None:
+def test_its_colours_follow_the_scheme(browser: Browser, file: Path) -> None:
     def colours(scheme: str) -> str:
         opened = Opened(browser, file, scheme)
         found = opened.ask("getComputedStyle(document.body).backgroundColor")
@@ -124,7 +111,9 @@ def test_its_colours_follow_the_scheme(browser: Any, file: Path) -> None:
     assert colours("light") != colours("dark")
 
 
-def test_the_keyboard_reaches_what_is_folded_and_focus_is_seen(browser: Any, file: Path) -> None:
+def test_the_keyboard_reaches_what_is_folded_and_focus_is_seen(
+    browser: Browser, file: Path
+) -> None:
     opened = Opened(browser, file)
     opened.page.keyboard.press("Tab")
     assert opened.ask("document.activeElement.className") == "skip-link"
@@ -143,7 +132,7 @@ def test_the_keyboard_reaches_what_is_folded_and_focus_is_seen(browser: Any, fil
     opened.close()
 
 
-def test_the_matrix_can_be_filtered_by_verdict(browser: Any, file: Path) -> None:
+def test_the_matrix_can_be_filtered_by_verdict(browser: Browser, file: Path) -> None:
     opened = Opened(browser, file)
     shown = "[...document.querySelectorAll('article:first-child .matrix tr[id]')]" + (
         ".filter(each => each.checkVisibility()).map(each => each.className)"
@@ -158,7 +147,7 @@ def test_the_matrix_can_be_filtered_by_verdict(browser: Any, file: Path) -> None
     opened.close()
 
 
-def test_it_prints_what_is_folded(browser: Any, file: Path) -> None:
+def test_it_prints_what_is_folded(browser: Browser, file: Path) -> None:
     opened = Opened(browser, file)
     opened.page.emulate_media(media="print")
     folded = "[...document.querySelectorAll('details:not([open]) > .transcript')].pop()"
@@ -168,7 +157,7 @@ def test_it_prints_what_is_folded(browser: Any, file: Path) -> None:
 
 
 def test_what_a_testee_sends_runs_nothing_and_asks_for_nothing(
-    browser: Any, tmp_path: Path
+    browser: Browser, tmp_path: Path
 ) -> None:
     attack = "".join(HOSTILE) + (
         "</style></svg><script>console.log(1)</script><img src=x onerror=console.log(2)>"
@@ -187,7 +176,7 @@ def test_what_a_testee_sends_runs_nothing_and_asks_for_nothing(
 
 
 def test_a_script_that_was_in_the_page_all_the_same_would_not_run(
-    browser: Any, tmp_path: Path
+    browser: Browser, tmp_path: Path
 ) -> None:
     page = html_report(report_of()).replace(
         "</main>", "<script>window.ran = 1</script><p style='color: red' id=styled></p></main>"
