@@ -6,14 +6,17 @@ search meets the same ones if the testee makes the same errors.
 """
 
 import math
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple, TypeVar
 from unittest import mock
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, target
+from hypothesis.configuration import set_hypothesis_home_dir
 from hypothesis.internal.conjecture import providers
 from hypothesis.strategies import SearchStrategy
 
@@ -21,6 +24,11 @@ T = TypeVar("T")
 Scores = Mapping[str, float]
 """How bad a case was, by the name of what was measured."""
 _CONSTANTS = type(providers.CONSTANTS_CACHE)(1024)
+
+
+def leave_nothing_where_the_user_works() -> None:
+    """Have Hypothesis keep its table of characters elsewhere, for the rest of this process."""
+    set_hypothesis_home_dir(Path(tempfile.gettempdir(), "splatbus-hypothesis"))
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from splatbus_conformance import latencies, recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.conversation import conversations
 from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.drawing import leave_nothing_where_the_user_works
 from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
@@ -73,6 +74,7 @@ class CheckPlugin:
         self.traffic = self._nothing_yet()
         self.trial_now: Trial | None = None
         self._began = (time.monotonic(), time.process_time())
+        leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
 
     def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:

@@ -160,7 +160,7 @@ def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
     (tmp_path / "pytest.ini").write_text("[pytest]\naddopts = --no-such-option\n")
     folder, change = noting(tmp_path, 'os.environ["PYTEST_ADDOPTS"]')
     code, output = run(
-        *("client", "--launch", broken(tmp_path, change), "--select", "NEG-8,FRM-4"),
+        *("client", "--launch", broken(tmp_path, change), "--select", "NEG-8,FRM-4,JSN-6"),
         *("--parallel", "2"),
         cwd=tmp_path,
         PYTEST_ADDOPTS="--collect-only",
@@ -169,6 +169,7 @@ def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
     assert code == 0, output
     found = [it.name for it in folder.iterdir()]
     assert found == ["--collect-only"], "the testee finds the user's environment"
+    assert not (tmp_path / ".hypothesis").exists(), "nothing is left where the user works"
 
 
 @given(st.integers(0, 40), st.integers(1, 8))
