@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -95,7 +96,7 @@ def test_what_a_client_does_about_memory_and_frames_is_timed() -> None:
 
 @pytest.mark.parametrize("id", [[], {}, None, 1e400, True, "\ud800", "x" * 10_000])
 def test_nothing_that_a_peer_calls_things_stops_the_watch(id: object) -> None:
-    name = {"id": id, "generation": id, "seq": id, "tag": id}
+    name: dict[str, Any] = {"id": id, "generation": id, "seq": id, "tag": id}
     found = took(
         "server",
         said(0.0, "c2s", type="ping", t=0.0, **name),

@@ -9,10 +9,12 @@ from html.parser import HTMLParser
 from itertools import count, pairwise
 from typing import Any
 
+import jsonschema
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_conformance import latencies
+from splatbus_conformance.data import read_json
 from splatbus_conformance.latencies import Histogram
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.page import html_report
@@ -328,4 +330,5 @@ def test_every_clause_has_a_name() -> None:
 
 def test_the_page_is_the_same_after_the_report_was_stored() -> None:
     report = full_report()
+    jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(report)
     assert html_report(json.loads(json.dumps(report))) == html_report(report)

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
+from axe_playwright_python.sync_playwright import Axe  # type: ignore[import-untyped]
 from playwright.sync_api import Browser
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.page import html_report
@@ -15,6 +15,7 @@ from tests.browser import chromium
 from tests.conformance.reporting import EVERY_VERDICT, HOSTILE, failure, report_of
 from tests.conformance.test_page import timed
 
+Scheme = Literal["light", "dark"]
 SCHEMES, WIDTHS = ("light", "dark"), (1280, 360)
 LONG = tuple(
     line
@@ -44,7 +45,7 @@ class Opened:
     """A page that was opened from a file, and what it did meanwhile."""
 
     def __init__(
-        self, browser: Browser, file: Path, scheme: str = "light", width: int = 1280
+        self, browser: Browser, file: Path, scheme: Scheme = "light", width: int = 1280
     ) -> None:
         self.said: list[str] = []
         self.asked_for: list[str] = []
@@ -89,7 +90,7 @@ def written(folder: Path, page: str) -> Path:
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_it_reads_everywhere_and_asks_for_nothing(
-    browser: Browser, file: Path, scheme: str, width: int
+    browser: Browser, file: Path, scheme: Scheme, width: int
 ) -> None:
     opened = Opened(browser, file, scheme, width)
     opened.ask("document.querySelectorAll('details').forEach(each => each.open = true)")
@@ -102,7 +103,7 @@ def test_it_reads_everywhere_and_asks_for_nothing(
 
 
 def test_its_colours_follow_the_scheme(browser: Browser, file: Path) -> None:
-    def colours(scheme: str) -> str:
+    def colours(scheme: Scheme) -> str:
         opened = Opened(browser, file, scheme)
         found = opened.ask("getComputedStyle(document.body).backgroundColor")
         opened.close()

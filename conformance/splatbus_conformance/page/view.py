@@ -182,7 +182,7 @@ def view_of(report: Json, number: int, limits: Limits) -> View:
         verdict=verdict,
         opinion=opinion,
         counts=tuple((it, verdicts.count(it)) for it in ORDER if it in verdicts),
-        hints=_texts(report.get("advice", []), limits),
+        hints=_texts(report["advice"], limits),
         broken=first([it for it in ordered if it.verdict != Verdict.WARN], limits.items),
         advice=first([it for it in ordered if it.verdict == Verdict.WARN], limits.items),
         expected=first([it for it in told if it.verdict == Verdict.EXPECTED], limits.items),
@@ -291,7 +291,10 @@ def _unseen(rows: Sequence[Row], limits: Limits) -> Some[tuple[str, tuple[str, .
 def _timed(entry: Json, axis: plots.Decades, limits: Limits) -> Timed:
     return Timed(
         cut(entry["what"], limits.sentence),
-        *(entry[name] for name in ("count", "p50", "p99", "max")),
+        entry["count"],
+        entry["p50"],
+        entry["p99"],
+        entry["max"],
         plots.bars(entry["bins"][: limits.items], axis),
     )
 
