@@ -7,7 +7,7 @@ from typing import Any
 
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance.coverage import exclusions
+from splatbus_conformance.coverage import exclusions, judges
 from splatbus_conformance.page import plots
 from splatbus_conformance.page.clauses import CLAUSES
 from splatbus_conformance.page.limits import Limits, Some, first
@@ -273,6 +273,10 @@ def _why_unseen(entry: Json, side: str, limits: Limits) -> Iterator[str]:
         reasons.append("left out by --select or --deselect")
     elif not reasons and (excluded := exclusions(side).get(entry["id"])):
         reasons.append(f"no check judges it: {excluded.reason}")
+    elif not reasons and any(
+        judge.level != Level.PASSIVE for judge in judges(side).get(entry["id"], ())
+    ):
+        reasons.append("its checks did not run")
     elif not reasons:
         reasons.append("what it is about did not happen")
     yield from dict.fromkeys(cut(reason, limits.sentence) for reason in reasons)
