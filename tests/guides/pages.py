@@ -16,7 +16,7 @@ PAGES = sorted(
         *(ROOT / "reference_client").rglob("*.md"),
     }
 )
-SHELLS = ("sh", "powershell")
+SHELLS = ("sh", "bat")
 OURS = ("splatbus-conformance", "splatbus-server", "splatbus-client")
 BLOCK = re.compile(
     r"^(?:<!-- not run: (?P<why>.+?) -->\n)?```(?P<language>\w*)[^\n]*\n(?P<text>.*?)^```$",
