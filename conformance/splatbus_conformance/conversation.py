@@ -1,8 +1,9 @@
 """Conversations: a recording, put together again by connection and message."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from splatbus_conformance.kinds import kind_of, shape_of
@@ -43,7 +44,10 @@ class Message(NamedTuple):
 
 @dataclass(eq=False)
 class Conversation:
-    """All that crossed one connection, messages in the order in which they were complete."""
+    """All that crossed one connection, messages in the order in which they were complete.
+
+    What is asked of it is found once and kept: whoever judges one that grows has to take a copy.
+    """
 
     channel: Channel
     number: int
@@ -59,9 +63,25 @@ class Conversation:
     beside: list["Conversation"] = field(default_factory=list, repr=False)
     """Every conversation of the recording, this one among them."""
 
+    @property
+    def recording(self) -> "Conversation":
+        """The first conversation of the recording, which stands for the whole of it."""
+        return self.beside[0] if self.beside else self
+
     def sent_by(self, peer: str) -> list[Message]:
         """The messages of `client` or `server`."""
-        return [message for message in self.messages if message.sender == peer]
+        return self._by_sender[peer]
+
+    def of(self, *kinds: str) -> list[Message]:
+        """The messages of these kinds."""
+        return [message for message, *_ in self.placed(*kinds)]
+
+    def placed(self, *kinds: str) -> Sequence["Placed"]:
+        """The messages of these kinds, or all, each with how far the negotiation had come."""
+        if not kinds:
+            return self._placed
+        found = [each for kind in kinds for each in self._by_kind.get(kind, ())]
+        return [each for _, each in sorted(found, key=itemgetter(0))]
 
     @cached_property
     def hello(self) -> Message | None:
@@ -73,6 +93,33 @@ class Conversation:
         """The first readable `welcome` to 1.1, if there is one."""
         return next((m for m in self.sent_by("server") if m.agrees), None)
 
+    @cached_property
+    def _by_sender(self) -> dict[str, list[Message]]:
+        found: dict[str, list[Message]] = {sender: [] for sender in SENDER.values()}
+        for message in self.messages:
+            found[message.sender].append(message)
+        return found
+
+    @cached_property
+    def _by_kind(self) -> dict[str | None, list[tuple[int, "Placed"]]]:
+        """With the place of each among all."""
+        found: dict[str | None, list[tuple[int, Placed]]] = {}
+        for each in enumerate(self._placed):
+            found.setdefault(each[1].message.kind, []).append(each)
+        return found
+
+    @cached_property
+    def _placed(self) -> list["Placed"]:
+        hello = welcome = None
+        found = []
+        for message in self.messages:
+            found.append(Placed(message, hello, welcome))
+            if message.kind == "hello":
+                hello = hello or message
+            elif message.agrees:
+                welcome = welcome or message
+        return found
+
 
 class Placed(NamedTuple):
     """A message, and the first `hello` and `welcome` that came before it."""
@@ -80,17 +127,6 @@ class Placed(NamedTuple):
     message: Message
     hello: Message | None
     welcome: Message | None
-
-
-def placed(conversation: Conversation) -> Iterator[Placed]:
-    """The messages of a conversation, each with how far the negotiation had come."""
-    hello = welcome = None
-    for message in conversation.messages:
-        yield Placed(message, hello, welcome)
-        if message.kind == "hello":
-            hello = hello or message
-        elif message.agrees:
-            welcome = welcome or message
 
 
 class Assembler:
@@ -132,8 +168,18 @@ class Assembler:
     def so_far(self) -> list[Conversation]:
         """The conversations as they are now, to be judged as if they ended here."""
         # Copies without what a conversation keeps of an earlier look: a `welcome` may have come.
+        # They are judged while more is fed.
         beside: list[Conversation] = []
-        beside += (replace(each, beside=beside) for each in self.conversations)
+        beside += (
+            replace(
+                each,
+                messages=list(each.messages),
+                ended=dict(each.ended),
+                resets=set(each.resets),
+                beside=beside,
+            )
+            for each in self.conversations
+        )
         return beside
 
 

@@ -33,8 +33,6 @@ class Splitter:
     """Collects the bytes of one direction of one connection."""
 
     def __init__(self) -> None:
-        self.rest = b""
-        """Bytes of a packet that is not complete."""
         self.refused: int | None = None
         """Offset of a header with a length that FRM-2 forbids; nothing after it can be split."""
         self.unsplit = 0
@@ -44,6 +42,12 @@ class Splitter:
         self.began = 0.0
         """When the first byte of `rest` arrived, in seconds."""
         self._header_apart = False
+        self._rest = bytearray()
+
+    @property
+    def rest(self) -> bytes:
+        """Bytes of a packet that is not complete."""
+        return bytes(self._rest)
 
     def feed(self, data: bytes, now: float) -> list[Packet]:
         """Take what arrived at once at time `now`, in seconds; return the packets it completes."""
@@ -51,20 +55,24 @@ class Splitter:
             self.unsplit += len(data)
             return []
         done: list[Packet] = []
-        if not self.rest:
+        rest = self._rest
+        if not rest:
             self.began = now
-        self.rest += data
-        while self.refused is None and len(self.rest) >= HEADER:
-            length = int.from_bytes(self.rest[:HEADER], "little")
+        rest += data
+        at = 0
+        while self.refused is None and len(rest) - at >= HEADER:
+            length = int.from_bytes(rest[at : at + HEADER], "little")
+            end = at + HEADER + length
             if not LIMITS["min_payload_bytes"] <= length <= LIMITS["max_payload_bytes"]:
                 self.refused = self.offset
-            elif len(self.rest) < HEADER + length:
-                self._header_apart = self._header_apart or len(self.rest) == HEADER
+            elif len(rest) < end:
+                self._header_apart = self._header_apart or len(rest) - at == HEADER
                 break
             else:
-                payload = self.rest[HEADER : HEADER + length]
+                payload = bytes(rest[at + HEADER : end])
                 done.append(Packet(payload, self.offset, self.began, now, self._header_apart))
                 self.offset += HEADER + length
-                self.rest = self.rest[HEADER + length :]
+                at = end
                 self.began, self._header_apart = now, False
+        del rest[:at]
         return done

@@ -1,5 +1,6 @@
 """What the passive rules saw of one side, counted, so that recordings need not be kept."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
@@ -32,16 +33,21 @@ def rules_on(ids: Collection[str]) -> tuple[Rule, ...]:
 
 def tally(recorded: Iterable[Conversation], side: str, rules: Iterable[Rule]) -> Tally:
     """What these rules see of one side in a recording."""
-    rules, found = tuple(rules), Tally()
+    rules = tuple(rules)
+    seen: Counter[str] = Counter()
+    breaches: dict[str, list[str]] = {}
     for conversation in recorded:
         for rule in rules:
             for sighting in rule(conversation):
                 if sighting.peer == side:
-                    once = Count(1, bool(sighting.breach), sighting.breach or "")
-                    found[sighting.requirement] = found.get(sighting.requirement, Count()).plus(
-                        once
-                    )
-    return found
+                    seen[sighting.requirement] += 1
+                    if sighting.breach:
+                        breaches.setdefault(sighting.requirement, []).append(sighting.breach)
+    return {
+        name: Count(count, len(broken), broken[0] if broken else "")
+        for name, count in seen.items()
+        for broken in [breaches.get(name, [])]
+    }
 
 
 def add(total: Tally, more: Tally) -> None:

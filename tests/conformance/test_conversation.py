@@ -1,6 +1,6 @@
 """Conversations are put together from a recording's lines."""
 
-from splatbus_conformance.conversation import conversations, placed
+from splatbus_conformance.conversation import Assembler, conversations
 from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Entry
 
@@ -70,7 +70,7 @@ def test_ends_and_resets() -> None:
 def test_a_message_is_placed_by_what_came_before_it() -> None:
     steps = (client(POSE), client(hello()), client(POSE), server(welcome()), server(SIZE))
     (found,) = conversations(talk("msg", *steps))
-    assert [(m.kind, h is not None, w is not None) for m, h, w in placed(found)] == [
+    assert [(m.kind, h is not None, w is not None) for m, h, w in found.placed()] == [
         ("camera_pose", False, False),
         ("hello", False, False),
         ("camera_pose", True, False),
@@ -79,6 +79,29 @@ def test_a_message_is_placed_by_what_came_before_it() -> None:
     ]
     assert found.hello is found.messages[1]
     assert found.welcome is found.messages[3]
+
+
+def test_messages_of_some_kinds_stay_in_order() -> None:
+    steps = (client(POSE), client(ASK_SIZE), server(SIZE), client(b"{}"), client(POSE))
+    (found,) = conversations(talk("msg", *steps))
+    first, asked, told, _, last = found.messages
+    assert found.of("viewport_size", "camera_pose") == [first, told, last]
+    assert [each.message for each in found.placed("get_viewport_size")] == [asked]
+    assert found.of("frame") == []
+
+
+def test_a_copy_stays_as_it_is_while_more_is_fed() -> None:
+    assembler = Assembler()
+    entries = talk("msg", client(hello()), server(welcome()), CLIENT_ENDS)
+    for entry in entries[:2]:
+        assembler.feed(entry)
+    (copy,) = assembler.so_far()
+    for entry in entries[2:]:
+        assembler.feed(entry)
+    (grown,) = assembler.so_far()
+    assert (copy.welcome, len(copy.messages), copy.ended) == (None, 1, {})
+    assert grown.welcome is grown.messages[1]
+    assert list(grown.ended) == ["c2s"]
 
 
 def test_hello_from_a_server_and_welcome_from_a_client_mean_nothing() -> None:

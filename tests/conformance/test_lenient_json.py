@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.kinds import NUMBER
-from splatbus_conformance.lenient_json import nesting, read, shorten, spelled, take_numbers
+from splatbus_conformance.lenient_json import (
+    _read_closely,
+    nesting,
+    read,
+    shorten,
+    spelled,
+    take_numbers,
+)
 
 VALUES = st.recursive(
     st.none()
@@ -34,6 +41,26 @@ def test_nothing_makes_it_raise(payload: bytes | str) -> None:
         payload = payload.encode("utf-8", "surrogatepass")
     value, faults = read(payload)
     assert value is not None or faults
+
+
+SPELLINGS = st.recursive(
+    st.sampled_from(["0", "-0", "1.5", "1e400", "-1E999", "NaN", "-Infinity", "true", '"\\ud83d"'])
+    | st.sampled_from(["9" * 300, "9" * 301, "-" + "9" * 300, '"[{"', '"\\u00e9"', "01"]),
+    lambda inner: (
+        st.lists(inner, max_size=3).map(lambda them: f"[{','.join(them)}]")
+        | st.lists(st.tuples(st.sampled_from(["a", "b", "\\u0061"]), inner), max_size=3).map(
+            lambda them: "{" + ",".join(f'"{name}":{value}' for name, value in them) + "}"
+        )
+    ),
+    max_leaves=6,
+)
+
+
+@settings(deadline=None, max_examples=300)
+@given(SPELLINGS, st.sampled_from(["", " ", "\ufeff", "x"]))
+def test_what_looks_faultless_is_read_as_closely_as_the_rest(spelling: str, before: str) -> None:
+    payload = f'{before}{{"a":{spelling}}}'.encode()
+    assert repr(read(payload)) == repr(_read_closely(payload))  # NaN is not equal to itself
 
 
 @pytest.mark.parametrize(
@@ -78,6 +105,9 @@ def test_brackets_in_strings_do_not_nest() -> None:
     assert nesting('{"a":"[[[\\"[["}') == 1
     assert nesting('{"a":[{"b":[]}]}') == 4
     assert nesting("") == 0
+    assert nesting("}[") == 0
+    assert nesting('["\\"[') == 1
+    assert nesting('["[\\') == 1
 
 
 def test_many_members_of_one_name_are_counted_in_time() -> None:

@@ -88,9 +88,9 @@ def judged(
     """One sighting for each requirement among the judgements: its first breach, if it has one."""
     first: dict[str, Judgement] = {}
     for judgement in judgements:
-        known = first.setdefault(judgement.requirement, judgement)
-        if known.breach is None and judgement.breach is not None:
-            first[judgement.requirement] = judgement
+        requirement, breach, _ = judgement
+        if requirement not in first or (breach is not None and first[requirement].breach is None):
+            first[requirement] = judgement
     for requirement, breach, pointer in first.values():
         yield about(conversation, message, requirement, breach, pointer)
 

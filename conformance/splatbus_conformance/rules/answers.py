@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.kinds import REPLIES, REPLY_TO, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.rules import Judgement
 from splatbus_conformance.rules.poses import typed
@@ -134,10 +134,11 @@ def request(message: Message) -> Iterator[Judgement]:
         has = show(value["t"]) if "t" in value else "missing"
         yield Judgement(requirement, f"t is {has}, no number", "/t")
     for name, (low, high) in numbers.items():
-        has = show(value[name]) if name in value else "missing"
-        text = f"{name} is {has}, no integer from {low} to {high}"
-        fits = integer_in(value.get(name), low, high)
-        yield Judgement(requirement, None if fits else text, f"/{name}")
+        wrong = None
+        if not integer_in(value.get(name), low, high):
+            has = show(value[name]) if name in value else "missing"
+            wrong = f"{name} is {has}, no integer from {low} to {high}"
+        yield Judgement(requirement, wrong, f"/{name}")
 
 
 def valid_request(message: Message) -> bool:
@@ -156,7 +157,7 @@ def exchanges(conversation: Conversation) -> Exchanges:
     errors = 0
     agreed = conversation.welcome is not None
     cause: Message | None = None
-    for message, hello, welcome in placed(conversation):
+    for message, hello, welcome in conversation.placed():
         if message.sender == "client":
             cause = message
             known = REQUESTS_1_0 if hello is None else REQUESTS

@@ -2,11 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
 from splatbus_conformance.rules.memory import capabilities
@@ -31,8 +32,8 @@ MAX_TAG: int = LIMITS["max_tag_chars"]
 @rule("CAM-1", "CAM-4")
 def well_formed_lens_and_tag(conversation: Conversation) -> Iterator[Sighting]:
     """CAM-1, CAM-4: the members that 1.1 adds to `camera_pose`."""
-    for message, _, welcome in placed(conversation):
-        if message.kind == "camera_pose" and welcome is not None:
+    for message, _, welcome in conversation.placed("camera_pose"):
+        if welcome is not None:
             yield from judged(conversation, message, additions(message.value or {}))
 
 
@@ -82,8 +83,8 @@ def tags_come_back(conversation: Conversation) -> Iterator[Sighting]:
     if conversation.channel != "ipc":
         return
     seen: set[_Look] = set()
-    tagged = _only_once(conversation)
-    for message in conversation.sent_by("server"):
+    tagged = _only_once(conversation.recording)
+    for message in conversation.of("frame") if tagged else ():
         camera = _camera(message)
         look = _look(camera, "012", "0123")
         if look is None or look in seen:
@@ -109,12 +110,12 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
         return
     sent: dict[str, list[float]] = {}
     for each in conversation.beside or [conversation]:
-        for message in each.sent_by("client"):
+        for message in each.of("camera_pose"):
             tag = (message.value or {}).get("tag")
-            if message.kind == "camera_pose" and isinstance(tag, str):
+            if isinstance(tag, str):
                 sent.setdefault(tag, []).append(message.packet.ended)
     came: Counter[str] = Counter()
-    for message in conversation.sent_by("server"):
+    for message in conversation.of("frame") if sent else ():
         tag = _camera(message).get("tag")
         if isinstance(tag, str) and tag in sent:
             came[tag] += 1
@@ -156,7 +157,7 @@ def lens(given: object) -> Iterator[Judgement]:
 
 def _camera(message: Message) -> Json:
     """The camera of a `frame`; of no members where there is none."""
-    camera = (message.value or {}).get("camera") if message.kind == "frame" else None
+    camera = (message.value or {}).get("camera")
     return camera if isinstance(camera, dict) else {}
 
 
@@ -168,16 +169,15 @@ def _is_object(value: object) -> bool:
     return isinstance(value, dict)
 
 
-def _only_once(conversation: Conversation) -> dict[_Look, Message]:
+@lru_cache(maxsize=1)  # each conversation of a recording asks for the same
+def _only_once(recording: Conversation) -> dict[_Look, Message]:
     """Poses that have a tag, by where they put the camera, where no other pose put it."""
     found: dict[_Look, list[tuple[Message, bool]]] = {}
-    for each in conversation.beside or [conversation]:
-        refused = any(message.kind == "error" for message in each.sent_by("server"))
-        for message, _, welcome in placed(each):
-            if message.kind != "camera_pose" or message.value is None:
-                continue
-            look = _look(message.value, "xyz", "xyzw")
-            tag = message.value.get("tag")
+    for each in recording.beside or [recording]:
+        refused = bool(each.of("error"))
+        for message, _, welcome in each.placed("camera_pose"):
+            value = message.value or {}
+            look, tag = _look(value, "xyz", "xyzw"), value.get("tag")
             sure = welcome is not None and isinstance(tag, str) and not refused
             if look is not None:
                 found.setdefault(look, []).append((message, sure))

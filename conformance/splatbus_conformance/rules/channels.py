@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.rules import Rule, Sighting, about, rule
 from splatbus_conformance.rules.memory import capabilities, kind_of_memory
 from splatbus_conformance.values import show
@@ -34,7 +34,7 @@ def one_init_packet(conversation: Conversation) -> Iterator[Sighting]:
         return
     stray: Message | None = None
     begun = False
-    for message, hello, _ in placed(conversation):
+    for message, hello, _ in conversation.placed():
         if hello is not None:
             return
         if message.sender == "client" or message.value is None or message.kind == "error":
@@ -55,7 +55,7 @@ def one_init_packet(conversation: Conversation) -> Iterator[Sighting]:
 @rule("CHN-5", "NEG-11")
 def host_memory_only_for_those_who_ask(conversation: Conversation) -> Iterator[Sighting]:
     """CHN-5, NEG-11: memory of the host is announced only to a `hello` that lists it."""
-    for message, hello, _ in placed(conversation):
+    for message, hello, _ in conversation.placed("init_packet"):
         if kind_of_memory(message) != "host_shm":
             continue
         if hello is not None:

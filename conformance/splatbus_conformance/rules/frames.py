@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, placed
+from splatbus_conformance.conversation import Conversation
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.rules.memory import announced, capabilities
@@ -37,8 +37,8 @@ def well_formed_frame(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-1: the members of a `frame`, slots and size as announced, and `seq` that grows."""
     memory = announced(conversation)
     newest = -1
-    for message, hello, _ in placed(conversation):
-        if message.kind == "frame" and hello is not None:
+    for message, hello, _ in conversation.placed("frame"):
+        if hello is not None:
             value = message.value or {}
             offset = message.packet.offset
             announcing = [
@@ -62,7 +62,8 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
     opened: set[int | None] = set()
     given_up: set[int | None] = set()
     lent: Image | None = None
-    for message, hello, _ in placed(conversation):
+    told = ("opened", "closed", "open_failed", "release", "frame")
+    for message, hello, _ in conversation.placed(*told):
         value = message.value or {}
         generation = whole(value.get("generation"))
         if message.kind == "opened":
@@ -85,9 +86,9 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
 @rule("IMG-23")
 def frames_are_agreed(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-23: a `frame` only where `welcome` lists `frames`."""
-    for message, _, welcome in placed(conversation):
+    for message, _, welcome in conversation.placed("frame"):
         granted = capabilities(welcome)
-        if message.kind == "frame" and (welcome is None or granted is not None):
+        if welcome is None or granted is not None:
             text = "frame, although no welcome lists frames"
             wrong = None if "frames" in (granted or ()) else text
             yield about(conversation, message, "IMG-23", wrong)
@@ -103,12 +104,12 @@ def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]
     released: Counter[Image] = Counter()
     if conversation.streams["s2c"].refused is not None:
         return
-    for message, _, welcome in placed(conversation):
+    for message, _, welcome in conversation.placed("frame", "release"):
         value = message.value or {}
         image = (whole(value.get("generation")), whole(value.get("seq")))
         if message.kind == "frame":
             lent[image] += 1
-        elif message.kind == "release" and "frames" in (capabilities(welcome) or ()):
+        elif "frames" in (capabilities(welcome) or ()):
             released[image] += 1
             wrong = None
             if None in image and not any(None in other for other in lent):
@@ -135,7 +136,8 @@ def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
     seen: set[Image] = set()
     opened: set[int | None] = set()
     closed: set[int | None] = set()
-    for message, _, welcome in placed(conversation):
+    told = ("init_packet", "opened", "open_failed", "frame", "release", "closed")
+    for message, _, welcome in conversation.placed(*told):
         value = message.value or {}
         generation = whole(value.get("generation"))
         image = (generation, whole(value.get("seq")))
@@ -170,8 +172,8 @@ def _slots(value: Json) -> int:
 @rule("IMG-19")
 def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-19: `subscribe` names colour, depth or both."""
-    for message, hello, _ in placed(conversation):
-        if message.kind == "subscribe" and hello is not None:
+    for message, hello, _ in conversation.placed("subscribe"):
+        if hello is not None:
             wanted = (message.value or {}).get("channels")
             named = isinstance(wanted, list) and all(name in CHANNELS for name in wanted)
             fits = named and wanted and len(wanted) == len(set(wanted))

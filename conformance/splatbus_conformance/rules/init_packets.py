@@ -20,9 +20,8 @@ PIXEL_BYTES = {"Color": 16, "Depth": 4}
 @rule("INI-1", "INI-2", "INI-3", "INI-4", "INI-5", "INI-6", "INI-7")
 def members_of_1_0(conversation: Conversation) -> Iterator[Sighting]:
     """INI-1 to INI-7: members, sizes, formats, pitches, offsets, device and handles."""
-    for message in conversation.messages:
-        if message.kind == "init_packet" and message.value is not None:
-            yield from judged(conversation, message, layout(message.value))
+    for message in conversation.of("init_packet"):
+        yield from judged(conversation, message, layout(message.value or {}))
 
 
 def layout(value: Json) -> Iterator[Judgement]:

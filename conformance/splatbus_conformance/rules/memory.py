@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
 from splatbus_conformance.rules.init_packets import HANDLES, handle, layout, size
 from splatbus_conformance.values import (
@@ -63,14 +64,14 @@ def members_of_1_1(conversation: Conversation) -> Iterator[Sighting]:
         yield from judged(conversation, packet.message, packet.additions)
 
 
-def announced(conversation: Conversation) -> list[Announced]:
+@lru_cache(maxsize=1)  # each rule on memory asks for the same
+def announced(conversation: Conversation) -> tuple[Announced, ...]:
     """The init packets of a connection."""
     found: list[Announced] = []
     newest = 0
     speaks_1_1 = conversation.welcome is not None
-    for message, _, welcome in placed(conversation):
-        if message.kind != "init_packet" or message.value is None:
-            continue
+    for message, _, welcome in conversation.placed("init_packet"):
+        assert message.value is not None  # what is of a kind could be read
         granted = capabilities(welcome)
         added: tuple[Judgement, ...] = ()
         if speaks_1_1 or _is_of_1_1(message.value):
@@ -79,7 +80,7 @@ def announced(conversation: Conversation) -> list[Announced]:
         shown = tuple(layout(message.value))
         sound = not message.faults and all(j.breach is None for j in shown + added)
         found.append(Announced(message, added, granted, sound))
-    return found
+    return tuple(found)
 
 
 def capabilities(message: Message | None) -> frozenset[str] | None:

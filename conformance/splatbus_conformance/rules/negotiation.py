@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.kinds import ADDED_MEMBERS, CLIENT_1_1, NEEDS, REQUESTS
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
@@ -47,7 +47,7 @@ def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
     fallback = _fallback(conversation)
     shown = False
     silent = conversation.hello is None
-    for message, greeted, welcome in placed(conversation):
+    for message, greeted, welcome in conversation.placed():
         shown = shown or message is fallback
         added = _added(message, with_members=not silent)
         if not added:
@@ -93,9 +93,8 @@ def falls_back(conversation: Conversation) -> Iterator[Sighting]:
 @rule("NEG-27")
 def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-27: the `id` of a request after `welcome` is an integer from 0 to 2⁵³−1."""
-    for message, _, welcome in placed(conversation):
-        asked = message.kind in REQUESTS and message.value is not None
-        if asked and welcome is not None and "id" in (message.value or {}):
+    for message, _, welcome in conversation.placed(*REQUESTS):
+        if welcome is not None and "id" in (message.value or {}):
             given = (message.value or {})["id"]
             text = f"id is {show(given)}, no integer from 0 to {SAFE}"
             fits = integer_in(given, 0)

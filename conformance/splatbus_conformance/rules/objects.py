@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, placed
+from splatbus_conformance.conversation import Conversation
 from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
 from splatbus_conformance.rules.parts import each_once, named, number, vector
 from splatbus_conformance.rules.poses import magnitudes, placement, typed, unit_norm
@@ -22,17 +22,18 @@ AS_POSES = ("POS-1", "POS-2", "POS-3")
 @rule("OBJ-1", "TIM-1")
 def well_formed_steering(conversation: Conversation) -> Iterator[Sighting]:
     """OBJ-1, TIM-1: the members of `object_pose` and of `set_time`."""
-    for message, hello, _ in placed(conversation):
-        if message.kind in STEERING and hello is not None:
-            yield from judged(conversation, message, STEERING[message.kind](message.value or {}))
+    for message, hello, _ in conversation.placed(*STEERING):
+        if hello is not None:
+            shows = STEERING[str(message.kind)]
+            yield from judged(conversation, message, shows(message.value or {}))
 
 
 @rule("OBJ-7")
 def well_formed_objects(conversation: Conversation) -> Iterator[Sighting]:
     """OBJ-7: the members of `objects` in a `frame`."""
-    for message, hello, _ in placed(conversation):
+    for message, hello, _ in conversation.placed("frame"):
         value = message.value or {}
-        if message.kind == "frame" and hello is not None and "objects" in value:
+        if hello is not None and "objects" in value:
             yield from judged(conversation, message, _placements(value["objects"]))
 
 

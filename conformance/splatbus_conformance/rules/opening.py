@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.rules import Rule, Sighting, about, rule
 from splatbus_conformance.rules.memory import Announced, announced
 from splatbus_conformance.values import SAFE, integer_in, show, text_of
@@ -24,13 +24,13 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
     """
     if conversation.streams["s2c"].refused is not None:
         return
-    coming = announced(conversation)
+    coming = list(announced(conversation))
     known: list[Announced] = []
     answered: Counter[int] = Counter()
-    for message, _, welcome in placed(conversation):
+    for message, _, welcome in conversation.placed("init_packet", *ANSWERS, "closed"):
         if coming and message is coming[0].message:
             known.append(coming.pop(0))
-        elif welcome is not None and message.kind in (*ANSWERS, "closed"):
+        elif welcome is not None and message.kind != "init_packet":
             yield from _answer(conversation, message, known, answered)
     heard = max((m.packet.ended for m in conversation.sent_by("client")), default=-math.inf)
     for i, packet in enumerate(known):
@@ -52,11 +52,11 @@ def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
     A generation that an init packet had is not judged, whatever it is.
     """
     had: list[object] = []
-    for message, hello, _ in placed(conversation):
+    for message, hello, _ in conversation.placed("init_packet", *ANSWERS, "closed"):
         value = message.value or {}
         if message.kind == "init_packet":
             had.append(value.get("generation"))
-        elif message.kind in (*ANSWERS, "closed") and hello is not None:
+        elif hello is not None:
             generation, pointer, wrong = value.get("generation"), "/generation", None
             if "generation" not in value:
                 wrong = "generation is missing"
@@ -70,9 +70,8 @@ def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
 @rule("OPN-3")
 def reason_of_failure(conversation: Conversation) -> Iterator[Sighting]:
     """OPN-3: `open_failed` says why."""
-    for message, hello, _ in placed(conversation):
-        failed = message.kind == "open_failed" and "reason" in (message.value or {})
-        if failed and hello is not None:
+    for message, hello, _ in conversation.placed("open_failed"):
+        if "reason" in (message.value or {}) and hello is not None:
             reason = (message.value or {})["reason"]
             text = f"reason is {show(reason)}, no string of 1 to {MAX_REASON:,} characters"
             fits = text_of(reason, 1, MAX_REASON)

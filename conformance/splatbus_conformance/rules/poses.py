@@ -20,9 +20,8 @@ MEMBERS = {"position": "xyz", "rotation": "xyzw"}
 def well_formed_pose(conversation: Conversation) -> Iterator[Sighting]:
     """POS-1 to POS-4: members and their order, magnitude of positions, norm of rotations."""
     if conversation.channel == "msg":
-        for message in conversation.messages:
-            if message.kind in POSES:
-                yield from judged(conversation, message, pose(message.value or {}))
+        for message in conversation.of(*POSES):
+            yield from judged(conversation, message, pose(message.value or {}))
 
 
 @rule("POS-8")
@@ -58,8 +57,10 @@ def pose(value: Json) -> Iterator[Judgement]:
 
 def typed(value: Json, kinds: Collection[str], requirement: str, what: str) -> Iterator[Judgement]:
     """Whether a message has one of these types; `what` it is else."""
-    has = show(value["type"]) if "type" in value else "missing"
-    wrong = None if value.get("type") in kinds else f"type is {has} in what is else {what}"
+    wrong = None
+    if value.get("type") not in kinds:
+        has = show(value["type"]) if "type" in value else "missing"
+        wrong = f"type is {has} in what is else {what}"
     yield Judgement(requirement, wrong, "/type")
 
 
@@ -109,15 +110,15 @@ def magnitudes(numbers: dict[str, Any], requirement: str) -> Iterator[Judgement]
     limit = LIMITS["max_position"]
     for pointer, value in numbers.items():
         if is_number(value):
-            fits = number_in(value, -limit, limit)
-            text = f"{show(value)} is beyond the largest single-precision number"
-            yield Judgement(requirement, None if fits else text, pointer)
+            wrong = None
+            if not number_in(value, -limit, limit):
+                wrong = f"{show(value)} is beyond the largest single-precision number"
+            yield Judgement(requirement, wrong, pointer)
 
 
 def _stamped(conversation: Conversation) -> Iterator[Message]:
-    for message in conversation.messages:
-        stamped = message.kind in STAMPED and "timestamp" in (message.value or {})
-        if stamped and conversation.channel == "msg":
+    for message in conversation.of(*STAMPED):
+        if "timestamp" in (message.value or {}) and conversation.channel == "msg":
             yield message
 
 

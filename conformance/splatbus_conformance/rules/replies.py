@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
@@ -63,7 +64,7 @@ def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
     shows when a `frame` is sent, on whichever connection.
     """
     announced = sizes(conversation)
-    rendered = _rendered(conversation.beside or [conversation])
+    rendered = _rendered(conversation.recording)
     for question, answer, *_ in exchanges(conversation).pairs:
         told = size_told(answer)
         if question.kind != "get_viewport_size" or told is None:
@@ -216,17 +217,23 @@ def size_told(answer: Message) -> tuple[int, int] | None:
 
 def sizes(conversation: Conversation) -> list[Size]:
     """The sizes of the server's images, on whichever connection they were announced or granted."""
+    return _sizes(conversation.recording)
+
+
+@lru_cache(maxsize=1)  # each conversation of a recording asks for the same
+def _sizes(recording: Conversation) -> list[Size]:
     found = []
-    for each in conversation.beside or [conversation]:
+    for each in recording.beside or [recording]:
         asked_for: set[tuple[object, object]] = set()
-        for message in each.messages:
+        replies = ["viewport_size"] if each.of("set_viewport") else []
+        for message in each.of("init_packet", "set_viewport", *replies):
             value = message.value or {}
             known = None
             if message.kind == "init_packet":
                 known = size(value.get("meta"))
             elif message.kind == "set_viewport":
                 asked_for.add((whole(value.get("width")), whole(value.get("height"))))
-            elif message.kind == "viewport_size" and asked_for:
+            elif asked_for:
                 told = size_told(message)
                 known = told if told in asked_for else None
             if known is not None:
@@ -243,9 +250,11 @@ def sizes_at(
     return (before[-1] if before else None), allowed
 
 
-def _rendered(conversations: list[Conversation]) -> float:
+@lru_cache(maxsize=1)
+def _rendered(recording: Conversation) -> float:
     """When the first `frame` was sent, in seconds; infinity if none was."""
-    frames = (m.packet.ended for c in conversations for m in c.messages if m.kind == "frame")
+    conversations = recording.beside or [recording]
+    frames = (message.packet.ended for each in conversations for message in each.of("frame"))
     return min(frames, default=math.inf)
 
 
@@ -296,8 +305,7 @@ def _complete(conversation: Conversation) -> bool:
 def _faultless(conversation: Conversation) -> bool:
     """The client gave its server no reason to close, and was told of none."""
     told = any(
-        message.kind == "error" and (message.value or {}).get("code") in CLOSING_ERRORS
-        for message in conversation.messages
+        (message.value or {}).get("code") in CLOSING_ERRORS for message in conversation.of("error")
     )
     return not told and all(_sound(message) for message in conversation.sent_by("client"))
 

@@ -78,7 +78,7 @@ class _Told(NamedTuple):
 
 def _frames_go_on(conversation: Conversation) -> Iterator[Sighting]:
     newest = -math.inf
-    for message in conversation.sent_by("server"):
+    for message in conversation.of("frame"):
         time = _time(message, "frame")
         if time is not None:
             text = f"renderedAt is {show(time)} after {show(newest)}"
@@ -92,7 +92,7 @@ def _told(conversation: Conversation) -> list[_Told]:
     found = [
         _Told(message.packet.ended, time)
         for each in conversation.beside or [conversation]
-        for message in each.sent_by("server")
+        for message in each.of("frame", "pong")
         if each.channel == "ipc" or each is conversation
         if message.packet.ended > conversation.opened
         if (time := _time(message, "frame", "pong")) is not None

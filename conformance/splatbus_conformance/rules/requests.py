@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, placed
+from splatbus_conformance.conversation import Conversation
 from splatbus_conformance.kinds import CLIENT_1_0, CLIENT_1_1, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.rules import Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges, request
@@ -18,7 +18,7 @@ KNOWN_VERSIONS = {"1.0", "1.1"}
 def well_formed_request(conversation: Conversation) -> Iterator[Sighting]:
     """REQ-1, REQ-2, SCN-1, VPT-1, PNG-1: the type of a request, and its members."""
     if conversation.channel == "msg":
-        for message, hello, _ in placed(conversation):
+        for message, hello, _ in conversation.placed(*REQUESTS):
             if message.kind in (REQUESTS_1_0 if hello is None else REQUESTS):
                 yield from judged(conversation, message, request(message))
 
@@ -31,14 +31,15 @@ def defined_types(conversation: Conversation) -> Iterator[Sighting]:
     """
     if conversation.channel == "ipc" and conversation.hello is None:
         return
-    for message, hello, _ in placed(conversation):
+    for message, hello, _ in conversation.placed():
         if message.sender == "server" or message.value is None:
             continue
         versions = strings((hello.value or {}).get("versions")) if hello else ["1.0"]
         if versions is not None and set(versions) <= KNOWN_VERSIONS:
-            kind = show(message.value["type"]) if "type" in message.value else "missing"
-            defined = message.kind in CLIENT_1_0 or message.kind in CLIENT_1_1
-            wrong = None if defined else f"type is {kind}, which no version defines"
+            wrong = None
+            if message.kind not in CLIENT_1_0 and message.kind not in CLIENT_1_1:
+                kind = show(message.value["type"]) if "type" in message.value else "missing"
+                wrong = f"type is {kind}, which no version defines"
             yield about(conversation, message, "REQ-14", wrong, "/type")
 
 
@@ -51,7 +52,7 @@ def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
         if not answer.faults and (answer.value or {}).get("viewport_size") == [0, 0]
     }
     told: float | None = None
-    for message in conversation.messages:
+    for message in conversation.messages if unknown else ():
         if message.sender == "server" and message.packet.offset in unknown:
             told = message.packet.ended
         elif message.kind == "get_viewport_size" and told is not None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
 from splatbus_conformance.rules.memory import capabilities
@@ -32,8 +32,8 @@ KINDS = ("scalar", "histogram", "text")
 @rule("TEL-1")
 def well_formed_wish(conversation: Conversation) -> Iterator[Sighting]:
     """TEL-1: the members of `subscribe_telemetry`."""
-    for message, hello, _ in placed(conversation):
-        if message.kind == "subscribe_telemetry" and hello is not None:
+    for message, hello, _ in conversation.placed("subscribe_telemetry"):
+        if hello is not None:
             yield from judged(conversation, message, wish(message.value or {}))
 
 
@@ -41,8 +41,8 @@ def well_formed_wish(conversation: Conversation) -> Iterator[Sighting]:
 def well_formed_telemetry(conversation: Conversation) -> Iterator[Sighting]:
     """TEL-2: the members of `telemetry`, and `seq` that grows."""
     newest = -1
-    for message, hello, _ in placed(conversation):
-        if message.kind == "telemetry" and hello is not None:
+    for message, hello, _ in conversation.placed("telemetry"):
+        if hello is not None:
             value = message.value or {}
             yield from judged(conversation, message, _telemetry(value, newest))
             newest = max(newest, whole(value.get("seq"), 0) or 0)
@@ -60,7 +60,7 @@ def only_what_was_asked_for(conversation: Conversation) -> Iterator[Sighting]:
         for pair in exchanges(conversation).pairs
     }
     possible: list[tuple[int, Names]] = [(-1, frozenset())]
-    for message, hello, welcome in placed(conversation):
+    for message, hello, welcome in conversation.placed():
         value = message.value or {}
         if message.kind == "subscribe_telemetry":
             if message.faults or any(judgement.breach for judgement in wish(value)):

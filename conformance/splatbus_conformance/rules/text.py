@@ -11,10 +11,12 @@ TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5")
 @rule(*TEXT)
 def one_strict_object(conversation: Conversation) -> Iterator[Sighting]:
     """JSN-1 to JSN-5: each payload is one JSON object, as strict as the text asks."""
+    kept = tuple(Judgement(name) for name in TEXT)
     for message in conversation.messages:
         found = [Judgement(name, text, pointer) for name, text, pointer in message.faults]
-        kept = [Judgement(name) for name in TEXT if message.value is not None]
-        yield from judged(conversation, message, [*found, *kept])
+        yield from judged(
+            conversation, message, [*found, *kept] if message.value is not None else found
+        )
 
 
 RULES: tuple[Rule, ...] = (one_strict_object,)

@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.conversation import Conversation, Message, placed
+from splatbus_conformance.conversation import Conversation, Message
 from splatbus_conformance.kinds import CAPABILITIES, CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.answers import exchanges
@@ -33,7 +33,7 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
     if early is not None:
         yield about(conversation, early, "NEG-6", "sent after hello had arrived, before welcome")
         return
-    for message, greeted, welcome in placed(conversation):
+    for message, greeted, welcome in conversation.placed():
         if greeted is None or welcome is not None or message.sender == "client":
             continue
         if message.kind == "welcome":
@@ -52,25 +52,24 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
 @rule("NEG-31")
 def one_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-31: at most one `welcome`."""
-    for message, _, welcome in placed(conversation):
-        if message.kind == "welcome":
-            wrong = "a second welcome on the connection" if welcome else None
-            yield about(conversation, message, "NEG-31", wrong)
+    for message, _, welcome in conversation.placed("welcome"):
+        wrong = "a second welcome on the connection" if welcome else None
+        yield about(conversation, message, "NEG-31", wrong)
 
 
 @rule("NEG-30")
 def well_formed_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-30: the members of `welcome`."""
-    for message, hello, _ in placed(conversation):
-        if message.kind == "welcome" and hello is not None:
+    for message, hello, _ in conversation.placed("welcome"):
+        if hello is not None:
             yield from judged(conversation, message, _members(message.value or {}))
 
 
 @rule("NEG-7")
 def capabilities_of_both(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-7: `welcome` lists capabilities of this channel that `hello` listed, and no others."""
-    for message, hello, welcome in placed(conversation):
-        if message.kind == "welcome" and hello is not None and welcome is None:
+    for message, hello, welcome in conversation.placed("welcome"):
+        if hello is not None and welcome is None:
             granted = _granted(message, capabilities(hello), conversation.channel)
             yield from judged(conversation, message, granted)
 
@@ -103,10 +102,9 @@ def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
 @rule("NEG-22")
 def errors_only_after_hello(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-22: `error` is sent only to who has said `hello`."""
-    for message, hello, _ in placed(conversation):
-        if message.kind == "error":
-            text = "error to a client that has not said hello"
-            yield about(conversation, message, "NEG-22", None if hello else text)
+    for message, hello, _ in conversation.placed("error"):
+        text = "error to a client that has not said hello"
+        yield about(conversation, message, "NEG-22", None if hello else text)
 
 
 @rule("NEG-23")
@@ -128,7 +126,7 @@ def closing_errors_end(conversation: Conversation) -> Iterator[Sighting]:
 
 def _sent_too_early(conversation: Conversation) -> Message | None:
     """What the server can only have sent after it had received `hello`, and before `welcome`."""
-    for message, hello, welcome in placed(conversation):
+    for message, hello, welcome in conversation.placed("init_packet"):
         if hello is not None and welcome is None and kind_of_memory(message) == "host_shm":
             return message
     # After a broken request it is not certain which answer belongs to which.
