@@ -34,9 +34,9 @@ BAD_SCALES: tuple[Any, ...] = (
 )
 BAD_NAMES: tuple[Any, ...] = ("", None, 5, True, [], [DEFAULT], {}, "x" * 65)
 STRIDE = 4
+"""In the quick profile every so many-th broken pose is sent."""
 UNICODE = st.characters(exclude_categories=["Cs"])
 """What `text` draws from by itself, but that asks the codec about each, for seconds."""
-"""In the quick profile every so many-th broken pose is sent."""
 Moved = dict[str, tuple[Pose, float]]
 
 
