@@ -156,7 +156,9 @@ def _hit(camera: Camera, rays: Reals, setting: Setting) -> tuple[Whats, Reals, W
     return what, first, clear
 
 
-def _candidates(camera: Camera, rays: Reals, setting: Setting) -> Iterator[tuple[Whats, Reals]]:
+def _candidates(
+    camera: Camera, rays: Reals, setting: Setting
+) -> Iterator[tuple[Whats | int, Reals]]:
     """What could be seen, and the planar depths at which rays meet it; +∞ where they do not."""
     for placed, spheres, squared in setting.parts():
         origin, turned = _in_axes_of(placed, camera)
@@ -168,15 +170,18 @@ def _candidates(camera: Camera, rays: Reals, setting: Setting) -> Iterator[tuple
 
 def _met_spheres(
     origin: Reals, rays: Reals, setting: Setting, spheres: Iterable[int]
-) -> Iterator[tuple[Whats, Reals]]:
+) -> Iterator[tuple[int, Reals]]:
     a, centers = (rays * rays).sum(axis=-1), setting.centers()
     for number in spheres:
         e, radius = centers[number] - origin, SPHERES[number][1]
         b = rays @ e
         discriminant = b * b - a * (e @ e - radius * radius)
+        met = discriminant >= 0.0
+        if not met.any():
+            continue
         root = np.sqrt(np.maximum(discriminant, 0.0))
         for side, z in enumerate(((b - root) / a, (b + root) / a)):
-            yield np.full(a.shape, 2 * number + side), np.where(discriminant >= 0.0, z, np.inf)
+            yield 2 * number + side, np.where(met, z, np.inf)
 
 
 def _met_square(origin: Reals, rays: Reals) -> tuple[Whats, Reals]:
