@@ -83,3 +83,9 @@ def test_what_that_needs_in_turn_is_pinned_too_in_its_range() -> None:
 
 def test_the_tool_that_builds_is_the_one_that_development_has() -> None:
     assert set(BUILD) <= set(EXTRAS["dev"])
+
+
+def test_the_readme_tests_with_these() -> None:
+    readme = (ROOT / "README.md").read_text("utf-8")
+    (command,) = re.findall(r"^.*-m tests$", readme, re.MULTILINE)
+    assert "pip install --quiet --constraint constraints.txt --editable '.[dev]'" in command
