@@ -16,8 +16,8 @@ from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
 from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
-WORKERS = 8
-"""Most of a run is waiting: eight do not disturb each other on two cores yet."""
+WORKERS = 12
+"""Most of a run is waiting: twelve do not disturb each other on two cores yet."""
 
 Trial = Callable[[], Row]
 
