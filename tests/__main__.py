@@ -20,6 +20,7 @@ PACKAGES = (
     "reference_server/splatbus_server",
     "reference_client/splatbus_client",
     "conformance/splatbus_conformance",
+    "conformance/site/splatbus_site",
 )
 PYTHON = (sys.executable, "-m")
 STEPS = {
