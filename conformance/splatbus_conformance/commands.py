@@ -83,7 +83,7 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
     )
     # NumPy starts twice as fast without threads that nothing here needs.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    line = ["client", "--launch", command, "--parallel", str(DEMO_TESTEES)]
+    line = ["client", "--launch", command, "--parallel", str(DEMO_TESTEES), "--patience", "60"]
     given = parser().parse_args(line)
     return judge(plan_of("client", given), replace(wishes_of("client", given), files=files), out)
 

@@ -23,7 +23,9 @@ from hypothesis.strategies import SearchStrategy
 T = TypeVar("T")
 Scores = Mapping[str, float]
 """How bad a case was, by the name of what was measured."""
-_CONSTANTS = type(providers.CONSTANTS_CACHE)(1024)
+_INTERNALS = "GLOBAL_CONSTANTS", "CONSTANTS_CACHE", "_get_local_constants"
+_KNOWS_THEM = all(hasattr(providers, name) for name in _INTERNALS)
+_CONSTANTS = type(providers.CONSTANTS_CACHE)(1024) if _KNOWS_THEM else None
 
 
 def leave_nothing_where_the_user_works() -> None:
@@ -36,9 +38,12 @@ def seeds_meaning_the_same() -> Iterator[None]:
     """While this lasts, what Hypothesis draws hangs on the seed alone.
 
     It would else mix in constants that it finds in modules of the project in which it runs, which
-    are others from one installation to the next, and keep them in a folder where the user works.
-    It has no setting for that.
+    are others from one installation to the next. It has no setting for that; a release that keeps
+    them elsewhere draws as it likes.
     """
+    if not _KNOWS_THEM:
+        yield
+        return
     nothing = type(providers.GLOBAL_CONSTANTS)()
     with (
         mock.patch.object(providers, "_get_local_constants", return_value=nothing),
