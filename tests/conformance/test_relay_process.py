@@ -87,8 +87,8 @@ def test_a_server_that_is_not_there_is_told_and_the_relay_goes_on(tmp_path: Path
     listen, to = listening(), listening()
     with relayed(listen, to, tmp_path / "session.jsonl") as relay:
         with (
+            pytest.raises(ConnectionResetError),  # it may come before `connect` has returned
             socket.create_connection(listen.at("msg"), timeout=MOST_SECONDS) as client,
-            pytest.raises(ConnectionResetError),
         ):
             client.recv(1)
         told = warned(relay)

@@ -114,19 +114,18 @@ def run(folder: Path, line: str, beside: str = "", until: str = "") -> Outcome:
         "SPLATBUS_IPC_PORT": str(ports[f"{through}1"]),
         "SPLATBUS_MSG_PORT": str(ports[f"{through}0"]),
     }
-    usual = {
+    found = [str(folder / "bin"), str(Path(sys.executable).parent), ENVIRONMENT["PATH"]]
+    programs = {"PATH": os.pathsep.join(found)}
+    usual = programs | {
         "SPLATBUS_IPC_PORT": str(ports["6001"]),
         "SPLATBUS_MSG_PORT": str(ports["6000"]),
-        "PATH": os.pathsep.join(
-            [str(folder / "bin"), str(Path(sys.executable).parent), ENVIRONMENT["PATH"]]
-        ),
     }
     with contextlib.ExitStack() as stack:
         if beside == "server":
             stack.enter_context(started(SERVER, folder, usual, "ready"))
         if beside == "client" or " proxy " in line:
             stack.enter_context(started(CLIENT, folder, to_it))
-        return finished(line, folder, {} if "--connect" in line else usual, until)
+        return finished(line, folder, programs if "--connect" in line else usual, until)
 
 
 @contextlib.contextmanager
