@@ -137,6 +137,7 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     met = list(peer.connections)
     seen = [_met(connection, role, testee) for connection in met]
     facts.advice = meeting.on_client(seen, peer.ports, testee.group)
+    peer.pump()  # where something is unread, a close becomes a reset
     peer.close_all()
     peer.until(
         lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,

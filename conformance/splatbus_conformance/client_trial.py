@@ -217,8 +217,11 @@ class ClientTrial(Trial):
             return generation in dealings.opened | dealings.failed or connection.ended is not None
 
         in_time = self.wait(reacts, EFFECT_SECONDS if further else REACTION_SECONDS)
-        if further and not in_time:  # no sentence says how soon, and it may be busy with the script
-            self.wait(reacts, self.patience)
+        if further and not in_time:
+            # To close late is to hang; to open late is to be busy, and no sentence limits that.
+            self.wait(lambda: reacts() or self.fate(), self.patience)
+            if connection.ended and not self.wait(lambda: self.fate(), 0.05):
+                return "hangs"
         answers = {
             message.get("type")
             for message in dealings.heard[heard:]

@@ -16,6 +16,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, Any, NoReturn, cast
@@ -149,6 +150,8 @@ def _started(
 def _first(harness: socket.socket) -> None:
     """Be the process that the others are forked from, until the harness ends."""
     _close_all_but(0, 1, 2, harness.fileno())
+    tracker: Any = resource_tracker._resource_tracker
+    tracker._fd = tracker._pid = None  # the harness's, whose pipe is closed here
     gc.freeze()  # what refers to files that were closed must not close their numbers again
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for keepers
     first: First | None = None

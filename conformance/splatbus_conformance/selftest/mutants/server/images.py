@@ -127,8 +127,8 @@ def server_writes_to_slots_that_are_lent(patch: Patch) -> None:
 def server_lends_before_it_has_written(patch: Patch) -> None:
     """Lets a thread of its own write, and sends the frame meanwhile."""
 
-    def publish(original: Any, self: Exchange, view: Any, moment: float, write: Any) -> Any:
-        later = lambda slot: threading.Timer(LATE_SECONDS, write, (slot,)).start()  # noqa: E731
+    def publish(original: Any, self: Exchange, view: Any, moment: float, fill: Any) -> Any:
+        later = lambda *what: threading.Timer(LATE_SECONDS, fill, what).start()  # noqa: E731
         return original(self, view, moment, later)
 
     wrap(patch, Exchange, "publish", publish)
