@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -127,22 +127,34 @@ def test_a_client_that_was_left_over_is_told_by_its_process() -> None:
 @contextmanager
 def old_server() -> Iterator[tuple[int, int]]:
     """A server of 1.0, which sends an init packet to all that come to its IPC port; its ports."""
-    with ExitStack() as held:
-        listeners = [held.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(2)]
+    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+    accepted: list[socket.socket] = []
 
-        def serve(listener: socket.socket, greeting: bytes) -> None:
-            try:
-                while True:
-                    accepted = held.enter_context(listener.accept()[0])
-                    accepted.sendall(greeting)
-            except OSError:
-                return  # the test is over
+    def serve(listener: socket.socket, greeting: bytes) -> None:
+        with suppress(OSError):  # once the test is over
+            while True:
+                connection, _ = listener.accept()
+                accepted.append(connection)
+                connection.sendall(greeting)
 
-        for listener, greeting in zip(
-            listeners, (packet(encode(init_packet_1_0())), b""), strict=True
-        ):
-            threading.Thread(target=serve, args=(listener, greeting), daemon=True).start()
+    greetings = packet(encode(init_packet_1_0())), b""
+    threads = [
+        threading.Thread(target=serve, args=each, daemon=True)
+        for each in zip(listeners, greetings, strict=True)
+    ]
+    for thread in threads:
+        thread.start()
+    try:
         yield listeners[0].getsockname()[1], listeners[1].getsockname()[1]
+    finally:
+        for listener in listeners:
+            with suppress(OSError):
+                listener.shutdown(socket.SHUT_RDWR)
+            listener.close()
+        for thread in threads:
+            thread.join(20.0)
+        for each in accepted:
+            each.close()
 
 
 def server_advice(ports: tuple[int, int]) -> str:

@@ -15,6 +15,7 @@ ports are free ones. Apart from that:
 import os
 import re
 import shlex
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -93,8 +94,10 @@ def beside(line: str) -> str:
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future[desk.Outcome]]]:
     """All commands, run a few at a time, each in a folder of its own."""
 
+    base = tmp_path_factory.mktemp("desks")  # the factory is not for several threads
+
     def run(line: str) -> desk.Outcome:
-        folder = desk.prepared(tmp_path_factory.mktemp("desk"), line)
+        folder = desk.prepared(Path(tempfile.mkdtemp(dir=base)), line)
         until = next((text for name, text in UNTIL.items() if line.startswith(name)), "")
         if " proxy " in line:
             until = UNTIL["proxy"]
