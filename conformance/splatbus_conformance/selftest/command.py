@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
 from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
-WORKERS = 12
+WORKERS = 10
 """Most of a run is waiting: twelve do not disturb each other on two cores yet."""
 
 Trial = Callable[[], Row]
