@@ -17,7 +17,7 @@ from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
 WORKERS = 10
-"""Most of a run is waiting: twelve do not disturb each other on two cores yet."""
+"""Most of a run is waiting: ten do not disturb each other on two cores yet."""
 
 Trial = Callable[[], Row]
 
