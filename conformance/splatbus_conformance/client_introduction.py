@@ -6,17 +6,16 @@ Checks ask no more of it than it has shown here.
 from dataclasses import dataclass, field
 from typing import Any
 
-from splatbus_conformance import meeting, mistakes, processes
+from splatbus_conformance import meeting, processes
 from splatbus_conformance.adapter import Greeting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.kinds import POSES, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
-from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
-from splatbus_conformance.testee import Testee
+from splatbus_conformance.testee import Testee, not_met
 from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 
 SETTLE_SECONDS = 1.0
@@ -130,7 +129,8 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     testee.ensure_running()
     peer.until(lambda: peer.connections or testee.ended(), patience)
     if not peer.connections:
-        raise NoVerdict(mistakes.absent(_absent(peer, testee, patience)))
+        where = " and ".join(f"{name} {peer.host}:{peer.ports[name]}" for name in CHANNELS)
+        raise not_met(testee, "client", where, peer.host, patience)
     peer.until(lambda: {c.channel for c in peer.connections} == set(CHANNELS), SETTLE_SECONDS)
     peer.until(lambda: _everything(_shown(peer, role)), SETTLE_SECONDS)
     facts = _shown(peer, role)
@@ -200,17 +200,3 @@ def _process(connection: Connection, testee: Testee) -> int | None:
     """The process at the other end; those that the harness started count as one."""
     process = processes.owner(connection.testee_port, connection.port)
     return testee.group if process and processes.group(process) == testee.group else process
-
-
-def _absent(peer: Peer, testee: Testee, patience: float) -> mistakes.Absent:
-    ended = testee.ended()
-    return mistakes.Absent(
-        "client",
-        " and ".join(f"{name} {peer.host}:{peer.ports[name]}" for name in CHANNELS),
-        peer.host,
-        patience,
-        testee.argv,
-        str(ended or ""),
-        ended.status if ended else None,
-        testee.output(),
-    )

@@ -6,7 +6,7 @@ Checks ask no more of it than it has shown here.
 from dataclasses import dataclass, field
 from typing import Any
 
-from splatbus_conformance import meeting, mistakes
+from splatbus_conformance import meeting
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.lenient_json import read
@@ -14,9 +14,8 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
-from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.testee import Testee
+from splatbus_conformance.testee import Testee, not_met
 from splatbus_conformance.values import is_number, numbers
 from splatbus_conformance.viewer import Dealings, Viewer
 
@@ -153,7 +152,8 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     old = {channel: reach(peer, testee, channel, patience) for channel in CHANNELS}
     facts.listens = {channel: connection is not None for channel, connection in old.items()}
     if not any(facts.listens.values()):
-        raise NoVerdict(mistakes.absent(_absent(peer, testee, patience)))
+        where = " and ".join(_refusal(peer, channel) for channel in CHANNELS)
+        raise not_met(testee, "server", where, peer.host, patience)
     if (old_msg := old["msg"]) is not None:
         viewer.ask(old_msg, {"type": "get_viewport_size"})
         peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
@@ -236,20 +236,6 @@ def _met(connection: Connection, viewer: Viewer) -> meeting.Met:
         [value for it in connection.packets if (value := read(it.payload).value) is not None],
         connection.no_packet,
         next(unread, b""),
-    )
-
-
-def _absent(peer: Peer, testee: Testee, patience: float) -> mistakes.Absent:
-    ended = testee.ended()
-    return mistakes.Absent(
-        "server",
-        " and ".join(_refusal(peer, channel) for channel in CHANNELS),
-        peer.host,
-        patience,
-        testee.argv,
-        str(ended or ""),
-        ended.status if ended else None,
-        testee.output(),
     )
 
 

@@ -258,3 +258,17 @@ class Awaited:
 
     def close(self) -> None:
         """Nothing to do."""
+
+
+def not_met(testee: Testee, side: str, where: str, host: str, patience: float) -> NoVerdict:
+    """Why there is nothing to judge; members as in `mistakes.Absent`."""
+    ended = testee.ended()
+    status = ended.status if ended else None
+    return NoVerdict(
+        mistakes.absent(
+            mistakes.Absent(
+                *(side, where, host, patience, testee.argv, str(ended or ""), status),
+                testee.output(),
+            )
+        )
+    )

@@ -39,7 +39,11 @@ def plan(side: Side, launch: str | None, ports: tuple[int, int] = (0, 0)) -> Pla
 
 def advice(command: str, ports: tuple[int, int] = (0, 0)) -> str:
     """What is said of a client that is launched, once it was met."""
-    stand = set_up(plan("client", command, ports))
+    return said_of(plan("client", command, ports))
+
+
+def said_of(plan: Plan) -> str:
+    stand = set_up(plan)
     try:
         stand.introduce()
         return "\n".join(stand.facts.advice)
@@ -158,12 +162,7 @@ def old_server() -> Iterator[tuple[int, int]]:
 
 
 def server_advice(ports: tuple[int, int]) -> str:
-    stand = set_up(plan("server", None, ports))
-    try:
-        stand.introduce()
-        return "\n".join(stand.facts.advice)
-    finally:
-        stand.close()
+    return said_of(plan("server", None, ports))
 
 
 def test_a_server_on_swapped_ports_is_found_out() -> None:
