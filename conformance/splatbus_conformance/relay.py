@@ -172,8 +172,8 @@ class Relay:
                 return
             server.close()
             reason = os.strerror(status)
-        _reset(client)
         self._missed(channel, reason)
+        _reset(client)
 
     def _connected(self, attempt: _Attempt) -> None:
         client, server = attempt.sockets
