@@ -29,7 +29,7 @@ STEPS = {
     "types": (*PYTHON, "mypy", *PACKAGES),
     "imports": (str(Path(sys.executable).with_name("lint-imports")),),
     "prose": (*PYTHON, "splatbus_schemas.prose"),
-    "tests": (*PYTHON, "pytest", "-n", "3", "--dist", "loadfile"),
+    "tests": (*PYTHON, "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"),
     "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
 }
 

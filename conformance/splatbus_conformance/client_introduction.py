@@ -3,6 +3,7 @@
 Checks ask no more of it than it has shown here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +20,7 @@ from splatbus_conformance.testee import Testee, not_met
 from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 
 SETTLE_SECONDS = 1.0
+PARTING_SECONDS = 0.5
 RETURN_SECONDS = 5.0
 
 
@@ -137,8 +139,7 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     met = list(peer.connections)
     seen = [_met(connection, role, testee) for connection in met]
     facts.advice = meeting.on_client(seen, peer.ports, testee.group)
-    peer.pump()  # where something is unread, a close becomes a reset
-    peer.close_all()
+    _part(peer, met)
     peer.until(
         lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,
         RETURN_SECONDS,
@@ -146,6 +147,15 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     facts.returns = {c.channel for c in peer.connections if c not in met}
     peer.pump(TRIAL_SETTLE_SECONDS)
     return facts
+
+
+def _part(peer: Peer, met: Sequence[Connection]) -> None:
+    """Close, and let the testee close first: what it sends to one that is closed resets it."""
+    for connection in met:
+        connection.end_stream()
+    peer.until(lambda: all(connection.ended for connection in met), PARTING_SECONDS)
+    for connection in met:
+        connection.close()
 
 
 def _shown(peer: Peer, role: Role) -> ClientFacts:

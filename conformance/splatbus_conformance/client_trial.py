@@ -53,8 +53,6 @@ class ClientTrial(Trial):
 
         A client may close the connection on whatever is wrong, and each case then costs it a pause.
         """
-        if not super().affords(place):
-            return False
         few = self.thorough or len(self.peer.connections) < MANY_CONNECTIONS
         return few or place % RARELY == 0
 

@@ -17,6 +17,8 @@ from splatbus_conformance.recording import Channel, Direction, Entry, Event
 
 T = TypeVar("T")
 CHANNELS: tuple[Channel, Channel] = ("ipc", "msg")
+READ_BYTES = 1 << 16
+MOST_LEFT_READS = 64
 SEND_SECONDS = 5.0
 DIAL_SECONDS = 5.0
 TICK_SECONDS = 0.02
@@ -84,10 +86,11 @@ class Connection:
         self._peer.note_event(self, "eof", self._peer.ours)
 
     def close(self) -> None:
-        """Close."""
+        """Close, so that the testee sees the stream end: what is unread would make it a reset."""
         if self.open:
             self.open = False
             self._peer.forget(self._sock)
+            self._leave_nothing_unread()
             self._sock.close()
             self._peer.note_event(self, "eof", self._peer.ours)
 
@@ -100,10 +103,17 @@ class Connection:
             self._sock.close()
             self._peer.note_event(self, "reset", self._peer.ours)
 
+    def _leave_nothing_unread(self) -> None:
+        with contextlib.suppress(OSError):
+            self._sock.setblocking(False)
+            for _ in range(MOST_LEFT_READS):  # a flood would never end
+                if not self._sock.recv(READ_BYTES):
+                    break
+
     def read(self) -> list[Packet]:
         """Take what has arrived; return the packets that it completes."""
         try:
-            data = self._sock.recv(1 << 16)
+            data = self._sock.recv(READ_BYTES)
         except (TimeoutError, BlockingIOError):
             return []
         except OSError:

@@ -20,6 +20,7 @@ from splatbus_conformance.values import is_number, numbers
 from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
+AT_ONCE_SECONDS = 0.5
 GONE_SECONDS = 0.05
 """Until a server has noticed that a connection was closed, and has room for the next."""
 FRAME_SECONDS = 5.0
@@ -158,7 +159,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         viewer.ask(old_msg, {"type": "get_viewport_size"})
         peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
     if (old_ipc := old["ipc"]) is not None:
-        peer.until(lambda: old_ipc.packets or testee.ended(), 0.2)
+        peer.until(lambda: old_ipc.packets or testee.ended(), AT_ONCE_SECONDS)
         facts.init_packet = next(iter(viewer.with_(old_ipc).init_packets), None)
         facts.at_once = facts.init_packet is not None
     peer.close_all()

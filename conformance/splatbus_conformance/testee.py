@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -18,6 +19,7 @@ from splatbus_conformance.recording import Channel
 Say = Callable[[str], None]
 
 STOP_SECONDS = 5.0
+LEAVING_SECONDS = 1.0
 WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 WINDOWS_CRASH = 0xC0000000
 
@@ -133,9 +135,19 @@ def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
         _signal(process, process.terminate, signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(kindly)
+            _let_others_leave(process)
     _signal(process, process.kill, FORCE)
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(STOP_SECONDS)
+
+
+def _let_others_leave(process: subprocess.Popen[bytes]) -> None:
+    """What it had started may be clearing up behind it, and a check looks at what was cleared."""
+    deadline = time.monotonic() + LEAVING_SECONDS
+    with contextlib.suppress(AttributeError, ProcessLookupError, PermissionError):
+        while time.monotonic() < deadline:
+            os.killpg(process.pid, 0)  # raises once none is left
+            time.sleep(0.01)
 
 
 GROUPED: dict[str, Any] = {"process_group": 0} if os.name == "posix" else {}

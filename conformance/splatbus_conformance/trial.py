@@ -1,5 +1,6 @@
 """A trial: one check's dealings with the testee, whichever side that is, and its judgement."""
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NoReturn, TypeVar
 
@@ -24,7 +25,6 @@ EFFECT_SECONDS: float = LIMITS["close_seconds"]
 THOROUGH = ("full", "soak")
 """Profiles that take their time."""
 BRIEFLY = 4
-"""The brief profile delivers one case of so many."""
 ENDING_SECONDS = 0.3
 """How long after its sockets a process may end, and still be said to have ended, not closed."""
 REACTION_SECONDS = 0.2
@@ -64,6 +64,11 @@ class Trial:
         """The run takes its time."""
         return self.profile in THOROUGH
 
+    @property
+    def stride(self) -> int:
+        """This profile delivers one case of so many."""
+        return BRIEFLY if self.profile == "brief" else 1
+
     def each(
         self,
         listed: Iterable[T] = (),
@@ -96,10 +101,10 @@ class Trial:
         self.simpler.append(simpler)
         self._going_through = True
         try:
-            count = full if self.thorough else quick
+            count = -(-(full if self.thorough else quick) // self.stride)
             chosen = self._chosen(number, listed, drawn, count, search)
             for place, (case, value) in enumerate(chosen):
-                if self.script is not None or self.affords(place):
+                if self.script is not None or self.affords(place * self.stride):
                     noted.append(case)
                     yield value
         finally:
@@ -111,7 +116,7 @@ class Trial:
 
     def affords(self, place: int) -> bool:
         """Whether there is time for the case at this place."""
-        return self.profile != "brief" or place % BRIEFLY == 0
+        return True
 
     def _chosen(
         self,
@@ -127,7 +132,7 @@ class Trial:
                 if case.drawn or case.value < len(known):
                     yield case, case.value if case.drawn else known[case.value]
             return
-        for place, value in enumerate(listed):
+        for place, value in itertools.islice(enumerate(listed), 0, None, self.stride):
             yield Case(False, place), value
         if drawn is not None:
             for value in self._drawn(drawn, count, search):

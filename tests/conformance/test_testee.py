@@ -1,6 +1,8 @@
-"""A launched testee: what it finds in its environment."""
+"""A launched testee: what it finds in its environment, and how it is ended."""
 
+import os
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -51,5 +53,42 @@ def test_it_is_ended_before_it_is_started_otherwise(tmp_path):
         launched.add_to_environment({"ADDED": "more"})
         assert launched.ended() is None
         assert launched.ensure_running(), "it still ran"
+    finally:
+        launched.close()
+
+
+CLEARS_UP = """
+import pathlib, signal, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print(flush=True)
+sys.stdin.read()
+time.sleep(0.1)
+pathlib.Path(sys.argv[1]).unlink()
+"""
+HAS_HELP = """
+import pathlib, subprocess, sys, time
+pipe = subprocess.PIPE
+helper = subprocess.Popen([sys.executable, *sys.argv[1:]], stdin=pipe, stdout=pipe)
+helper.stdout.readline()
+pathlib.Path(sys.argv[2]).touch()
+time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="groups of processes")
+def test_what_it_started_may_clear_up_behind_it(tmp_path):
+    """As Python does: a process of its own removes memory that was left."""
+    helper, program, file = (tmp_path / name for name in ("helper.py", "program.py", "left"))
+    helper.write_text(CLEARS_UP)
+    program.write_text(HAS_HELP)
+    launched = Launched(f'"{sys.executable}" "{program}" "{helper}" "{file}"', {})
+    try:
+        launched.ensure_running()
+        deadline = time.monotonic() + 10
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert file.exists()
+        launched.stop()
+        assert not file.exists()
     finally:
         launched.close()

@@ -1,6 +1,7 @@
 """`splatbus-conformance selftest`."""
 
 import argparse
+import difflib
 import itertools
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -29,9 +30,11 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     wanted = [name for name in arguments.only.split(",") if name]
     trials_ = dict(every_trial(arguments.profile))
     if unknown := [name for name in wanted if name not in trials_]:
+        near = difflib.get_close_matches(unknown[0], trials_, 3)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
         out.print(
-            f"splatbus-conformance: --only {','.join(unknown)}: there is no such specimen; "
-            f"there are {', '.join(trials_)}",
+            f"splatbus-conformance: --only {','.join(unknown)}: there is no such specimen; {hint}"
+            f"conformance/KILL_MATRIX.md names all {len(trials_)}",
             markup=False,
         )
         return EXIT_USAGE

@@ -152,22 +152,27 @@ def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
 )
 def check_survives_losing_its_server(trial: ClientTrial) -> None:
     """Both connections are reset, further ones refused for a while, then accepted and reset."""
-    for channel in sorted(trial.facts.connects):
-        trial.connection(channel).reset()
-        trial.peer.refuse(channel)
+    for connection in [trial.connection(channel) for channel in sorted(trial.facts.connects)]:
+        connection.reset()
+        trial.peer.refuse(connection.channel)
     trial.rest(0.6)
     for channel in sorted(trial.facts.connects):
         trial.peer.listen(channel)
-    for channel in sorted(trial.facts.returns):
-        if trial.arrives(channel, trial.patience):
-            trial.connection(channel).reset()
-    outcome = trial.fate() or "waits"
-    if outcome == "waits" and trial.facts.returns:
-        came = all(trial.comes_back(channel) for channel in sorted(trial.facts.returns))
-        outcome = "reconnects" if came else trial.fate() or "hangs"
-    elif outcome == "waits" and not trial.testee.expendable:
+    returns = sorted(trial.facts.returns)
+    came = all(_comes_and_is_reset(trial, channel) for channel in returns)
+    came = came and all(trial.comes_back(channel) for channel in returns)
+    fate = trial.fate()
+    if not (fate or returns or trial.testee.expendable):
         trial.not_observable("the testee does not return, and its process is not the harness's")
+    outcome = fate or ("waits" if not returns else "reconnects" if came else "hangs")
     trial.judge(outcome, "connections that are reset and refused")
+
+
+def _comes_and_is_reset(trial: ClientTrial, channel: Channel) -> bool:
+    connection = trial.next_connection(channel)
+    if connection is not None:
+        connection.reset()
+    return connection is not None
 
 
 @check("CHN-20", observable="the testee makes a new connection")

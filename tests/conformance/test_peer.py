@@ -1,0 +1,37 @@
+"""The raw peer: how its connections end."""
+
+import socket
+from collections.abc import Iterator
+
+import pytest
+from splatbus_conformance.peer import Connection, Peer
+
+SECONDS = 10.0
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[Peer, Connection, socket.socket]]:
+    """A peer, a connection with a testee, and the testee's end of it."""
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.listen("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        [connection] = peer.until(lambda: peer.connections, SECONDS)
+        yield peer, connection, testee
+    peer.close()
+
+
+def test_a_close_ends_the_stream_whatever_is_unread(pair) -> None:
+    _, connection, testee = pair
+    testee.sendall(bytes(200_000))
+    connection.send(b"the last")
+    connection.close()
+    assert testee.recv(100) == b"the last"
+    assert testee.recv(100) == b""
+    assert not connection.open
+
+
+def test_a_reset_is_one(pair) -> None:
+    _, connection, testee = pair
+    connection.reset()
+    with pytest.raises(ConnectionResetError):
+        testee.recv(100)
