@@ -65,10 +65,12 @@ class ClientTrial(Trial):
         that does not help. Skips the check if none comes within the run's patience.
         """
         seconds = self.patience if seconds is None else seconds
+        if self.testee.ended():
+            self.end_testee()
         self.testee.ensure_running()
         found = self.next_connection(channel, seconds)
         if found is None:
-            self.testee.stop()
+            self.end_testee()
         if found is None and self.testee.ensure_running():
             found = self.next_connection(channel, seconds)
         if found is None:

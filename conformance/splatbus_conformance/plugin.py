@@ -126,7 +126,7 @@ class CheckPlugin:
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
         self.traffic.delivered += trial.delivered
         if testee.ended() is not None:
-            testee.stop()
+            trial.end_testee()
         self._keep(request.node.stash[PLACE], request.node.name)
 
     def _nothing_yet(self) -> Traffic:

@@ -46,8 +46,8 @@ def replay(stand: Stand, script: Script) -> Replay:
     check = next((f for f in check_functions(script.side) if f.__name__ == script.check), None)
     if check is None:
         raise ScriptError(f"there is no check {script.check} of a {script.side} any more")
-    stand.testee.stop()
     trial = stand.trial(requirements("1.1")[check.check.requirement])
+    trial.end_testee()
     trial.profile, trial.script = script.profile, script.cases
     broken: str | None = None
     skipped = ""

@@ -27,6 +27,8 @@ THOROUGH = ("full", "soak")
 BRIEFLY = 4
 ENDING_SECONDS = 0.3
 """How long after its sockets a process may end, and still be said to have ended, not closed."""
+ENDED_SECONDS = 0.02
+"""Until what a testee that has ended still asked for is seen."""
 REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 
@@ -152,6 +154,13 @@ class Trial:
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""
         self.peer.pump(seconds)
+
+    def end_testee(self) -> None:
+        """End the testee; nothing that it had begun is taken for its successor's."""
+        self.testee.stop()
+        if self.testee.expendable:
+            self.rest(ENDED_SECONDS)
+            self.peer.close_all()
 
     def fate(self) -> str | None:
         """`dies` or `exits` if the testee's process has ended, else None."""

@@ -1,10 +1,13 @@
-"""How many cases a check goes through."""
+"""How many cases a check goes through, and what is left of a testee that it ends."""
+
+import sys
+import time
 
 import pytest
 from hypothesis import strategies as st
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.script import Case
-from splatbus_conformance.testee import Awaited
+from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.trial import Trial
 from splatbus_schemas.requirements import requirements
 
@@ -35,3 +38,33 @@ def test_a_script_decides_for_any_profile(trial) -> None:
     trial.profile = "brief"
     trial.script = ((Case(False, 1), Case(True, 7), Case(False, 2), Case(False, 99)),)
     assert list(trial.each(LISTED, SMALL, quick=10, full=40)) == [101, 7, 102]
+
+
+CONNECTS = """
+import os, pathlib, socket, sys, time
+address = os.environ["SPLATBUS_HOST"], int(os.environ["SPLATBUS_IPC_PORT"])
+with socket.create_connection(address):
+    pathlib.Path(sys.argv[1]).touch()
+    time.sleep(60)
+"""
+
+
+def test_what_an_ended_testee_had_begun_is_not_taken_for_its_successors(trial, tmp_path) -> None:
+    """Its connection was made, and not accepted yet, when it was ended."""
+    program, connected = tmp_path / "connects.py", tmp_path / "connected"
+    program.write_text(CONNECTS)
+    trial.peer.listen("ipc")
+    command = f'"{sys.executable}" "{program}" "{connected}"'
+    trial.testee = Launched(command, trial.peer.environment())
+    try:
+        trial.testee.ensure_running()
+        deadline = time.monotonic() + 10
+        while not connected.exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert connected.exists()
+        trial.end_testee()
+        assert [connection.open for connection in trial.peer.connections] == [False]
+        trial.rest(0.1)
+        assert len(trial.peer.connections) == 1
+    finally:
+        trial.testee.close()

@@ -94,7 +94,7 @@ class _Search:
         """A new session, which is noted; with a new testee while a failure is made smaller."""
         steps: list[Step] = []
         if self._found:
-            self._trial.testee.stop()
+            self._trial.end_testee()
         elif self._trial.script is None:
             self._trial.note(steps)
         return Session(self._part(), self._trial.requirement.id, steps)

@@ -167,7 +167,7 @@ class WithClient:
 
     def _restart(self) -> None:
         self._restarted = True
-        self.trial.testee.stop()
+        self.trial.end_testee()
         for channel in self._channels:
             self._end(channel, "close")
         self._meet_on(self._channels)

@@ -282,7 +282,7 @@ def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
         trial.expect(memory.exists(), "it removed the memory when the connection ended")
         if trial.testee.expendable:
             trial.peer.clear()
-            trial.testee.stop()
+            trial.end_testee()
         trial.expect(memory.exists(), "the memory was removed when the testee ended")
         trial.expect(memory.digest() == before, "it wrote to the memory before it ended")
         trial.delivered += 1
