@@ -74,6 +74,8 @@ class ServerTrial(Trial):
         self.testee.ensure_running()
         connection = self._reach(channel)
         if connection is None:
+            if self.fate() == "dies":
+                self.judge("dies", f"a connection to the {channel} channel")
             self.not_observable(f"the server accepts no connection on the {channel} channel")
         return connection
 

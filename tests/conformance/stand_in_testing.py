@@ -152,7 +152,7 @@ def findings_of(plan: Plan, checks: Mapping[str, Any]) -> dict[str, str]:
             except pytest.skip.Exception as skipped:
                 found[name] = f"skipped: {skipped}"
             if stand.testee.ended():
-                stand.testee.stop()
+                trial.end_testee()
     finally:
         stand.close()
     return found

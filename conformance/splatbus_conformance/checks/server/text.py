@@ -292,15 +292,16 @@ def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     """The same, all of them on one IPC connection as long as that lasts."""
     broken = [text.payload for text in broken_texts(hello(["host_shm"]))]
     broken += [encode(message) for message in ODD_MESSAGES]
-    connection = trial.dial("ipc")
+    connection, sent = trial.dial("ipc"), b""
     for payload in trial.each(broken, mangled(), quick=60, full=1000):
         if connection.ended:
+            _expect_alive(trial, sent)
             connection.close()
             connection = trial.dial("ipc")
-        connection.send(packet(payload))
+        sent = payload
+        connection.send(packet(sent))
         trial.rest(0.0)
-        if fate := trial.fate():
-            trial.judge(fate, f"the payload {shown(payload)} on the IPC channel")
+        _expect_alive(trial, sent)
         trial.delivered += 1
     served = trial.serves()
     trial.judge("ignores" if served else trial.fate() or "hangs", "broken payloads in a row")
@@ -309,6 +310,11 @@ def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
         trial.expect(
             trial.viewer.with_(trial.greeted("ipc")).welcome, "the next IPC client has no welcome"
         )
+
+
+def _expect_alive(trial: ServerTrial, payload: bytes) -> None:
+    if fate := trial.fate():
+        trial.judge(fate, f"the payload {shown(payload)} on the IPC channel")
 
 
 @check(
