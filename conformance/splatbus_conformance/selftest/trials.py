@@ -82,6 +82,8 @@ class Row:
     check: str = ""
     reason: str = ""
     note: str = ""
+    again: bool = False
+    """It was not as it must be while others ran, and this is what came of it by itself."""
 
     @property
     def seen(self) -> str:

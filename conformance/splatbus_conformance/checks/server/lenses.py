@@ -26,6 +26,8 @@ WHOLE = 0.99
 LEAST, MOST = LIMITS["min_lens"], LIMITS["max_lens"]
 ASKED = (0, 1, -1, 2**31)
 BAD_TAGS: tuple[Any, ...] = ("", "t" * (LIMITS["max_tag_chars"] + 1), None, 5, True, [], ["t"], {})
+SHOWN_SECONDS = 0.05
+"""Until an image shows what should not have been applied, were it applied."""
 FAR_SHAPES = ((1, 1), (2, 1), (1, 2), (LARGEST, 1), (1, LARGEST), (LARGEST, 2 * LARGEST // 3))
 
 
@@ -188,8 +190,10 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
             codes == [("invalid_message", "/intrinsics")],
             f"{told}, were answered by {show(codes) if codes else 'no error'}",
         )
+        frames = studio.photographer.dealings.frames
+        trial.wait(lambda: len(frames) > known, SHOWN_SECONDS)  # noqa: B023
         seen = studio.look(at_rest())
-        cameras = [it["camera"] for it in studio.photographer.dealings.frames[known:]]
+        cameras = [it["camera"] for it in frames[known:]]
         applied = any(
             camera["position"] == list(refused.position) or "tag" in camera for camera in cameras
         )
