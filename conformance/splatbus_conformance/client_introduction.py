@@ -139,7 +139,7 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     met = list(peer.connections)
     seen = [_met(connection, role, testee) for connection in met]
     facts.advice = meeting.on_client(seen, peer.ports, testee.group)
-    _part(peer, met)
+    _take_leave(peer, met)
     peer.until(
         lambda: {c.channel for c in peer.connections if c not in met} == facts.connects,
         RETURN_SECONDS,
@@ -149,7 +149,7 @@ def introduce(peer: Peer, role: Role, testee: Testee, patience: float) -> Client
     return facts
 
 
-def _part(peer: Peer, met: Sequence[Connection]) -> None:
+def _take_leave(peer: Peer, met: Sequence[Connection]) -> None:
     """Close, and let the testee close first: what it sends to one that is closed resets it."""
     for connection in met:
         connection.end_stream()

@@ -5,7 +5,7 @@
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -89,9 +89,14 @@ def spellings(items: Iterable[Item]) -> dict[str, str]:
     return known
 
 
+def did_you_mean(word: str, known: Mapping[str, object]) -> str:
+    """The names that are close to a word, as they are spelled; nothing if none is."""
+    near = [known[it] for it in difflib.get_close_matches(word, known, 3)]
+    return f"did you mean {' or '.join(map(str, near))}? " if near else ""
+
+
 def _what_there_is(term: str, known: dict[str, str]) -> str:
-    near = [known[it] for it in difflib.get_close_matches(term.lower(), known, 3)]
-    hint = f"did you mean {' or '.join(near)}? " if near else ""
+    hint = did_you_mean(term.lower(), known)
     clauses = sorted({name for name in known.values() if len(name) == 3 and name.isupper()})
     return (
         f"{term} is no id, clause, level or check that is judged here; {hint}"

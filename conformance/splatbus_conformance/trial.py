@@ -71,6 +71,10 @@ class Trial:
         """This profile delivers one case of so many."""
         return BRIEFLY if self.profile == "brief" else 1
 
+    def share(self, count: int) -> int:
+        """How many of so many cases this profile delivers."""
+        return -(-count // self.stride)
+
     def each(
         self,
         listed: Iterable[T] = (),
@@ -103,7 +107,7 @@ class Trial:
         self.simpler.append(simpler)
         self._going_through = True
         try:
-            count = -(-(full if self.thorough else quick) // self.stride)
+            count = self.share(full if self.thorough else quick)
             chosen = self._chosen(number, listed, drawn, count, search)
             for place, (case, value) in enumerate(chosen):
                 if self.script is not None or self.affords(place * self.stride):

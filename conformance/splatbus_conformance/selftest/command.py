@@ -1,7 +1,6 @@
 """`splatbus-conformance selftest`."""
 
 import argparse
-import difflib
 import itertools
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from splatbus_conformance.plan import SIDES
+from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.selftest import harnesses, matrix, trials
 from splatbus_conformance.selftest.seeds import judge_seeds
 from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
@@ -33,8 +33,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     wanted = [name for name in arguments.only.split(",") if name]
     trials_ = dict(every_trial(arguments.profile))
     if unknown := [name for name in wanted if name not in trials_]:
-        near = difflib.get_close_matches(unknown[0], trials_, 3)
-        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        hint = did_you_mean(unknown[0], {name: name for name in trials_})
         out.print(
             f"splatbus-conformance: --only {','.join(unknown)}: there is no such specimen; {hint}"
             f"conformance/KILL_MATRIX.md names all {len(trials_)}",
@@ -94,7 +93,7 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:
 def unhurried(chosen: dict[str, Trial], rows: dict[str, Row], out: Console) -> Iterator[Row]:
     """Judge by itself what was not as it must be while others ran: it may have been short of time.
 
-    Nothing of that is hidden: the summary counts who needed it. Many at once are no accident.
+    Nothing of that is hidden: the summary names them. Many at once are no accident.
     """
     wrong = [name for name, row in rows.items() if row.fate not in GOOD]
     if len(rows) == 1 or len(wrong) > MOST_UNHURRIED:

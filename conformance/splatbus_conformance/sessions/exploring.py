@@ -111,7 +111,7 @@ class _Search:
     def explore(self, kinds: Sequence[str], amount: Amount) -> None:
         """Let Hypothesis make up sessions; the smallest that fails is the violation."""
         chosen = settings(
-            max_examples=-(-amount.sessions // self._trial.stride),
+            max_examples=self._trial.share(amount.sessions),
             stateful_step_count=amount.steps,
             database=None,
             deadline=None,
