@@ -28,6 +28,8 @@ class Traffic:
     """Where device memory lay, if there was a device."""
     delivered: int = 0
     """Cases delivered and followed by something that proves it."""
+    left_out: int = 0
+    """Listed cases that were left for another seed, or for the full profile."""
     busy_seconds: float = 0.0
     """CPU time of the harness."""
     waiting_seconds: float = 0.0
@@ -46,6 +48,7 @@ class Traffic:
         self.version = max(self.version, other.version)
         self.device = self.device or other.device
         self.delivered += other.delivered
+        self.left_out += other.left_out
         self.busy_seconds += other.busy_seconds
         self.waiting_seconds += other.waiting_seconds
         tally.add(self.tally, other.tally)
@@ -75,6 +78,8 @@ class Traffic:
                 f"; each took {1000 * self.busy_seconds / self.delivered:.2f} ms of the harness"
                 f" and {1000 * self.waiting_seconds / self.delivered:.2f} ms of waiting"
             )
+        if self.left_out:
+            text += f"; {self.left_out:,} listed cases left for another --seed or --profile full"
         if self.device:
             text += f"; device memory: {self.device}"
         return text

@@ -125,6 +125,7 @@ class CheckPlugin:
         peer = self.stand.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
         self.traffic.delivered += trial.delivered
+        self.traffic.left_out += trial.left_out
         if testee.ended() is not None:
             trial.end_testee()
         self._keep(request.node.stash[PLACE], request.node.name)

@@ -1,7 +1,7 @@
 """A trial: one check's dealings with the testee, whichever side that is, and its judgement."""
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import Any, NoReturn, TypeVar
 
 import pytest
@@ -54,6 +54,8 @@ class Trial:
         self.profile = "quick"
         self.script: Cases | None = None
         """The cases to deliver, where they are not the check's own choice."""
+        self.left_out = 0
+        """Listed cases that this run left for another seed, or for the full profile."""
         self.went_through: list[list[Case]] = []
         """Every case that was begun, for each time that the check went through some."""
         self.simpler: list[Callable[[Any], Iterable[Any]]] = []
@@ -80,6 +82,8 @@ class Trial:
         listed: Iterable[T] = (),
         drawn: SearchStrategy[T] | None = None,
         *,
+        kind: Callable[[T], Hashable] | None = None,
+        spare: int | None = None,
         quick: int = 0,
         full: int = 0,
         simpler: Callable[[T], Iterable[T]] = lambda case: (),
@@ -93,6 +97,11 @@ class Trial:
         Args:
             listed: cases that are always the same.
             drawn: what to draw from; the same seed draws the same cases.
+            kind: what a listed case is one of. Of each kind the quick profile always delivers one,
+                which the seed chooses; extreme values have kinds of their own. Without it every
+                case is one of a kind, and always delivered.
+            spare: how many more of the listed cases the quick profile delivers at most; all that
+                the testee affords if not given. What is left out is counted.
             quick: how many to draw in the quick profile.
             full: how many to draw in the full one.
             simpler: what makes a drawn case simpler, and leaves it a case.
@@ -107,12 +116,18 @@ class Trial:
         self.simpler.append(simpler)
         self._going_through = True
         try:
-            count = self.share(full if self.thorough else quick)
-            chosen = self._chosen(number, listed, drawn, count, search)
-            for place, (case, value) in enumerate(chosen):
-                if self.script is not None or self.affords(place * self.stride):
-                    noted.append(case)
-                    yield value
+            if self.script is not None:
+                chosen = self._scripted(number, list(listed))
+            else:
+                count = self.share(full if self.thorough else quick)
+                known = list(listed)
+                places = self._places(known, kind, spare)
+                chosen = itertools.chain(
+                    self._listed(known, *places), self._drawn(drawn, count, search)
+                )
+            for case, value in chosen:
+                noted.append(case)
+                yield value
         finally:
             self._going_through = False
 
@@ -120,35 +135,57 @@ class Trial:
         """Note a case that the check makes up as it goes; it joins those of its last loop."""
         self.went_through[-1].append(Case(True, case))
 
-    def affords(self, place: int) -> bool:
-        """Whether there is time for the case at this place."""
+    def affords(self) -> bool:
+        """Whether there is time for a case that need not be delivered."""
         return True
 
-    def _chosen(
-        self,
-        number: int,
-        listed: Iterable[T],
-        drawn: SearchStrategy[T] | None,
-        count: int,
-        search: str,
-    ) -> Iterator[tuple[Case, T]]:
-        if self.script is not None:
-            known = list(listed)
-            for case in self.script[number] if number < len(self.script) else ():
-                if case.drawn or case.value < len(known):
-                    yield case, case.value if case.drawn else known[case.value]
-            return
-        for place, value in itertools.islice(enumerate(listed), 0, None, self.stride):
-            yield Case(False, place), value
-        if drawn is not None:
-            for value in self._drawn(drawn, count, search):
-                yield Case(True, value), value
+    def _scripted(self, number: int, known: Sequence[T]) -> Iterator[tuple[Case, T]]:
+        assert self.script is not None
+        for case in self.script[number] if number < len(self.script) else ():
+            if case.drawn or case.value < len(known):
+                yield case, case.value if case.drawn else known[case.value]
 
-    def _drawn(self, drawn: SearchStrategy[T], count: int, search: str) -> Iterable[T]:
+    def _places(
+        self, known: Sequence[T], kind: Callable[[T], Hashable] | None, spare: int | None
+    ) -> tuple[list[int], list[int]]:
+        """Of listed cases, which are delivered in any case, and which if there is time."""
+        everything = range(len(known))
+        if self.thorough or kind is None:
+            return list(everything[:: self.stride]), []
+        kinds: dict[Hashable, list[int]] = {}
+        for place in everything:
+            kinds.setdefault(kind(known[place]), []).append(place)
+        one_of_each = sorted(of[self.seed % len(of)] for of in kinds.values())[:: self.stride]
+        others = sorted(set(everything) - set(one_of_each))
+        begin = self.seed % len(others) if others else 0
+        others = others[begin:] + others[:begin]
+        return one_of_each, others[: self.share(len(others) if spare is None else spare)]
+
+    def _listed(
+        self, known: Sequence[T], needed: Sequence[int], spare: Sequence[int]
+    ) -> Iterator[tuple[Case, T]]:
+        self.left_out += len(known) - len(needed)
+        for place in needed:
+            yield Case(False, place), known[place]
+        for place in spare:
+            if not self.affords():
+                break
+            self.left_out -= 1
+            yield Case(False, place), known[place]
+
+    def _drawn(
+        self, drawn: SearchStrategy[T] | None, count: int, search: str
+    ) -> Iterator[tuple[Case, T]]:
+        if drawn is None:
+            return
         if not search or not self.thorough:  # so few cases reach farther at random
-            return draw(drawn, count, self.seed)
-        self.measurements.newest()  # of cases before these
-        return climb(drawn, count, f"{search} {self.seed}", self.measurements.newest)
+            cases: Iterable[T] = draw(drawn, count, self.seed)
+        else:
+            self.measurements.newest()  # of cases before these
+            cases = climb(drawn, count, f"{search} {self.seed}", self.measurements.newest)
+        for number, value in enumerate(cases):
+            if number == 0 or self.affords():
+                yield Case(True, value), value
 
     def wait(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
         """Wait until the condition holds or the testee's process has ended; whether it holds."""

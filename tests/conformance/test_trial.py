@@ -40,6 +40,29 @@ def test_a_script_decides_for_any_profile(trial) -> None:
     assert list(trial.each(LISTED, SMALL, quick=10, full=40)) == [101, 7, 102]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_quick_delivers_one_listed_case_of_each_kind_whatever_a_testee_affords(trial, seed) -> None:
+    trial.seed, trial.affords = seed, lambda: False
+    few = list(trial.each(LISTED, kind=lambda case: "extreme" if case == 109 else case % 2))
+    assert len(few) == 3
+    assert 109 in few
+    assert {case % 2 for case in few} == {0, 1}
+    assert trial.left_out == len(LISTED) - 3
+
+
+def test_other_seeds_deliver_other_listed_cases(trial) -> None:
+    seen = set[int]()
+    for trial.seed in range(len(LISTED)):
+        seen |= set(trial.each(LISTED, kind=lambda case: "all of one kind", spare=1))
+    assert seen == set(LISTED)
+
+
+def test_the_full_profile_delivers_every_listed_case(trial) -> None:
+    trial.profile = "full"
+    assert list(trial.each(LISTED, kind=lambda case: 0, spare=0)) == [*LISTED]
+    assert trial.left_out == 0
+
+
 CONNECTS = """
 import os, pathlib, socket, sys, time
 address = os.environ["SPLATBUS_HOST"], int(os.environ["SPLATBUS_IPC_PORT"])
