@@ -39,7 +39,7 @@ def test_a_result_crosses_to_another_process_with_whatever_a_testee_sent() -> No
 
 
 def test_traffic_crosses_too() -> None:
-    traffic = Traffic("cmd", "1.1", "GPU-1", 3, 0.5, 1.5, {"FRM-1": Count(4, 1, "\ud800")})
+    traffic = Traffic("cmd", "1.1", "GPU-1", 3, 2, 0.5, 1.5, {"FRM-1": Count(4, 1, "\ud800")})
     traffic.latencies["ping → pong"] = Histogram({-40: 2}, 0.01)
     assert Traffic.from_text(traffic.as_text().encode("ascii").decode()) == traffic
 
