@@ -50,8 +50,9 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         "--parallel",
         type=at_least_one,
         metavar="N",
-        default=1,
-        help="start N testees, each on ports of its own, and share the checks out (%(default)s)",
+        default=0,
+        help="start N testees, each on ports of its own, and share the checks out; without it, as "
+        "many as machine and testee allow, and 1 for one after the other",
     )
 
     what = command.add_argument_group("what it is judged by")
