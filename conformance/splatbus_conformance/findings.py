@@ -123,9 +123,13 @@ class Findings:
     def results(self, plan: Plan) -> list[Result]:
         """Every verdict, in the order of a serial run; the rules have the last word."""
         judged = self.traffic.judged(plan.side)
-        found = [self.placed[place] for place in sorted(self.placed)]
-        found += map(result_from_text, self.traffic.losses)
-        return found + [
+        losses = list(map(result_from_text, self.traffic.losses))
+        harmful = {loss.check: loss for loss in losses}
+        found = [
+            _unproven(self.placed[place], harmful.get(self.placed[place].check))
+            for place in sorted(self.placed)
+        ]
+        return [*found, *losses] + [
             replace(
                 tally.result(name, self.traffic.tally[name], requirement.level),
                 script=self.traffic.scripts.get(name, ""),
@@ -133,6 +137,13 @@ class Findings:
             for name, requirement in judged.items()
             if name in self.traffic.tally and plan.selection.takes(Item(name, RULE, "L0"))
         ]
+
+
+def _unproven(result: Result, loss: Result | None) -> Result:
+    """A pass is none if the testee was not sound afterwards."""
+    if loss is None or result.verdict is not Verdict.PASS:
+        return result
+    return replace(result, verdict=Verdict.SKIP, text=f"{loss.text} ({loss.requirement})")
 
 
 def result_as_text(result: Result) -> str:

@@ -233,6 +233,8 @@ class CheckPlugin:
         delivered = self.trial_now.delivered if self.trial_now else 0
         if error is None and not delivered:
             verdict, text = Verdict.SKIP, NOTHING_PROVEN
+        elif error is None and not text:
+            text = f"{delivered} delivered; seen of each: {check.observable}"
         evidence: tuple[str, ...] = ()
         script = ""
         if error is not None:

@@ -58,6 +58,10 @@ def replay(stand: Stand, script: Script) -> Replay:
     except pytest.skip.Exception as skip:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
+    if script.requirement != check.check.requirement and not script.by_rule:
+        entries = list(stand.peer.entries)
+        lost = stand.lost() or None
+        return Replay(lost, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
     if not script.by_rule:
         shown = excerpt(stand.peer.entries, TRANSCRIPT_LINES)
         return Replay(broken, skipped, trial, tuple(shown))

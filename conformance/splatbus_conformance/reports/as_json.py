@@ -123,6 +123,7 @@ def _result(result: Result) -> dict[str, Any]:
         "verdict": result.verdict,
         "text": result.text,
         "evidence": list(result.evidence),
+        "delivered": result.delivered,
         "seconds": round(result.seconds, 4),
         "measurements": [it.as_json() for it in result.measurements],
         "smallest": result.smallest,
