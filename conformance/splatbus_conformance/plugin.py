@@ -205,6 +205,7 @@ class CheckPlugin:
                 tuple(map(tuple, self.trial_now.went_through)),
                 self.plan.profile,
                 self.plan.viewport,
+                self.plan.seed,
             )
         )
 
