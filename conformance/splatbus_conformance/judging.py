@@ -26,6 +26,7 @@ from splatbus_conformance.terminal import (
     summary,
 )
 from splatbus_conformance.verdicts import (
+    EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     EXIT_NOT_CONFORMING,
     Level,
@@ -43,13 +44,21 @@ def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
     """
     live = Live(out)
     began = time.monotonic()
+    wishes.files.remove_former()
+
+    def write_why_not(why: str, status: int) -> None:
+        wishes.files.write(_without_verdict(plan, why, status, time.monotonic() - began))
+
     try:
         if plan.profile == "soak":
             findings = soak(plan, 60 * wishes.minutes, live)
         else:
             findings = run_checks(plan, live)
     except NoVerdict as error:
-        wishes.files.write(_not_met(plan, str(error), time.monotonic() - began))
+        write_why_not(str(error), EXIT_NO_VERDICT)
+        raise
+    except KeyboardInterrupt:
+        write_why_not("the run was interrupted", EXIT_INTERRUPTED)
         raise
     finally:
         live.end()
@@ -75,15 +84,15 @@ def soak(plan: Plan, seconds: float, live: Live) -> Findings:
     return findings
 
 
-def _not_met(plan: Plan, why: str, seconds: float) -> dict[str, Any]:
+def _without_verdict(plan: Plan, why: str, status: int, seconds: float) -> dict[str, Any]:
     """The report of a run that came to no verdict, so that a CI job has one to show."""
     return json_report(
         plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
         plan.side,
         f"no verdict: {why.splitlines()[0]}",
-        [Result("", "introduction", Level.WIRE, Verdict.ERROR, why)],
+        [Result("", "run", Level.WIRE, Verdict.ERROR, why)],
         Traffic().judged(plan.side),
-        exit_code=EXIT_NO_VERDICT,
+        exit_code=status,
         traffic=Traffic(),
         seconds=seconds,
         profile=plan.profile,

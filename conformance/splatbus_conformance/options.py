@@ -114,7 +114,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         type=float,
         metavar="S",
         default=SHRINK_SECONDS,
-        help="seconds, in all, to deliver failures again and make them small (%(default)g); 0: none",
+        help="seconds, in all, to deliver failures again and make them small in (%(default)g)",
     )
     written.add_argument(
         "--scripts",

@@ -34,6 +34,7 @@ def replay_script(script: Script, plan: Plan, files: Files, out: Console) -> int
     can be said. Raises Usage, NoVerdict.
     """
     began = time.monotonic()
+    files.remove_former()
     stand = set_up(replace(plan, side=script.side, viewport=script.viewport))
     try:
         stand.introduce()
