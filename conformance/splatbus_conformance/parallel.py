@@ -17,8 +17,9 @@ import pytest
 
 from splatbus_conformance.data import read_json
 from splatbus_conformance.findings import Findings, Traffic
+from splatbus_conformance.gathering import Progress
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
-from splatbus_conformance.plugin import CheckPlugin, declared
+from splatbus_conformance.plugin import MET, CheckPlugin, declared
 from splatbus_conformance.stand import Stand, set_up
 from splatbus_conformance.trial import THOROUGH
 
@@ -39,12 +40,19 @@ def arguments(workers: int) -> list[str]:
 class Controller:
     """The plugin of the process that starts the workers."""
 
-    def __init__(self, plan: Plan, environment: Mapping[str, str], findings: Findings) -> None:
-        self.findings = findings
+    def __init__(
+        self,
+        plan: Plan,
+        environment: Mapping[str, str],
+        findings: Findings,
+        progress: Progress,
+    ) -> None:
+        self.findings, self.progress = findings, progress
         self.no_verdict = ""
         """Why a worker could not meet its testee."""
         self._given = json.dumps({"plan": plan.as_text(), "environment": dict(environment)})
         self._workers: list[int] = []
+        self._said: set[str] = set()
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
@@ -65,6 +73,13 @@ class Controller:
         if text := given_back.get(NO_VERDICT):
             self.no_verdict = text
             pytest.exit(text)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """A check has come so far; the first of each worker tells of its testee."""
+        for text in dict(report.user_properties).get(MET, []):  # type: ignore[attr-defined]
+            if text not in self._said:
+                self._said.add(text)
+                self.progress.say(text)
 
     def pytest_keyboard_interrupt(self) -> None:
         """Let the workers end their testees at once, and not only when their check is through."""

@@ -25,7 +25,7 @@ from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.script import Script, as_text
 from splatbus_conformance.selection import RULE, Item
-from splatbus_conformance.stand import Stand
+from splatbus_conformance.stand import Facts, Stand
 from splatbus_conformance.tally import add, rules_on, tally
 from splatbus_conformance.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
@@ -33,8 +33,10 @@ from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 EVIDENCE_LINES = 12
 PLACE = pytest.StashKey[int]()
 """Of a check among those of a serial run."""
-RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
-"""Properties of reports: place and result of a check, and what crossed the wire meanwhile."""
+RESULT, TRAFFIC, MET = "splatbus result", "splatbus traffic", "splatbus met"
+"""Properties of reports: place and result of a check, what crossed the wire meanwhile, and before
+the first check what the testee showed of itself.
+"""
 Order = Callable[[list[pytest.Item]], list[pytest.Item]]
 
 
@@ -73,6 +75,7 @@ class CheckPlugin:
         )
         self.traffic = self._nothing_yet()
         self.trial_now: Trial | None = None
+        self._untold = met(plan.side, stand.facts)
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
@@ -103,6 +106,9 @@ class CheckPlugin:
         item.repr_failure = lambda excinfo, style=None: ""  # type: ignore[method-assign]
         report = yield
         report.longrepr = None
+        if self._untold:
+            report.user_properties.append((MET, self._untold))
+            self._untold = []
         if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
             result = self._result(item, call)
             report.user_properties.append((RESULT, (item.stash[PLACE], result_as_text(result))))
@@ -208,6 +214,11 @@ class CheckPlugin:
                 self.plan.seed,
             )
         )
+
+
+def met(side: str, facts: Facts) -> list[str]:
+    """What is said once the testee has been met."""
+    return [f"Met the {side}: {facts}.", *facts.advice]
 
 
 def heard_out(peer: Peer) -> bool:

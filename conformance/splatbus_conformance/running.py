@@ -15,7 +15,7 @@ from splatbus_conformance.findings import Findings
 from splatbus_conformance.gathering import Gathering, Progress
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict, Plan
-from splatbus_conformance.plugin import CheckPlugin, declared
+from splatbus_conformance.plugin import CheckPlugin, declared, met
 from splatbus_conformance.stand import set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
@@ -47,7 +47,7 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
     if plan.parallel > 1:
-        controller = parallel.Controller(plan, dict(os.environ), findings)
+        controller = parallel.Controller(plan, dict(os.environ), findings, progress)
         status = _pytest(plan, [gathering, controller], *parallel.arguments(plan.parallel))
         if controller.no_verdict:
             raise NoVerdict(controller.no_verdict)
@@ -62,9 +62,8 @@ def _run_here(plan: Plan, gathering: Gathering, progress: Progress) -> int:
     try:
         progress.say(_what_happens(stand.peer, plan))
         stand.introduce()
-        progress.say(f"Met the {plan.side}: {stand.facts}.")
-        for advice in stand.facts.advice:
-            progress.say(advice)
+        for text in met(plan.side, stand.facts):
+            progress.say(text)
         plugin = CheckPlugin(plan, stand, in_order)
         status = _pytest(plan, [plugin, gathering])
         gathering.findings.traffic.add(plugin.traffic)
