@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance import latencies, recording
+from splatbus_conformance import guilty, latencies, recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.conversation import conversations
 from splatbus_conformance.coverage import check_functions
@@ -178,7 +178,7 @@ class CheckPlugin:
         script = ""
         if error is not None:
             text = str(error.value)
-            evidence = tuple(excerpt(self.stand.peer.entries, EVIDENCE_LINES))
+            evidence = self._evidence(check.requirement)
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
                 script = self._script(check.requirement, item.name, by_rule=False)
@@ -199,6 +199,11 @@ class CheckPlugin:
             measurements,
             script,
         )
+
+    def _evidence(self, requirement: str) -> tuple[str, ...]:
+        peer, since = self.stand.peer, self.trial_now.before_last_case if self.trial_now else 0
+        marks = guilty.marks(peer.entries, peer.ours, requirement, since)
+        return tuple(excerpt(peer.entries, EVIDENCE_LINES, marks, peer.ours))
 
     def _script(self, requirement: str, check: str, *, by_rule: bool) -> str:
         assert self.trial_now is not None

@@ -1,6 +1,5 @@
 """Deliver scripts: confirm a failure, make it small, and show it again."""
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,6 +8,7 @@ from typing import NamedTuple
 import pytest
 from splatbus_schemas.requirements import requirements
 
+from splatbus_conformance import guilty
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.rules import Sighting, sightings
@@ -60,14 +60,17 @@ def replay(stand: Stand, script: Script) -> Replay:
     except pytest.skip.Exception as skip:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
-    if not script.by_rule:
-        shown = excerpt(stand.peer.entries, TRANSCRIPT_LINES)
-        return Replay(broken, skipped, trial, tuple(shown))
-    breach = _breach(script, trial)
-    until = breach.t if breach else math.inf
-    entries = [entry for entry in stand.peer.entries if entry.t <= until]
-    shown = excerpt(entries, TRANSCRIPT_LINES, to_the_end=breach is not None)
-    return Replay(breach.breach if breach else None, skipped, trial, tuple(shown))
+    peer = stand.peer
+    if script.by_rule:
+        breach = _breach(script, trial)
+        broken = breach.breach if breach else None
+        entries = [it for it in peer.entries if not breach or it.t <= breach.t]
+        marks = [it for it in [guilty.mark(breach) if breach else None] if it]
+    else:
+        entries = peer.entries
+        marks = guilty.marks(entries, peer.ours, script.requirement, trial.before_last_case)
+    shown = excerpt(entries, TRANSCRIPT_LINES, marks, peer.ours)
+    return Replay(broken, skipped, trial, tuple(shown))
 
 
 def _breach(script: Script, trial: Trial) -> Sighting | None:

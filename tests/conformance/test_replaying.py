@@ -102,7 +102,9 @@ LATE_POSES = (("over.wait(0.03)", "over.wait(0.4)"), ('"w": 1.0}', '"w": 2.0}'))
 def test_a_breach_that_comes_after_its_check_is_waited_for_and_shown(stand: Stand) -> None:
     given = replay(stand, Script("client", "POS-3", "check_host_and_ports_can_be_set", True, ()))
     assert "norm of rotation" in str(given.broken)
-    assert "camera_pose" in given.transcript[-2], "the pose that shows it comes last"
+    marked = [line for line in given.transcript if line.startswith(">")]
+    assert "camera_pose" in marked[1]
+    assert "/rotation, from byte" in marked[2]
 
 
 def test_a_check_that_is_gone_is_named(stand: Stand) -> None:
