@@ -64,7 +64,10 @@ class Traffic:
     def from_text(cls, text: str) -> "Traffic":
         """The reverse of `as_text`."""
         members = json.loads(text)
-        members["tally"] = {name: Count(*count) for name, count in members["tally"].items()}
+        members["tally"] = {
+            name: Count(*count)._replace(shown=tuple(count[-1]))
+            for name, count in members["tally"].items()
+        }
         members["latencies"] = {
             what: Histogram.from_counts(**it) for what, it in members["latencies"].items()
         }

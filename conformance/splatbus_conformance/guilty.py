@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from splatbus_conformance.excerpt import Mark
+from splatbus_conformance.excerpt import Mark, excerpt
+from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel, Direction, Entry
 from splatbus_conformance.rules import Sighting, sightings
 
@@ -20,6 +21,16 @@ def mark(sighting: Sighting) -> Mark | None:
         return None
     channel: Channel = "ipc" if sighting.channel == "ipc" else "msg"
     return Mark(channel, sighting.conn, direction, offset, sighting.pointer)
+
+
+def shown(sighting: Sighting) -> tuple[str, ...]:
+    """The bytes that a rule saw a breach in, as lines of a transcript; none if none came."""
+    place = mark(sighting)
+    if place is None:
+        return ()
+    data = packet(sighting.message.packet.payload) if sighting.message else sighting.data
+    entry = Entry(sighting.t, place.channel, place.conn, place.dir, data)
+    return tuple(excerpt([entry], 1, [place._replace(offset=0)]))
 
 
 def marks(

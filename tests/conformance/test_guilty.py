@@ -1,11 +1,15 @@
 """What of a recording a failure is about: what we sent that is wrong or last, and what came."""
 
+from splatbus_conformance.conversation import conversations
 from splatbus_conformance.excerpt import Mark
+from splatbus_conformance.findings import Traffic
 from splatbus_conformance.guilty import mark, marks
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel, Entry
 from splatbus_conformance.rules import sightings
+from splatbus_conformance.tally import result, rules_on, tally
+from splatbus_schemas.requirements import requirements
 
 GOOD = packet(encode({"viewport_size": [64, 48]}))
 BAD = packet(encode({"viewport_size": [64, -48]}))
@@ -55,3 +59,17 @@ def test_what_did_not_come_has_no_place() -> None:
     for sighting in sightings(entries):
         found = mark(sighting)
         assert (found is None) == (sighting.message is None and not sighting.data)
+
+
+def test_what_a_rule_counted_shows_the_bytes_of_the_first_also_in_another_process() -> None:
+    entries = talk(("c2s", ASKS), ("s2c", BAD), ("c2s", ASKS), ("s2c", BAD))
+    known = rules_on(set(requirements("1.1")))
+    there = Traffic(tally=tally(conversations(entries), "server", known))
+    here = Traffic()
+    here.add(Traffic.from_text(there.as_text()))
+    broken = {name: count for name, count in here.tally.items() if count.broken}
+    assert broken
+    for name, count in broken.items():
+        lines = result(name, count, "MUST").evidence
+        assert any("-48" in line for line in lines)
+        assert all(line.startswith(">") for line in lines)
