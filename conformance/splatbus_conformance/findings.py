@@ -39,6 +39,10 @@ class Traffic:
     """How long the testee took for its answers."""
     advice: list[str] = field(default_factory=list)
     """What the meeting with the testee suggests to its author."""
+    ended: str = ""
+    """How the testee ended by itself, when it last did."""
+    printed: str = ""
+    """The last that it had printed then."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
@@ -54,6 +58,8 @@ class Traffic:
         tally.add(self.tally, other.tally)
         latencies.add(self.latencies, other.latencies)
         self.advice = list(dict.fromkeys([*self.advice, *other.advice]))
+        if other.ended:
+            self.ended, self.printed = other.ended, other.printed
         self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:

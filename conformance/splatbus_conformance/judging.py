@@ -9,9 +9,9 @@ from typing import Any
 from rich.console import Console
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance import expected
+from splatbus_conformance import expected, mistakes
 from splatbus_conformance.asking import Wishes, selectable_on
-from splatbus_conformance.demands import shortfalls
+from splatbus_conformance.demands import observed, shortfalls
 from splatbus_conformance.failures import work_out
 from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan
@@ -106,10 +106,14 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     found = findings.results(plan)
     results, stale = expected.applied(found, wishes.expectations)
     results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print)
+    level = wishes.demands.level
+    ended = "" if observed(results, judged) else traffic.ended
+    if ended:
+        traffic.advice.append(mistakes.ended_by_itself(ended, traffic.printed))
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
-    sentence, verdicts = summary(results, judged, reached(results), wishes.demands.level)
+    sentence, verdicts = summary(results, judged, reached(results), level, ended)
     deselected = left_out(plan)
     if deselected:
         sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
@@ -127,7 +131,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
         exit_code=status,
         traffic=traffic,
         seconds=seconds,
-        least=wishes.demands.level,
+        least=level,
         complaints=complaints,
         deselected=deselected,
         profile=plan.profile,

@@ -79,6 +79,7 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
+        self._note_end()
 
     def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
         """The modules of checks that hold one which was selected."""
@@ -133,8 +134,14 @@ class CheckPlugin:
         self.traffic.delivered += trial.delivered
         self.traffic.left_out += trial.left_out
         if testee.ended() is not None:
+            self._note_end()
             trial.end_testee()
         self._keep(request.node.stash[PLACE], request.node.name)
+
+    def _note_end(self) -> None:
+        if ended := self.stand.testee.ended():
+            self.traffic.ended = f"the {self.plan.side} {ended}"
+            self.traffic.printed = self.stand.testee.output()
 
     def _nothing_yet(self) -> Traffic:
         facts = self.stand.facts

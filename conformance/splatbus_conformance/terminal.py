@@ -221,7 +221,8 @@ def print_what_next(
     """
     results = list(results)
     for text in filter(None, (*advice, start_with(results))):
-        _print_hanging(console, "", text, "bold")
+        for line in text.splitlines():
+            _print_hanging(console, " " * (len(line) - len(line.lstrip())), line.strip(), "bold")
         console.print()
     broken = [
         it.requirement
@@ -262,6 +263,7 @@ def summary(
     judged: Mapping[str, Requirement],
     level: str,
     least: Level = Level.PASSIVE,
+    ended: str = "",
 ) -> tuple[str, dict[str, Verdict]]:
     """One sentence on a run, and the verdict on each requirement that could be judged.
 
@@ -270,6 +272,7 @@ def summary(
         judged: the requirements that the testee could be judged by.
         level: the assurance at which the run takes place.
         least: the least assurance at which something counts as observed.
+        ended: how the testee ended by itself, if it did.
     """
     results = list(results)
     groups = by_requirement(results)
@@ -287,10 +290,10 @@ def summary(
     elif of[Verdict.EXPECTED]:
         opinion = "not conforming, as expected"
     elif not count:
-        opinion = "no verdict: nothing was observed"
+        opinion = f"no verdict: {ended or 'nothing was observed'}"
     else:
         opinion = f"conforming at {level}"
-    mark = ";" if of[Verdict.FAIL] else ":"
+    mark = ";" if of[Verdict.FAIL] or (ended and not count) else ":"
     text = f"{opinion}{mark} {count} of {len(judged)} requirements observed"
     if least > Level.PASSIVE:
         text += f" at {least} or above"
