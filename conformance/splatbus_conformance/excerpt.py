@@ -186,13 +186,14 @@ def _decoded(piece: Piece) -> Iterator[Line]:
         ends = begins + HEADER + len(packet.payload)
         marks = [mark for mark in piece.marks if begins <= mark.offset < ends]
         yield from _packet(packet, marks)
-    rest = bool(piece.marks) and piece.marks[-1].offset >= piece.begins + stream.offset
+    marked = bool(piece.marks) and piece.marks[-1].offset >= piece.begins + stream.offset
     if stream.refused is not None:
-        header = data[stream.refused : stream.refused + HEADER]
-        yield rest, f"a header that announces {int.from_bytes(header, 'little'):,} bytes"
+        rest = data[stream.refused :]
+        text = f"a header that announces {int.from_bytes(rest[:HEADER], 'little'):,} bytes"
+        yield marked, f"{text}: {_characters(rest)}" if len(rest) > HEADER else text
     elif stream.rest:
         text = f"{len(stream.rest)} bytes that are no whole packet: {_characters(stream.rest)}"
-        yield rest, text
+        yield marked, text
 
 
 def _packet(packet: Packet, marks: Sequence[Mark]) -> Iterator[Line]:
@@ -217,13 +218,13 @@ def _place(payload: bytes, pointer: str) -> int:
 def _characters(data: bytes, most: int = SHOWN_CHARACTERS, at: int = 0) -> str:
     """Bytes as at most so many characters; the byte at this place stays."""
     if len(data) > most:
-        head, tail, fold_ = most - SHOWN_TAIL, data[-SHOWN_TAIL:], "…".encode()
+        head, tail, gap = most - SHOWN_TAIL, data[-SHOWN_TAIL:], "…".encode()
         if at < head - SHOWN_TAIL:
-            data = data[:head] + fold_ + tail
+            data = data[:head] + gap + tail
         else:
             begin = at - SHOWN_TAIL
             middle = data[begin : begin + head - SHOWN_TAIL]
-            data = data[:SHOWN_TAIL] + fold_ + middle + fold_ + tail
+            data = data[:SHOWN_TAIL] + gap + middle + gap + tail
     text = data.decode("utf-8", "replace").replace("\N{REPLACEMENT CHARACTER}", "·")
     return "".join(character if character.isprintable() else "·" for character in text)
 
