@@ -41,6 +41,10 @@ class Traffic:
     """What the meeting with the testee suggests to its author."""
     losses: list[str] = field(default_factory=list)
     """Results, as text: vital signs that the testee lost, charged to the check that took them."""
+    ended: str = ""
+    """How the testee ended by itself, when it last did."""
+    printed: str = ""
+    """The last that it had printed then."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
@@ -57,6 +61,8 @@ class Traffic:
         latencies.add(self.latencies, other.latencies)
         self.advice = list(dict.fromkeys([*self.advice, *other.advice]))
         self.losses += other.losses
+        if other.ended:
+            self.ended, self.printed = other.ended, other.printed
         self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:
@@ -67,7 +73,10 @@ class Traffic:
     def from_text(cls, text: str) -> "Traffic":
         """The reverse of `as_text`."""
         members = json.loads(text)
-        members["tally"] = {name: Count(*count) for name, count in members["tally"].items()}
+        members["tally"] = {
+            name: Count(*count)._replace(shown=tuple(count[-1]))
+            for name, count in members["tally"].items()
+        }
         members["latencies"] = {
             what: Histogram.from_counts(**it) for what, it in members["latencies"].items()
         }

@@ -115,7 +115,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         type=float,
         metavar="S",
         default=SHRINK_SECONDS,
-        help="seconds, in all, to make failures small in (%(default)g); 0 leaves them as they are",
+        help="seconds, in all, to deliver failures again and make them small in (%(default)g)",
     )
     written.add_argument(
         "--scripts",

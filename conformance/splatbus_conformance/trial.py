@@ -72,6 +72,8 @@ class Trial:
         self.simpler: list[Callable[[Any], Iterable[Any]]] = []
         """For each time, what makes a drawn case simpler."""
         self._going_through = False
+        self.before_last_case = 0
+        """How many entries were on record when the last case was begun."""
         peer.clear()
 
     @property
@@ -138,6 +140,7 @@ class Trial:
                 )
             for case, value in chosen:
                 noted.append(case)
+                self.before_last_case = len(self.peer.entries)
                 yield value
         finally:
             self._going_through = False
