@@ -17,7 +17,7 @@ from splatbus_conformance.gathering import Gathering, Progress
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.plugin import CheckPlugin, declared, selectable
-from splatbus_conformance.stand import Facts, Stand, set_up
+from splatbus_conformance.stand import Facts, set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONSAFEPATH": "1"}
@@ -29,6 +29,8 @@ NOT_NEEDED = (
     "warnings",
 )
 """Plugins of pytest that only take time here, in each process anew."""
+FEWEST_CHECKS = 24
+"""Fewer than these are done before further testees have started."""
 FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
 
 
@@ -53,9 +55,15 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         progress.say(f"Met the {plan.side}: {stand.facts}.")
         for advice in stand.facts.advice:
             progress.say(advice)
-        workers = plan.parallel or room.at_a_time(stand, _selected(plan))
+        plugin = CheckPlugin(plan, stand, in_order)
+        alone = plan.ports != (0, 0) or _selected(plan) < FEWEST_CHECKS
+        workers = plan.parallel or (1 if alone else room.at_a_time(stand))
         if workers == 1:
-            _note_what_did_not_run(gathering, _run_here(plan, stand, gathering))
+            status = _pytest(plan, [plugin, gathering])
+            plugin.look_after()
+        findings.traffic.add(plugin.traffic)
+        if workers == 1:
+            _note_what_did_not_run(gathering, status)
             return findings
     try:
         status = _run_apart(plan, stand.facts, workers, gathering)
@@ -75,14 +83,6 @@ def _selected(plan: Plan) -> int:
         plan.selection.takes(selectable(it.__name__, it.check), plan.profile)
         for it in check_functions(plan.side)
     )
-
-
-def _run_here(plan: Plan, stand: Stand, gathering: Gathering) -> int:
-    plugin = CheckPlugin(plan, stand, in_order)
-    status = _pytest(plan, [plugin, gathering])
-    plugin.look_after()
-    gathering.findings.traffic.add(plugin.traffic)
-    return status
 
 
 def _run_apart(plan: Plan, facts: Facts, workers: int, gathering: Gathering) -> int:
