@@ -141,7 +141,8 @@ class _Matching:
         """Take what the client sent, which is a valid request or something else."""
         self._cause = message
         if asked is None:
-            clear = message.value is not None and not message.faults and _named_well(message)
+            twice = any(fault.requirement == "JSN-3" for fault in message.faults)
+            clear = message.value is not None and _named_well(message) and not twice
             self._others[_id(message) if clear else ANY] += 1
             return
         place = len(self._requests)
