@@ -260,7 +260,7 @@ class ClientTrial(Trial):
             if connection.ended and not self.wait(lambda: self.fate(), 0.05):
                 return "hangs"
         answers = {
-            message.get("type")
+            str(message.get("type"))
             for message in dealings.heard[heard:]
             if message.get("generation") != generation
         }
@@ -355,7 +355,7 @@ class ClientTrial(Trial):
         )
 
     def _takes_further(self, connection: Connection) -> bool:
-        return "reinit" in (self.role.with_(connection).welcome or {}).get("capabilities", [])
+        return "reinit" in self.role.with_(connection).granted
 
     def _takes_another(self, connection: Connection) -> bool:
         dealings = self.role.with_(connection)

@@ -11,7 +11,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
-from splatbus_conformance.values import whole
+from splatbus_conformance.values import whole, within
 from splatbus_conformance.viewer import Dealings
 
 RESIZES = ("1.1", "frames", "capability:viewport", "capability:reinit")
@@ -97,9 +97,7 @@ def _restore(trial: ServerTrial) -> None:
 
 def size_of(init_packet: Json) -> tuple[int | None, int | None]:
     """The width and height that an init packet tells."""
-    meta: Any = init_packet.get("meta")
-    named = meta if isinstance(meta, dict) else {}
-    return whole(named.get("w"), 1), whole(named.get("h"), 1)
+    return whole(within(init_packet, "meta", "w"), 1), whole(within(init_packet, "meta", "h"), 1)
 
 
 def dealings_of(trial: ServerTrial, connection: Connection) -> Dealings:

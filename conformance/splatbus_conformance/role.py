@@ -14,7 +14,7 @@ from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.stand_in.ring import DeviceRing
-from splatbus_conformance.values import strings, whole
+from splatbus_conformance.values import strings, texts, whole, within
 from splatbus_conformance.viewpoint import Viewpoint, viewpoint
 
 MAX_SIZE: int = LIMITS["max_image_size"]
@@ -46,7 +46,7 @@ class Dealings:
     @property
     def granted(self) -> list[str]:
         """The capabilities of its `welcome`."""
-        return strings((self.welcome or {}).get("capabilities")) or []
+        return texts(within(self.welcome, "capabilities"))
 
     @property
     def lends(self) -> bool:
@@ -100,11 +100,13 @@ class Role:
 
     def on_packet(self, connection: Connection, arrived: Packet) -> None:
         """A testee sent a packet."""
-        message = read(arrived.payload).value
+        message, faults = read(arrived.payload)
         if message is None:
             return
         dealings = self.with_(connection)
         dealings.heard.append(message)
+        if any(fault.requirement == "JSN-4" for fault in faults):  # it could not be repeated
+            return
         kind = message.get("type")
         if kind == "hello":
             dealings.hello = message
@@ -120,7 +122,7 @@ class Role:
     def welcome(self, connection: Connection, **changes: object) -> None:
         """Send `welcome`, with members changed as named, and the memory that goes with it."""
         dealings = self.with_(connection)
-        offered = (dealings.hello or {}).get("capabilities", [])
+        offered = texts(within(dealings.hello, "capabilities"))
         dealings.welcome = messages.welcome(connection.channel, offered)
         kind = "cuda_ipc" if self.ring else "host_shm"
         if connection.channel == "ipc" and self.ring:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from splatbus_conformance.messages import Json, camera_pose, encode
@@ -9,7 +10,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
-from splatbus_conformance.values import numbers
+from splatbus_conformance.values import finites, within
 
 CLOSENESS = 1e-5
 """How far a number of a pose in force may be from the one that was sent, absolute or relative."""
@@ -142,16 +143,12 @@ class Steering:
 
 
 def _camera(frame: Json) -> Camera | None:
-    told = frame.get("camera")
-    if not isinstance(told, dict):
-        return None
-    position, rotation = told.get("position"), told.get("rotation")
-    if not (numbers(position, 3) and numbers(rotation, 4)):
-        return None
-    return Camera(tuple(map(float, position or ())), _unit([float(n) for n in rotation or ()]))
+    position = finites(within(frame, "camera", "position"), 3)
+    rotation = finites(within(frame, "camera", "rotation"), 4)
+    return Camera(position, _unit(rotation)) if position and rotation else None
 
 
-def _unit(rotation: list[float]) -> tuple[float, ...]:
+def _unit(rotation: Sequence[float]) -> tuple[float, ...]:
     norm = math.hypot(*rotation)
     return tuple(part / norm for part in rotation) if norm > 0 else tuple(rotation)
 

@@ -359,7 +359,7 @@ class WithClient:
 
     def _said(self, *kinds: str) -> Counter[int]:
         """How often each generation was named in messages of these kinds."""
-        named = (whole(m.get("generation")) for m in self._dealings.heard if m["type"] in kinds)
+        named = (whole(m.get("generation")) for m in self._dealings.heard if m.get("type") in kinds)
         return Counter(generation for generation in named if generation is not None)
 
     def _releases(self) -> Counter[tuple[int, int]]:

@@ -6,7 +6,7 @@ from splatbus_conformance.checks.server.lenses import in_force, lens_of
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographer import AT_REST
-from splatbus_conformance.pinhole import told_of
+from splatbus_conformance.pinhole import placed_in
 from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.steering import Steering, camera_of
@@ -193,8 +193,8 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
 
 def _depth_of_cloud(trial: ServerTrial, steering: Steering) -> float:
     """Where the newest frame has the Gaussians, along z, which is a small integer here."""
-    told = told_of(trial.viewer.with_(steering.reader).frames[-1], DEFAULT)
-    return 0.0 if told is None else round(float(told["position"][2]), 4)
+    newest = trial.viewer.with_(steering.reader).frames[-1]
+    return round(float(placed_in(newest, DEFAULT).pose.position[2]), 4)
 
 
 def _cloud(z: float) -> Json:

@@ -29,6 +29,8 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     connection = trial.greeted("ipc")
     dealings = trial.viewer.with_(connection)
     trial.wait(lambda: dealings.init_packets or connection.ended)
+    if not dealings.init_packets:
+        trial.not_observable("the server announced no memory")
     trial.move()
     trial.rest(REACTION_SECONDS)
     trial.expect(not dealings.frames, "a frame came before opened")

@@ -26,6 +26,7 @@ from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.studio import elsewhere
 from splatbus_conformance.survey import likeness
 from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import whole
 from splatbus_conformance.watching import beside, holding
 
 FREE_SECONDS: float = LIMITS["free_seconds"]
@@ -196,7 +197,7 @@ def check_closed_ends_the_lease(trial: ServerTrial) -> None:
             trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
             if len(dealings.init_packets) == had:
                 trial.not_observable("no further init packet came (VPT-5)")
-            generation = dealings.init_packets[-1].get("generation")
+            generation = whole(dealings.init_packets[-1].get("generation"))
             trial.viewer.say(holder, answer | {"generation": frame["generation"]})
             trial.viewer.say(holder, {"type": "opened", "generation": generation})
             before = len(dealings.frames)
