@@ -48,6 +48,8 @@ HERE = Path(__file__).parent
 FOLDERS = {"client": HERE / "clients", "server": HERE / "servers"}
 BUILD_SECONDS = 300
 RUN_SECONDS = 900
+MOST_STARTS = 4
+"""What a person in front of an engine may be asked for in one quick run."""
 
 
 class Lacking(Exception):  # noqa: N818 - a finding, no error of ours
@@ -161,15 +163,16 @@ def _built(program: Program, places: dict[str, str]) -> Path:
 def judge(
     program: Program, scratch: Path, *more: str, profile: str = "quick", seed: int = 0
 ) -> dict[str, Any]:
-    """The harness's report of it, as `--json` has it; what was printed is its `printed`."""
+    """The report of it as `--json` has it, with what was `printed` and its `starts` by hand."""
     start = command(program)
     report = scratch / "report.json"
     words = [sys.executable, "-m", "splatbus_conformance", "--plain", program.side]
     words += ["--wait"] if program.press else ["--launch", start]
     words += ["--json", str(report), "--scripts", str(scratch / "failures"), "--shrink", "0"]
     words += ["--seed", str(seed), "--profile", profile, *program.options, *more]
+    starts = 0
     if program.press:
-        printed = pressed(words, start, scratch, RUN_SECONDS)
+        printed, starts = pressed(words, start, scratch, RUN_SECONDS)
     else:
         printed = subprocess.run(
             words,
@@ -183,7 +186,7 @@ def judge(
     if not report.is_file():
         raise RuntimeError(f"no report was written\n{printed}")
     judged: dict[str, Any] = json.loads(report.read_text("utf-8"))
-    return {**judged, "printed": printed}
+    return {**judged, "printed": printed, "starts": starts}
 
 
 def differences(program: Program, report: dict[str, Any]) -> list[str]:
@@ -202,6 +205,8 @@ def differences(program: Program, report: dict[str, Any]) -> list[str]:
             for name in sorted(pinned - set(said))
         ]
     found += [f"the harness failed: {text}" for text in _said(report, "harness-error").values()]
+    if report["profile"] == "quick" and report["starts"] > MOST_STARTS:
+        found.append(f"Play had to be pressed {report['starts']} times, and {MOST_STARTS} will do")
     expected = 1 if program.fails - late else 0
     if report["exitCode"] != expected:
         found.append(f"the run is to end with {expected}, and ends with {report['exitCode']}")

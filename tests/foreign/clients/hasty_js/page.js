@@ -173,7 +173,7 @@ class Images extends Link {
       Object.assign(this, { generation, ring: packet.ring, meta });
       this.say("opened", { generation });
     } catch (error) {
-      this.say("open_failed", { generation, reason: String(error).slice(0, 200) });
+      this.say("open_failed", { generation, reason: error.code || "cannot be read" });
     }
   }
 
