@@ -11,6 +11,7 @@ Each is a folder with its source and a `program.toml`:
     options = ["--stand-in-cuda"]    for the harness
     press = true                     judged with --wait: started only when the harness says so
     conforms = false                 not one MUST is broken
+    environment = {NAME = "value"}   for the harness and the program
 
     [[defect]]                       what it does wrong, a SHOULD too
     requirement = "JSN-4"
@@ -21,6 +22,8 @@ Each is a folder with its source and a `program.toml`:
     [verdict]                        what the harness must say, exactly
     fails = ["ACC-1", "JSN-4"]
     warns = []
+    exit = 3                         the exit status, where that does not follow
+    says = ["status 1"]              what is printed, among other things
 
 `{folder}` is the program's own folder, in which it is built, `{built}` where what is built goes,
 `{cudart}` the folder of a `libcudart.so`, and `{python}` a Python that has only its own library.
@@ -35,7 +38,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +82,15 @@ class Program:
     needs: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     press: bool = False
+    environment: dict[str, str] = field(default_factory=dict)
     defects: tuple[Defect, ...] = ()
+    exit: int | None = None
+    says: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> int:
+        """The exit status of the harness."""
+        return int(bool(self.fails)) if self.exit is None else self.exit
 
     @property
     def name(self) -> str:
@@ -105,6 +116,7 @@ def read(folder: Path) -> Program:
         folder=folder,
         fails=frozenset(verdict.pop("fails")),
         warns=frozenset(verdict.pop("warns")),
+        says=tuple(verdict.pop("says", ())),
         defects=tuple(defects),
         **lists,
         **text,
@@ -171,6 +183,7 @@ def judge(
         printed = subprocess.run(
             words,
             cwd=scratch,
+            env={**os.environ, **program.environment},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -198,9 +211,9 @@ def differences(program: Program, report: dict[str, Any]) -> list[str]:
             for name in sorted(pinned - set(said))
         ]
     found += [f"the harness failed: {text}" for text in _said(report, "harness-error").values()]
-    expected = 1 if program.fails else 0
-    if report["exitCode"] != expected:
-        found.append(f"the run is to end with {expected}, and ends with {report['exitCode']}")
+    found += [f"it must say {text!r}" for text in program.says if text not in report["printed"]]
+    if report["exitCode"] != program.status:
+        found.append(f"the run is to end with {program.status}, and ends with {report['exitCode']}")
     return found
 
 

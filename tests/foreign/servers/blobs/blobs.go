@@ -9,6 +9,7 @@ import (
 const (
 	width, height = 64, 48
 	near, far     = 0.01, 100.0
+	focal         = 60.0
 	colorBytes    = 16 * width * height
 	depthBytes    = 4 * width * height
 	slots         = readersKept + 2
@@ -19,10 +20,7 @@ type pose struct {
 	q [4]float64
 }
 
-type lens struct{ fx, fy, cx, cy, near, far float64 }
-
 var rest = pose{q: [4]float64{0, 0, 0, 1}}
-var ownLens = lens{60, 60, width / 2, height / 2, near, far}
 
 type blob struct {
 	at, color      [3]float64
@@ -69,18 +67,16 @@ func outOf(p pose, from [3]float64) [3]float64 {
 }
 
 // draw blends the blobs from front to back into a slot; its depth is the expected one.
-func draw(camera, cloud pose, l lens, color, depth []byte) {
+func draw(camera, cloud pose, color, depth []byte) {
 	type seen struct {
 		blob
-		x, y, z, rx, ry float64
+		x, y, z, radius float64
 	}
 	order := []seen{}
 	for _, b := range blobs {
 		c := into(camera, outOf(cloud, b.at))
-		x, y := l.cx+l.fx*c[0]/c[2], l.cy+l.fy*c[1]/c[2]
-		rx, ry := l.fx*b.sigma/c[2], l.fy*b.sigma/c[2]
-		if c[2] >= l.near && c[2] <= l.far && !math.IsInf(x+y, 0) && !math.IsNaN(x+y) && rx > 0 && ry > 0 {
-			order = append(order, seen{b, x, y, c[2], rx, ry})
+		if x, y := width/2+focal*c[0]/c[2], height/2+focal*c[1]/c[2]; c[2] >= near && c[2] <= far {
+			order = append(order, seen{b, x, y, c[2], focal * b.sigma / c[2]})
 		}
 	}
 	sort.Slice(order, func(i, j int) bool { return order[i].z < order[j].z })
@@ -89,7 +85,7 @@ func draw(camera, cloud pose, l lens, color, depth []byte) {
 			var sum [3]float64
 			total, through, deep := 0.0, 1.0, 0.0
 			for _, b := range order {
-				dx, dy := (float64(j)+0.5-b.x)/b.rx, (float64(i)+0.5-b.y)/b.ry
+				dx, dy := (float64(j)+0.5-b.x)/b.radius, (float64(i)+0.5-b.y)/b.radius
 				weight := b.opacity * math.Exp(-0.5*(dx*dx+dy*dy)) * through
 				if weight < 1.0/255*through {
 					continue

@@ -7,7 +7,6 @@ import (
 	"encoding/json"
 	"fmt"
 	"io"
-	"math"
 	"net"
 	"os"
 	"os/signal"
@@ -31,7 +30,6 @@ var (
 	control []*client // those that posed, the first has control
 	camera  = tagged{pose: rest}
 	cloud   = rest
-	used    *lens // nil for the server's own
 	due     = true
 	newest  *image
 	memory  []byte
@@ -39,9 +37,8 @@ var (
 	started = time.Now()
 	nextID  int64
 	cameras = []pose{{[3]float64{0, 0, -1}, rest.q}, {[3]float64{1, -0.5, 0}, [4]float64{0, -0.28, 0, 0.96}}}
-	has     = map[string]bool{"host_shm": true, "frames": true, "intrinsics": true, "scene": true, "ping": true}
-	wants   = map[string]string{"get_scene": "scene", "ping": "ping", "set_viewport": "viewport",
-		"object_pose": "objects", "set_time": "time", "subscribe_telemetry": "telemetry"}
+	has     = map[string]bool{"host_shm": true, "frames": true}
+	known   = map[string]bool{"get_scene": true, "ping": true, "set_viewport": true, "object_pose": true, "set_time": true, "subscribe_telemetry": true}
 )
 
 type tagged struct {
@@ -55,7 +52,6 @@ type image struct {
 	slot   int
 	camera tagged
 	cloud  pose
-	lens   lens
 	at     float64
 }
 
@@ -76,7 +72,6 @@ type client struct {
 	toldBusy bool
 	camera   *tagged // the newest that it sent
 	cloud    *pose
-	lens     *lens
 }
 
 func clock() float64 { return time.Since(started).Seconds() }
@@ -171,9 +166,8 @@ func (c *client) greet(message object) {
 		return
 	}
 	granted := []string{}
-	ofIPC := map[string]bool{"host_shm": true, "frames": true}
 	for _, each := range message["capabilities"].([]any) {
-		if name := each.(string); version == "1.1" && has[name] && ofIPC[name] == c.ipc {
+		if name := each.(string); version == "1.1" && c.ipc && has[name] {
 			granted = append(granted, name)
 			c.granted[name] = true
 		}
@@ -249,8 +243,8 @@ func lend(c *client) {
 		return
 	}
 	it := newest
-	shown := view(it.lens)
-	shown["position"], shown["rotation"] = it.camera.p, it.camera.q
+	shown := object{"position": it.camera.p, "rotation": it.camera.q, "fx": focal, "fy": focal, "cx": width / 2, "cy": height / 2,
+		"width": width, "height": height, "near": near, "far": far}
 	if it.camera.id != c.shownID && it.camera.tag != "" {
 		shown["tag"] = it.camera.tag
 	}
@@ -262,10 +256,6 @@ func lend(c *client) {
 	c.say(frame)
 }
 
-func view(l lens) object {
-	return object{"fx": l.fx, "fy": l.fy, "cx": l.cx, "cy": l.cy, "width": width, "height": height, "near": l.near, "far": l.far}
-}
-
 func (c *client) steer(kind string, message object) {
 	if id, is := message["id"]; is && c.newer && (strings.HasPrefix(kind, "get_") || kind == "ping" || kind == "set_viewport") {
 		if _, right := integer(id, 0, safe); !right {
@@ -273,7 +263,7 @@ func (c *client) steer(kind string, message object) {
 			return
 		}
 	}
-	if needed, is := wants[kind]; is && !c.granted[needed] {
+	if known[kind] {
 		c.fail("unsupported", "", message)
 		return
 	}
@@ -290,61 +280,17 @@ func (c *client) steer(kind string, message object) {
 		}
 		count := int64(len(cameras))
 		it := cameras[(index%count+count)%count]
-		reply := object{"position": it.p, "rotation": it.q}
-		if c.granted["intrinsics"] {
-			reply["intrinsics"] = view(ownLens)
-		}
-		c.reply("camera", message, reply)
-	case "get_scene":
-		c.reply("scene", message, object{"objects": []object{{"id": "default", "name": "blobs", "gaussians": len(blobs), "bounds": nil}},
-			"timeRange": nil, "cameras": len(cameras), "origin": []float64{0, 0, 0}})
-	case "ping":
-		if t, is := message["t"].(float64); is {
-			c.reply("pong", message, object{"t": t, "serverTime": clock()})
-		} else {
-			c.fail("invalid_message", "/t", message)
-		}
+		c.reply("camera", message, object{"position": it.p, "rotation": it.q})
 	default:
 		c.fail("unknown_type", "/type", object{})
 	}
 }
 
-// lensOf reads `intrinsics`, scaled to the size of the images.
-func lensOf(value any) (*lens, bool) {
-	members, is := value.(object)
-	w, right := integer(members["width"], 1, 32768)
-	h, too := integer(members["height"], 1, 32768)
-	found := [6]float64{}
-	for i, name := range []string{"fx", "fy", "near", "far", "cx", "cy"} {
-		number, sound := members[name].(float64)
-		is = is && sound && math.Abs(number) <= 1e9 && (i > 3 || number >= 1e-6)
-		found[i] = number
-	}
-	if !is || !right || !too || found[2] >= found[3] {
-		return nil, false
-	}
-	off := math.Abs(float64(h*width - w*height))
-	if off >= math.Max(width, math.Max(float64(w), float64(h))) { // of another shape (CAM-6)
-		return nil, false
-	}
-	x, y := float64(width)/float64(w), float64(height)/float64(h)
-	return &lens{found[0] * x, found[1] * y, found[4] * x, found[5] * y, found[2], found[3]}, true
-}
-
 func (c *client) pose(kind string, message object) {
 	it, bad := poseOf(message)
 	tag, hasTag := message["tag"]
-	sent, hasLens := message["intrinsics"]
-	var through *lens
-	if bad == nil && kind == "camera_pose" && c.newer {
-		right := true
-		if hasTag && !text(tag, 1, 64) {
-			bad = invalid("/tag")
-		} else if hasLens && c.granted["intrinsics"] {
-			if through, right = lensOf(sent); !right {
-				bad = invalid("/intrinsics")
-			}
-		}
+	if bad == nil && kind == "camera_pose" && c.newer && hasTag && !text(tag, 1, 64) {
+		bad = invalid("/tag")
 	}
 	if bad != nil {
 		c.fail(bad.code, bad.pointer, object{})
@@ -360,9 +306,6 @@ func (c *client) pose(kind string, message object) {
 		if c.newer && hasTag {
 			c.camera.tag = tag.(string)
 		}
-		if through != nil {
-			c.lens = through
-		}
 	}
 	if control[0] == c {
 		c.apply(kind == "camera_pose", kind == "point_cloud_pose")
@@ -374,29 +317,15 @@ func (c *client) pose(kind string, message object) {
 
 func (c *client) apply(withCamera, withCloud bool) {
 	c.toldBusy = false
-	before := [...]any{camera.pose, cloud, lensInForce()}
+	before := [...]pose{camera.pose, cloud}
 	if withCamera && c.camera != nil {
 		nextID++
 		camera = tagged{c.camera.pose, c.camera.tag, nextID}
-		if c.lens != nil {
-			used = c.lens
-		}
 	}
 	if withCloud && c.cloud != nil {
 		cloud = *c.cloud
 	}
-	note(before)
-}
-
-func lensInForce() lens {
-	if used != nil {
-		return *used
-	}
-	return ownLens
-}
-
-func note(before [3]any) {
-	if before != [...]any{camera.pose, cloud, lensInForce()} {
+	if before != [...]pose{camera.pose, cloud} {
 		due = true
 		changed.Signal()
 	}
@@ -410,13 +339,8 @@ func (c *client) leave() {
 			continue
 		}
 		control = append(control[:i:i], control[i+1:]...)
-		if i == 0 {
-			before := [...]any{camera.pose, cloud, lensInForce()}
-			used = nil
-			note(before)
-			if len(control) > 0 {
-				control[0].apply(true, true)
-			}
+		if i == 0 && len(control) > 0 {
+			control[0].apply(true, true)
 		}
 		return
 	}
@@ -475,10 +399,10 @@ func render() {
 			changed.Wait()
 		}
 		due = false
-		it := &image{seq: seq, slot: free(), camera: camera, cloud: cloud, lens: lensInForce()}
+		it := &image{seq: seq, slot: free(), camera: camera, cloud: cloud}
 		mu.Unlock()
 		depth := memory[slots*colorBytes:]
-		draw(it.camera.pose, it.cloud, it.lens, memory[it.slot*colorBytes:], depth[it.slot*depthBytes:])
+		draw(it.camera.pose, it.cloud, memory[it.slot*colorBytes:], depth[it.slot*depthBytes:])
 		mu.Lock()
 		it.at = clock()
 		newest = it

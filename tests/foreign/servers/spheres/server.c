@@ -1,5 +1,6 @@
 /* A server of SplatBus 1.0 that ray-traces six spheres over a checkered square, and shows them in
- * CUDA memory. One thread polls all connections; an image is drawn when a pose has come. */
+ * CUDA memory. One thread polls all connections; an image is drawn when a pose has come.
+ * SINGLE, PADDED and FAINT make of it what a hurry makes of such servers. */
 #include <arpa/inet.h>
 #include <errno.h>
 #include <locale.h>
@@ -14,11 +15,17 @@
 #include <unistd.h>
 #include <wchar.h>
 
-enum { W = 64, H = 48, KEPT = 8, LARGEST = 1 << 20, DEEPEST = 64 };
+#ifdef PADDED
+enum { W = 60 };
+#else
+enum { W = 64 };
+#endif
+enum { ROW = 64, H = 48, KEPT = 8, LARGEST = 1 << 20, DEEPEST = 64 };
 
 /* The runtime's, so that no header of it is needed. */
 typedef struct { char bytes[64]; } Handle;
 int cudaMalloc(void **, size_t);
+int cudaFree(void *);
 int cudaStreamCreate(void **);
 int cudaStreamSynchronize(void *);
 int cudaMemcpyAsync(void *, const void *, size_t, int kind, void *stream);
@@ -209,6 +216,9 @@ static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] 
 
 static void matrix(const double *q, double m[3][3]) {
   double x = q[0], y = q[1], z = q[2], w = q[3], s = 2 / (x * x + y * y + z * z + w * w);
+#ifdef SINGLE
+  s = 2;
+#endif
   double rows[3][3] = {{s / 2 * (w * w + x * x - y * y - z * z), s * (x * y - z * w), s * (x * z + y * w)},
                        {s * (x * y + z * w), s / 2 * (w * w - x * x + y * y - z * z), s * (y * z - x * w)},
                        {s * (x * z - y * w), s * (y * z + x * w), s / 2 * (w * w - x * x - y * y + z * z)}};
@@ -223,9 +233,35 @@ static void turned_back(double m[3][3], const double *v, double *to) {
   for (int i = 0; i < 3; i++) to[i] = m[0][i] * v[0] + m[1][i] * v[1] + m[2][i] * v[2];
 }
 
+#ifdef SINGLE
+static void invert(float m[4][8]) { /* and its right half with it */
+  for (int i = 0; i < 4; i++) {
+    int pivot = i;
+    for (int k = i; k < 4; k++) if (fabsf(m[k][i]) > fabsf(m[pivot][i])) pivot = k;
+    for (int j = 0; j < 8; j++) { float swapped = m[i][j]; m[i][j] = m[pivot][j]; m[pivot][j] = swapped; }
+    for (int j = 7; j >= i; j--) m[i][j] /= m[i][i];
+    for (int k = 0; k < 4; k++)
+      for (int j = 7; k != i && j >= i; j--) m[k][j] -= m[k][i] * m[i][j];
+  }
+}
+
+static void through_the_view(double r[3][3], double *c) { /* the centre, from the view matrix */
+  float m[4][8] = {{0}};
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) m[j][i] = (float)r[i][j];
+  for (int i = 0; i < 4; i++) { m[3][i] = i < 3 ? (float)c[i] : 1; m[i][4 + i] = 1; }
+  invert(m);
+  for (int i = 0; i < 4; i++) for (int j = 0; j < 4; j++) { m[i][j] = m[i][4 + j]; m[i][4 + j] = i == j; }
+  invert(m);
+  for (int i = 0; i < 3; i++) c[i] = m[3][4 + i];
+}
+#endif
+
 static void shade(const double *color, const double *normal, float *to) {
   for (int i = 0; i < 3; i++) to[i] = (float)(color[i] * (0.6 + 0.4 * dot(normal, light)));
   to[3] = 1;
+#ifdef FAINT
+  for (int i = 0; i < 3; i++) to[i] *= 1.5f; /* for display it would be clamped */
+#endif
 }
 
 static void pixel(const double *o, const double *w, float *color, float *depth) {
@@ -252,6 +288,10 @@ static void pixel(const double *o, const double *w, float *color, float *depth) 
     shade((long)(floor(x) + floor(y)) % 2 ? odd : even, up, color);
   }
   *depth = (float)best;
+#ifdef FAINT
+  color[3] = 0;
+  if (isinf(best)) *depth = 0;
+#endif
 }
 
 static void *stream, *event;
@@ -259,11 +299,15 @@ static float *memory; /* colour, then depth; on the device */
 static Handle memory_handle, event_handle;
 
 static void draw(void) {
-  static float color[H][W][4], depth[H][W];
-  double r[3][3], m[3][3], away[3], o[3], focal = H / 2.0 / tan(M_PI / 6);
+  static float color[H][ROW][4], depth[H][ROW];
+  double r[3][3], m[3][3], centre[3], away[3], o[3], focal = H / 2.0 / tan(M_PI / 6);
   matrix(camera.q, r);
   matrix(cloud.q, m);
-  for (int i = 0; i < 3; i++) away[i] = camera.p[i] - cloud.p[i];
+  memcpy(centre, camera.p, sizeof centre);
+#ifdef SINGLE
+  through_the_view(r, centre);
+#endif
+  for (int i = 0; i < 3; i++) away[i] = centre[i] - cloud.p[i];
   turned_back(m, away, o);
   for (int i = 0; i < H; i++)
     for (int j = 0; j < W; j++) {
@@ -272,16 +316,21 @@ static void draw(void) {
       turned_back(m, world, w);
       pixel(o, w, color[H - 1 - i][j], &depth[H - 1 - i][j]);
     }
-  cudaMemcpyAsync(memory, color, sizeof color, 1, stream);
-  cudaMemcpyAsync(memory + 4 * W * H, depth, sizeof depth, 1, stream);
+#ifdef PADDED
   cudaEventRecord(event, stream);
+#endif
+  cudaMemcpyAsync(memory, color, sizeof color, 1, stream);
+  cudaMemcpyAsync(memory + 4 * ROW * H, depth, sizeof depth, 1, stream);
+#ifndef PADDED
+  cudaEventRecord(event, stream);
+#endif
   cudaStreamSynchronize(stream);
 }
 
 static void share(void) {
   cudaStreamCreate(&stream);
   cudaEventCreateWithFlags(&event, 4 | 2);
-  if (cudaMalloc((void **)&memory, 20 * W * H) || cudaIpcGetMemHandle(&memory_handle, memory) ||
+  if (cudaMalloc((void **)&memory, 20 * ROW * H) || cudaIpcGetMemHandle(&memory_handle, memory) ||
       cudaIpcGetEventHandle(&event_handle, event)) {
     fprintf(stderr, "no CUDA memory can be had\n");
     exit(1);
@@ -321,13 +370,6 @@ static double now(void) {
   return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static void drop(Connection *c) {
-  close(c->fd);
-  free(c->in);
-  free(c->out);
-  memset(c, 0, sizeof *c);
-}
-
 static void flush(Connection *c) {
   ssize_t sent = c->unsent ? send(c->fd, c->out, c->unsent, MSG_DONTWAIT | MSG_NOSIGNAL) : 0;
   if (sent < 0 && errno != EAGAIN && errno != EINTR) c->stalled = 0; /* it is gone */
@@ -346,6 +388,30 @@ static void say(Connection *c, const char *text) {
   flush(c);
 }
 
+static void announce(Connection *c) {
+  char text[700], memory64[89], event64[89];
+  base64(&memory_handle, memory64);
+  sprintf(text,
+          "{\"meta\":{\"w\":%d,\"h\":%d,\"fmtColor\":\"RGBA32F\",\"pitchColor\":%d,\"fmtDepth\":\"R32F\",\"pitchDepth\":%d,"
+          "\"offsetColor\":0,\"offsetDepth\":%d,\"device\":0},\"mem_color\":\"%s\",\"mem_depth\":\"%s\",\"evt_done\":\"%s\"}",
+          W, H, 16 * ROW, 4 * ROW, 16 * ROW * H, memory64, memory64, base64(&event_handle, event64));
+  say(c, text);
+}
+
+static void drop(Connection *c) {
+  close(c->fd);
+  free(c->in);
+  free(c->out);
+  int spoke = c->speaks;
+  memset(c, 0, sizeof *c);
+  if (spoke) return;
+#ifdef PADDED
+  cudaFree(memory);
+  share();
+  for (Connection *each = connections; each < connections + KEPT; each++) if (each->fd) announce(each);
+#endif
+}
+
 static int has_control(const Connection *c) {
   for (int i = 0; i < 2 * KEPT; i++)
     if (connections[i].order && connections[i].order < c->order) return 0;
@@ -357,11 +423,18 @@ static int obey(Connection *c, Value *message) { /* whether an image is due */
   char text[400];
   if (!type || type->type != '"') return 0;
   if (is(type->text, type->length, L"get_viewport_size")) {
-    sprintf(text, "{\"viewport_size\":[%d,%d]}", W, H);
+    sprintf(text, "{\"viewport_size\":[%d,%d]}", ROW, H);
     say(c, text);
   } else if (is(type->text, type->length, L"get_camera_pose")) {
-    if (!index || index->type != '0' || index->number != floor(index->number) || fabs(index->number) >= 0x1p53) return 0;
+    if (!index || index->type != '0') return 0;
+#ifndef FAINT
+    if (index->number != floor(index->number) || fabs(index->number) >= 0x1p53) return 0;
+#endif
+#ifdef SINGLE
+    long n = (int)index->number % 3;
+#else
     long n = (long)index->number % 3;
+#endif
     const Pose *p = &cameras[n < 0 ? n + 3 : n];
     sprintf(text, "{\"position\":[%.17g,%.17g,%.17g],\"rotation\":[%.17g,%.17g,%.17g,%.17g]}", p->p[0], p->p[1],
             p->p[2], p->q[0], p->q[1], p->q[2], p->q[3]);
@@ -428,17 +501,11 @@ static int listening(const char *variable, int otherwise) {
 
 static void welcome(int fd, int speaks) {
   for (Connection *c = connections + speaks * KEPT; c < connections + (speaks + 1) * KEPT; c++) {
-    char text[700], memory64[89], event64[89];
     if (c->fd) continue;
     *c = (Connection){.fd = fd, .speaks = speaks};
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &(int){1}, sizeof(int));
     if (speaks) return;
-    base64(&memory_handle, memory64);
-    sprintf(text,
-            "{\"meta\":{\"w\":%d,\"h\":%d,\"fmtColor\":\"RGBA32F\",\"pitchColor\":%d,\"fmtDepth\":\"R32F\",\"pitchDepth\":%d,"
-            "\"offsetColor\":0,\"offsetDepth\":%d,\"device\":0},\"mem_color\":\"%s\",\"mem_depth\":\"%s\",\"evt_done\":\"%s\"}",
-            W, H, 16 * W, 4 * W, 16 * W * H, memory64, memory64, base64(&event_handle, event64));
-    say(c, text);
+    announce(c);
     return;
   }
   close(fd); /* there is no place (CHN-13) */

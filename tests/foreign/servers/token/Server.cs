@@ -94,7 +94,7 @@ class Server
     static string IdOf(Members request)
     {
         object id;
-        return request != null && request.TryGetValue("id", out id) ? ",\"id\":" + ((Number)id).Value.ToString("F0") : "";
+        return request != null && request.TryGetValue("id", out id) ? ",\"id\":" + (long)((Number)id).Value : "";
     }
 
     void Reply(string kind, string members, Members request)
