@@ -41,10 +41,10 @@ class Server
 
     void Read()
     {
-        var stream = client.GetStream();
         var header = new byte[4];
         try
         {
+            var stream = client.GetStream();
             while (Fill(stream, header))
             {
                 uint length = BitConverter.ToUInt32(header, 0);
@@ -61,6 +61,7 @@ class Server
             }
         }
         catch (IOException) { }
+        catch (InvalidOperationException) { } // closed meanwhile
         lock (asked) { ended = true; Monitor.PulseAll(asked); }
         client.Close();
         Interlocked.Decrement(ref open);

@@ -7,7 +7,9 @@ import math
 import mmap
 import os
 import re
+import signal
 import struct
+import sys
 import time
 
 HOST = os.environ.get("SPLATBUS_HOST", "127.0.0.1")
@@ -89,8 +91,6 @@ def pose_of(message):
             raise Wrong("invalid_message", f"/{member}")
         known = [name for name in value if name in names]
         found.append(tuple(number(value[name], f"/{member}/{name}") for name in known))
-    if any(abs(each) > 3.4028234663852886e38 for each in found[0]):
-        raise Wrong("invalid_number", "/position")
     if not 0.9 <= math.hypot(*found[1]) <= 1.1:
         raise Wrong("invalid_rotation", "/rotation")
     return tuple(found)
@@ -136,11 +136,11 @@ def drawn(camera, cloud):
             world = [sum(a * b for a, b in zip(row, d)) for row in view]
             x, y, z = (sum(a * b for a, b in zip(row, world)) for row in object_)
             far = (6.0 - pz) / z if z else -1.0
-            if not 0.01 <= far <= 100.0:
+            u, v = px + far * x, py + far * y
+            if not (0.01 <= far <= 100.0 and math.isfinite(u + v)):
                 color += (0.0, 0.0, 0.0, 0.0)
                 depth.append(math.inf)
                 continue
-            u, v = px + far * x, py + far * y
             color += (0.5 + 0.5 * math.sin(0.9 * u + 0.2 * v), 0.5 + 0.5 * math.sin(0.7 * v))
             color += (0.5 + 0.5 * math.sin(0.3 * u - 0.5 * v), 1.0)
             depth.append(far)
@@ -350,4 +350,5 @@ async def main():
 
 if not HOST.startswith("127.") and HOST != "localhost":
     raise SystemExit("there is no token here, so only loopback addresses are listened on")
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
 asyncio.run(main())
