@@ -13,8 +13,8 @@ ASKS = re.compile(r"\bpress Play\b|\bstart (it|your client)\b", re.IGNORECASE)
 """What a line of the harness says when it wants the client started, or started again."""
 
 
-def pressed(words: list[str], start: str, scratch: Path, seconds: float) -> str:
-    """What a run of the harness with `--wait` prints, if Play is pressed whenever it asks.
+def pressed(words: list[str], start: str, scratch: Path, seconds: float) -> tuple[str, int]:
+    """What a run of the harness with `--wait` prints, and how often Play was pressed in it.
 
     Only one client runs at a time: to press Play again is to stop it first.
     """
@@ -34,6 +34,7 @@ def pressed(words: list[str], start: str, scratch: Path, seconds: float) -> str:
         errors="replace",
     )
     printed: list[str] = []
+    presses = 0
     engine: subprocess.Popen[bytes] | None = None
     timer = threading.Timer(seconds, harness.kill)
     timer.start()
@@ -43,13 +44,14 @@ def pressed(words: list[str], start: str, scratch: Path, seconds: float) -> str:
             printed.append(line)
             if ASKS.search(line):
                 _stop(engine)
+                presses += 1
                 engine = subprocess.Popen(shlex.split(start), cwd=scratch, env=environment)
     finally:
         timer.cancel()
         harness.kill()
         harness.wait()
         _stop(engine)
-    return "".join(printed)
+    return "".join(printed), presses
 
 
 def _stop(engine: subprocess.Popen[bytes] | None) -> None:

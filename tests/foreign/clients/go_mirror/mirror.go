@@ -5,7 +5,6 @@ import (
 	"bytes"
 	"encoding/binary"
 	"encoding/json"
-	"errors"
 	"fmt"
 	"io"
 	"math"
@@ -21,88 +20,88 @@ import (
 
 type object = map[string]interface{}
 
-var errNonsense = errors.New("nonsense")
+const safe = 1<<53 - 1
+
 var start = time.Now()
+var pairs = regexp.MustCompile(`(?i)\\\\|\\ud[89ab]..\\ud[c-f]..|\\ud[89a-f]..`)
+var names = regexp.MustCompile(`^[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}$`)
+
+type bad string // what a message is, if it is not what it should be
+
+func need(fact bool, why string) {
+	if !fact {
+		panic(bad(why))
+	}
+}
+
+func attempt(do func()) (why string) { // "" if all was well
+	defer func() {
+		switch text := recover().(type) {
+		case nil:
+		case bad:
+			why = string(text)
+		default:
+			panic(text)
+		}
+	}()
+	do()
+	return ""
+}
 
 // ---- text ----
 
-var pairs = regexp.MustCompile(`(?i)\\\\|\\ud[89ab]..\\ud[c-f]..|\\ud[89a-f]..`)
-
-func halves(text []byte) bool { // of surrogate pairs: an escape without its fellow
-	for _, found := range pairs.FindAll(text, -1) {
-		if len(found) == 6 {
-			return true
-		}
-	}
-	return false
-}
-
-func value(from *json.Decoder, depth int) (interface{}, error) {
+func value(from *json.Decoder, depth int) interface{} {
 	token, err := from.Token()
-	if err != nil {
-		return nil, err
+	need(err == nil, "no JSON")
+	if number, is := token.(json.Number); is {
+		read, err := strconv.ParseFloat(string(number), 64)
+		need(err == nil, "no finite number")
+		return read
 	}
-	switch t := token.(type) {
-	case json.Number:
-		return strconv.ParseFloat(string(t), 64)
-	case json.Delim:
-		if depth > 64 {
-			return nil, errNonsense
-		}
-		var items []interface{}
-		members := object{}
-		for from.More() {
-			if t == '[' {
-				item, err := value(from, depth+1)
-				if err != nil {
-					return nil, err
-				}
-				items = append(items, item)
-				continue
-			}
-			name, err := from.Token()
-			if err != nil {
-				return nil, err
-			}
-			if _, twice := members[name.(string)]; twice {
-				return nil, errNonsense
-			}
-			if members[name.(string)], err = value(from, depth+1); err != nil {
-				return nil, err
-			}
-		}
-		if _, err := from.Token(); err != nil {
-			return nil, err
-		}
-		if t == '[' {
-			return items, nil
-		}
-		return members, nil
+	open, is := token.(json.Delim)
+	if !is {
+		return token
 	}
-	return token, nil
+	need(depth <= 64, "too deep")
+	var items []interface{}
+	members := object{}
+	for from.More() {
+		if open == '[' {
+			items = append(items, value(from, depth+1))
+			continue
+		}
+		name, _ := from.Token()
+		_, twice := members[name.(string)]
+		need(!twice, "a name twice")
+		members[name.(string)] = value(from, depth+1)
+	}
+	from.Token()
+	if open == '[' {
+		return items
+	}
+	return members
 }
 
-func parse(payload []byte) (object, error) {
-	if !utf8.Valid(payload) || !json.Valid(payload) || halves(payload) {
-		return nil, errNonsense
+func parse(payload []byte) (message object) {
+	why := attempt(func() {
+		need(utf8.Valid(payload) && json.Valid(payload), "no JSON")
+		for _, found := range pairs.FindAll(payload, -1) {
+			need(len(found) != 6, "half a surrogate pair")
+		}
+		decoder := json.NewDecoder(bytes.NewReader(payload))
+		decoder.UseNumber()
+		message, _ = value(decoder, 1).(object)
+	})
+	if why != "" {
+		return nil
 	}
-	decoder := json.NewDecoder(bytes.NewReader(payload))
-	decoder.UseNumber()
-	read, err := value(decoder, 1)
-	if members, ok := read.(object); ok && err == nil {
-		return members, nil
-	}
-	return nil, errNonsense
+	return message
 }
 
-func whole(of object, name string, least, most float64) (int64, bool) {
-	n, ok := of[name].(float64)
-	return int64(n), ok && n == math.Trunc(n) && n >= least && n <= most
-}
-
-func real(of object, name string) (float64, bool) {
-	n, ok := of[name].(float64)
-	return n, ok
+func whole(of object, name string, least, most, unit float64) int64 {
+	n, is := of[name].(float64)
+	need(is && n >= least && n <= most && math.Mod(n, unit) == 0, name+" is not what it may be")
+	return int64(n)
 }
 
 func one(of object, name string, among ...string) bool {
@@ -114,17 +113,6 @@ func one(of object, name string, among ...string) bool {
 	return false
 }
 
-func texts(value interface{}) (map[string]bool, bool) {
-	items, ok := value.([]interface{})
-	set := map[string]bool{}
-	for _, item := range items {
-		text, isText := item.(string)
-		ok = ok && isText
-		set[text] = true
-	}
-	return set, ok
-}
-
 // ---- a connection ----
 
 type link struct {
@@ -134,177 +122,123 @@ type link struct {
 	blamed  bool   // there was an error
 }
 
-func dial(variable, usual string) (*link, error) {
-	host, port := os.Getenv("SPLATBUS_HOST"), os.Getenv(variable)
-	if host == "" {
-		host = "127.0.0.1"
-	}
-	if port == "" {
-		port = usual
-	}
-	conn, err := net.DialTimeout("tcp", net.JoinHostPort(host, port), 3*time.Second)
-	return &link{conn: conn, granted: map[string]bool{}}, err // Go sets TCP_NODELAY by itself
-}
-
-func (l *link) say(message object) error {
-	payload, err := json.Marshal(message)
-	if err != nil {
-		return err
-	}
+func (l *link) say(message object) {
+	payload, _ := json.Marshal(message)
 	packet := make([]byte, 4, 4+len(payload))
 	binary.LittleEndian.PutUint32(packet, uint32(len(payload)))
-	_, err = l.conn.Write(append(packet, payload...))
-	return err
+	_, err := l.conn.Write(append(packet, payload...))
+	need(err == nil, "lost")
 }
 
-func (l *link) hello(capabilities ...string) error {
-	return l.say(object{"type": "hello", "versions": []string{"1.1", "1.0"}, "capabilities": capabilities,
+func (l *link) hello(capabilities ...string) {
+	l.say(object{"type": "hello", "versions": []string{"1.1", "1.0"}, "capabilities": capabilities,
 		"client": object{"name": "go mirror", "version": "1"}})
 }
 
-func (l *link) packet() ([]byte, error) {
+func (l *link) packet() []byte {
 	header := make([]byte, 4)
 	l.conn.SetReadDeadline(time.Time{})
-	if _, err := io.ReadFull(l.conn, header[:1]); err != nil {
-		return nil, err
-	}
+	_, err := io.ReadFull(l.conn, header[:1])
+	need(err == nil, "lost")
 	l.conn.SetReadDeadline(time.Now().Add(10 * time.Second))
-	if _, err := io.ReadFull(l.conn, header[1:]); err != nil {
-		return nil, err
-	}
+	_, err = io.ReadFull(l.conn, header[1:])
 	length := binary.LittleEndian.Uint32(header)
-	if length < 1 || length > 1<<20 {
-		return nil, fmt.Errorf("a length of %d", length)
-	}
+	need(err == nil && length >= 1 && length <= 1<<20, "no packet")
 	var payload bytes.Buffer
-	_, err := io.CopyN(&payload, l.conn, int64(length))
-	return payload.Bytes(), err
+	_, err = io.CopyN(&payload, l.conn, int64(length))
+	need(err == nil, "half a packet")
+	return payload.Bytes()
 }
 
-// Takes a welcome; an error ends the connection.
-func (l *link) welcomed(message object) error {
+func (l *link) welcomed(message object) {
 	if l.version != "" {
-		return nil
+		return
 	}
-	granted, ok := texts(message["capabilities"])
-	if !ok || !one(message, "version", "1.1", "1.0") {
-		return errNonsense
+	listed, is := message["capabilities"].([]interface{})
+	need(is && one(message, "version", "1.1", "1.0"), "no welcome")
+	for _, each := range listed {
+		name, _ := each.(string)
+		l.granted[name] = true
 	}
-	l.version, l.granted = message["version"].(string), granted
-	return nil
+	l.version = message["version"].(string)
 }
 
 // ---- images ----
 
 type ring struct {
-	generation                                         float64
-	memory                                             []byte
-	slots, w, h                                        int64
-	colourAt, colourStride, depthAt, depthStride, need int64
-	name                                               string
-	brightest                                          float32
+	memory                                       []byte
+	slots, w, h, size                            int64
+	colourAt, colourStride, depthAt, depthStride int64
+	brightest                                    float32
 }
 
-var names = regexp.MustCompile(`^[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}$`)
-
-const safe = 1<<53 - 1
-
-func checked(packet object) (*ring, error) {
+// The ring of an init packet, mapped; panics where it may not be.
+func opened(packet object) *ring {
 	meta, _ := packet["meta"].(object)
 	memory, _ := packet["memory"].(object)
 	laid, _ := packet["ring"].(object)
 	means, _ := packet["semantics"].(object)
 	depth, _ := means["depth"].(object)
-	r := &ring{}
-	good := one(packet, "version", "1.1") && one(meta, "fmtColor", "RGBA32F") && one(meta, "fmtDepth", "R32F") &&
-		one(means, "rows", "bottom_up") && one(means, "alpha", "straight", "premultiplied") &&
+	need(one(packet, "version", "1.1"), "another version")
+	need(one(meta, "fmtColor", "RGBA32F") && one(meta, "fmtDepth", "R32F"), "another format")
+	need(one(means, "rows", "bottom_up") && one(means, "alpha", "straight", "premultiplied") &&
 		one(means, "colorSpace", "srgb", "linear") && one(depth, "kind", "planar_z", "ray_distance") &&
-		one(depth, "estimator", "harmonic", "expected", "median")
-	want := func(of object, name string, least, most, unit float64) int64 {
-		n, ok := whole(of, name, least, most)
-		good = good && ok && math.Mod(float64(n), unit) == 0
-		return n
-	}
-	if _, there := meta["offsetColor"]; there {
-		want(meta, "offsetColor", 0, safe, 16)
-	}
-	if _, there := meta["offsetDepth"]; there {
-		want(meta, "offsetDepth", 0, safe, 4)
-	}
-	if _, there := meta["device"]; there {
-		want(meta, "device", 0, safe, 1)
-	}
-	r.w, r.h = want(meta, "w", 1, 32768, 1), want(meta, "h", 1, 32768, 1)
-	w, h := float64(r.w), float64(r.h)
-	want(meta, "pitchColor", 16*w, 16*w, 1)
-	want(meta, "pitchDepth", 4*w, 4*w, 1)
-	size := want(memory, "bytes", 1, safe, 1)
-	r.slots = want(laid, "slots", 1, 1024, 1)
-	r.colourAt, r.depthAt = want(laid, "colorOffset", 0, safe, 16), want(laid, "depthOffset", 0, safe, 16)
-	r.colourStride, r.depthStride = want(laid, "colorStride", 16*w*h, safe, 16), want(laid, "depthStride", 4*w*h, safe, 16)
-	if _, empty := real(depth, "empty"); !empty && depth["empty"] != "inf" {
-		good = false
-	}
-	if metres, is := real(means, "unitMetres"); (!is && means["unitMetres"] != nil) || (is && metres <= 0) {
-		good = false
-	}
-	if _, there := means["unitMetres"]; !there {
-		good = false
-	}
+		one(depth, "estimator", "harmonic", "expected", "median"), "unknown semantics")
+	_, number := depth["empty"].(float64)
+	need(number || depth["empty"] == "inf", "no depth of what is empty")
+	metres, there := means["unitMetres"]
+	length, number := metres.(float64)
+	need(there && (metres == nil || number && length > 0), "no unit")
 	origin, _ := means["origin"].([]interface{})
+	need(len(origin) == 3, "no origin")
 	for _, each := range origin {
-		_, is := each.(float64)
-		good = good && is
+		_, number := each.(float64)
+		need(number, "no origin")
 	}
-	r.name, _ = memory["name"].(string)
-	if !good || len(origin) != 3 {
-		return nil, errNonsense
+	for name, unit := range map[string]float64{"offsetColor": 16, "offsetDepth": 4, "device": 1} {
+		if _, there := meta[name]; there {
+			whole(meta, name, 0, safe, unit)
+		}
 	}
-	if !one(memory, "kind", "host_shm") || !names.MatchString(r.name) {
-		return nil, errors.New("no memory of the host")
+	r := &ring{w: whole(meta, "w", 1, 32768, 1), h: whole(meta, "h", 1, 32768, 1)}
+	w, image := float64(r.w), float64(r.w*r.h)
+	whole(meta, "pitchColor", 16*w, 16*w, 1)
+	whole(meta, "pitchDepth", 4*w, 4*w, 1)
+	r.size, r.slots = whole(memory, "bytes", 1, safe, 1), whole(laid, "slots", 1, 1024, 1)
+	r.colourAt, r.depthAt = whole(laid, "colorOffset", 0, safe, 16), whole(laid, "depthOffset", 0, safe, 16)
+	r.colourStride = whole(laid, "colorStride", 16*image, safe, 16)
+	r.depthStride = whole(laid, "depthStride", 4*image, safe, 16)
+	span := func(at, stride int64, image float64) float64 { // a float64 cannot overflow here
+		return float64(at) + float64(r.slots-1)*float64(stride) + image
 	}
-	span := func(at, stride, image int64) float64 { // a float64 cannot overflow here
-		return float64(at) + float64(r.slots-1)*float64(stride) + float64(image)
-	}
-	if span(r.colourAt, r.colourStride, 16*r.w*r.h) > float64(size) || span(r.depthAt, r.depthStride, 4*r.w*r.h) > float64(size) {
-		return nil, errors.New("the ring is larger than its memory (MEM-10)")
-	}
+	need(span(r.colourAt, r.colourStride, 16*image) <= float64(r.size) &&
+		span(r.depthAt, r.depthStride, 4*image) <= float64(r.size), "the ring is larger than its memory (MEM-10)")
 	var planes [][2]int64
 	for slot := int64(0); slot < r.slots; slot++ {
 		planes = append(planes, [2]int64{r.colourAt + slot*r.colourStride, 16 * r.w * r.h},
 			[2]int64{r.depthAt + slot*r.depthStride, 4 * r.w * r.h})
 	}
 	sort.Slice(planes, func(i, j int) bool { return planes[i][0] < planes[j][0] })
-	end := int64(0)
-	for _, plane := range planes {
-		if plane[0] < end {
-			return nil, errors.New("planes overlap (MEM-9)")
-		}
-		end = plane[0] + plane[1]
+	for i := range planes[1:] {
+		need(planes[i][0]+planes[i][1] <= planes[i+1][0], "planes overlap (MEM-9)")
 	}
-	r.need = size
-	return r, nil
-}
-
-func (r *ring) open() error {
-	file, err := os.Open("/dev/shm/" + r.name)
-	if err != nil {
-		return err
-	}
+	name, _ := memory["name"].(string)
+	need(one(memory, "kind", "host_shm") && names.MatchString(name), "no memory of the host")
+	file, err := os.Open("/dev/shm/" + name)
+	need(err == nil, "cannot open "+name)
 	defer file.Close()
 	about, err := file.Stat()
-	if err != nil || about.Size() < r.need {
-		return fmt.Errorf("memory is %d bytes long, %d were announced (MEM-6)", about.Size(), r.need)
-	}
-	r.memory, err = syscall.Mmap(int(file.Fd()), 0, int(r.need), syscall.PROT_READ, syscall.MAP_SHARED)
-	return err
+	need(err == nil && about.Size() >= r.size, "memory is shorter than announced (MEM-6)")
+	r.memory, err = syscall.Mmap(int(file.Fd()), 0, int(r.size), syscall.PROT_READ, syscall.MAP_SHARED)
+	need(err == nil, "cannot map "+name)
+	return r
 }
 
 func (r *ring) look(slot int64) {
 	at := r.colourAt + slot*r.colourStride
 	for end := at + 16*r.w*r.h; at < end; at += 4 {
-		if value := math.Float32frombits(binary.LittleEndian.Uint32(r.memory[at:])); value > r.brightest {
-			r.brightest = value
+		if v := math.Float32frombits(binary.LittleEndian.Uint32(r.memory[at:])); v > r.brightest {
+			r.brightest = v
 		}
 	}
 }
@@ -312,93 +246,74 @@ func (r *ring) look(slot int64) {
 type images struct {
 	*link
 	shown   *ring
+	newest  int64  // generation
 	waiting object // an init packet that came before welcome
-	last    float64
-	packets int
 }
 
-func (v *images) opened(packet object) error {
-	generation, ok := whole(packet, "generation", 1, safe)
-	if !ok || float64(generation) <= v.last || (v.packets > 0 && !v.granted["reinit"]) {
-		return nil
+func (v *images) open(packet object) {
+	var generation int64
+	why := attempt(func() { generation = whole(packet, "generation", 1, safe, 1) })
+	if why != "" || generation <= v.newest || (v.newest > 0 && !v.granted["reinit"]) {
+		return
 	}
-	v.packets++
-	v.last = float64(generation)
-	next, err := checked(packet)
-	if err == nil {
-		err = next.open()
-	}
-	if err != nil {
-		if said := v.say(object{"type": "open_failed", "generation": generation, "reason": err.Error()}); said != nil {
-			return said
-		}
-		next = nil
+	var next *ring
+	if why = attempt(func() { next = opened(packet) }); why == "" {
+		v.say(object{"type": "opened", "generation": generation})
 	} else {
-		next.generation = v.last
-		if said := v.say(object{"type": "opened", "generation": generation}); said != nil {
-			return said
-		}
+		v.say(object{"type": "open_failed", "generation": generation, "reason": why})
 	}
-	former := v.shown
-	v.shown = next
-	if former != nil {
-		syscall.Munmap(former.memory)
-		return v.say(object{"type": "closed", "generation": former.generation})
+	if v.shown != nil {
+		syscall.Munmap(v.shown.memory)
+		v.say(object{"type": "closed", "generation": v.newest})
 	}
-	return nil
+	v.shown, v.newest = next, generation
 }
 
-func (v *images) frame(message object) error {
-	seq, ok := whole(message, "seq", 0, safe)
-	slot, there := whole(message, "slot", 0, 1023)
-	if v.shown == nil || !v.granted["frames"] || !ok || !there || slot >= v.shown.slots ||
-		message["generation"] != v.shown.generation {
-		return nil
+func (v *images) frame(message object) {
+	if v.shown == nil || !v.granted["frames"] || message["generation"] != float64(v.newest) {
+		return
 	}
-	v.shown.look(slot)
-	return v.say(object{"type": "release", "generation": v.shown.generation, "seq": seq})
+	var slot, seq int64
+	if attempt(func() {
+		slot, seq = whole(message, "slot", 0, float64(v.shown.slots-1), 1), whole(message, "seq", 0, safe, 1)
+	}) == "" {
+		v.shown.look(slot)
+		v.say(object{"type": "release", "generation": v.newest, "seq": seq})
+	}
 }
 
-func (v *images) take(message object) error {
-	_, meta := message["meta"]
+func (v *images) take(message object) {
 	_, typed := message["type"]
+	_, meta := message["meta"]
+	_, later := message["version"]
 	switch {
 	case one(message, "type", "welcome"):
-		if err := v.welcomed(message); err != nil || v.version != "1.1" || v.waiting == nil {
-			return err
+		v.welcomed(message)
+		if v.version == "1.1" && v.waiting != nil {
+			v.open(v.waiting)
+			v.waiting = nil
 		}
-		packet := v.waiting
-		v.waiting = nil
-		return v.opened(packet)
-	case one(message, "type", "frame") && v.version == "1.1":
-		return v.frame(message)
 	case one(message, "type", "error"):
 		v.blamed = true
-	case meta && !typed:
-		if _, later := message["version"]; !later && v.version == "" {
-			v.version = "1.0"
-		} else if later && v.version == "" && v.waiting == nil {
-			v.waiting = message
-		} else if later && v.version == "1.1" {
-			return v.opened(message)
-		}
+	case one(message, "type", "frame"):
+		v.frame(message)
+	case typed || !meta:
+	case !later && v.version == "":
+		v.version = "1.0"
+	case v.version == "" && v.waiting == nil:
+		v.waiting = message
+	case v.version == "1.1":
+		v.open(message)
 	}
-	return nil
 }
 
 func watch(l *link) {
 	v := &images{link: l}
-	if l.hello("host_shm", "frames", "reinit") == nil {
-		for {
-			payload, err := l.packet()
-			if err != nil {
-				break
-			}
-			if message, err := parse(payload); err == nil && v.take(message) != nil {
-				break
-			}
+	attempt(func() {
+		for l.hello("host_shm", "frames", "reinit"); ; {
+			v.take(parse(l.packet()))
 		}
-	}
+	})
 	if v.shown != nil {
 		syscall.Munmap(v.shown.memory)
 	}
@@ -406,75 +321,71 @@ func watch(l *link) {
 
 // ---- the camera ----
 
-type turned struct { // in the order in which the deployed server wants them
-	X, Y, Z, W float64
+type turned struct{ Y, W float64 }
+
+func (q turned) MarshalJSON() ([]byte, error) { // a map's members come by name, with w first
+	return []byte(fmt.Sprintf(`{"x":0,"y":%g,"z":0,"w":%g}`, q.Y, q.W)), nil
 }
 
-func (q turned) MarshalJSON() ([]byte, error) {
-	return []byte(fmt.Sprintf(`{"x":%g,"y":%g,"z":%g,"w":%g}`, q.X, q.Y, q.Z, q.W)), nil
-}
-
-func (l *link) look(turn float64) error {
+func (l *link) look(turn float64) {
 	made := object{"type": "camera_pose", "timestamp": time.Since(start).Seconds(),
 		"position": object{"x": math.Sin(turn), "y": 0.25, "z": -4.5},
-		"rotation": turned{0, math.Sin(turn / 8), 0, math.Cos(turn / 8)}}
+		"rotation": turned{math.Sin(turn / 8), math.Cos(turn / 8)}}
 	if l.granted["intrinsics"] {
 		made["intrinsics"] = object{"fx": 60, "fy": 60, "cx": 32, "cy": 24, "width": 64, "height": 48, "near": 0.01, "far": 100}
 	}
-	return l.say(made)
+	l.say(made)
 }
 
 func steer(l *link) {
+	l.hello("intrinsics")
+	l.say(object{"type": "get_viewport_size"})
 	known := make(chan bool, 1)
-	if l.hello("intrinsics") != nil || l.say(object{"type": "get_viewport_size"}) != nil {
-		return
-	}
-	go func() {
+	go attempt(func() {
 		select {
 		case <-known:
 		case <-time.After(9 * time.Second):
 			l.conn.Close()
 		}
-		for turn := 0.0; l.look(turn) == nil; turn += 0.02 {
+		for turn := 0.0; ; turn += 0.02 {
+			l.look(turn)
 			time.Sleep(40 * time.Millisecond)
 		}
-	}()
+	})
 	for asked := true; ; {
-		payload, err := l.packet()
-		if err != nil {
-			return
-		}
-		message, err := parse(payload)
+		message := parse(l.packet())
+		need(message != nil || !asked, "this may have been the reply")
+		answered := asked && message["viewport_size"] != nil
 		switch {
 		case one(message, "type", "welcome"):
-			err = l.welcomed(message)
+			l.welcomed(message)
 		case one(message, "type", "error"):
 			l.blamed = true
-			if asked && l.version == "1.1" && !one(message, "code", "busy") {
-				asked = false
-				known <- true
-			}
-		case asked && message["viewport_size"] != nil:
-			asked = false
-			if l.version == "" {
-				l.version = "1.0"
-			}
-			known <- true
+			answered = asked && l.version == "1.1" && !one(message, "code", "busy")
+		case answered && l.version == "":
+			l.version = "1.0"
 		}
-		if err != nil && asked {
-			return // it may have been the reply
+		if answered {
+			asked = false
+			known <- true
 		}
 	}
 }
 
 func forever(variable, usual string, talk func(*link)) {
-	pause := 120 * time.Millisecond
-	for {
+	where := []string{os.Getenv("SPLATBUS_HOST"), os.Getenv(variable)}
+	for i, otherwise := range []string{"127.0.0.1", usual} {
+		if where[i] == "" {
+			where[i] = otherwise
+		}
+	}
+	for pause := 120 * time.Millisecond; ; {
 		begun := time.Now()
-		l, err := dial(variable, usual)
-		if err == nil {
-			talk(l)
-			l.conn.Close()
+		conn, err := net.DialTimeout("tcp", net.JoinHostPort(where[0], where[1]), 3*time.Second)
+		if err == nil { // and Go has set TCP_NODELAY
+			l := &link{conn: conn, granted: map[string]bool{}}
+			attempt(func() { talk(l) })
+			conn.Close()
 			pause = 120 * time.Millisecond
 			if l.blamed {
 				time.Sleep(time.Second)

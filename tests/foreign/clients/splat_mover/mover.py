@@ -78,7 +78,7 @@ class Ring:
         for part in ("meta", "memory", "ring", "semantics"):
             need(isinstance(packet.get(part), dict), f"no {part}")
         meta, memory, ring, sense = (packet[n] for n in ("meta", "memory", "ring", "semantics"))
-        need(packet["version"] == "1.1", "another version")
+        need(packet.get("version") == "1.1", "another version")
         w, h = whole(meta, "w", 1, 32768), whole(meta, "h", 1, 32768)
         whole(meta, "pitchColor", 16 * w, 16 * w)
         whole(meta, "pitchDepth", 4 * w, 4 * w)

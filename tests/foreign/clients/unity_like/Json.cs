@@ -3,9 +3,12 @@ using System;
 using System.Collections.Generic;
 using System.Globalization;
 using System.Text;
+using System.Text.RegularExpressions;
 
 class Json
 {
+    static readonly Regex Word = new Regex(@"\G(null|true|false|-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][-+]?[0-9]+)?)");
+    static readonly Regex Quoted = new Regex(@"\G""((?:[^""\\\x00-\x1f]|\\[""\\/bfnrt]|\\u[0-9a-fA-F]{4})*)""");
     readonly string text;
     int at;
 
@@ -13,136 +16,70 @@ class Json
 
     public static Dictionary<string, object> Object(byte[] payload)
     {
-        string text;
-        try { text = new UTF8Encoding(false, true).GetString(payload); }
-        catch (ArgumentException) { throw new FormatException("no UTF-8"); }
-        var json = new Json(text);
-        var root = json.Value(1) as Dictionary<string, object>;
-        json.Blank();
-        if (root == null || json.at != text.Length) throw new FormatException("no object");
-        return root;
+        try
+        {
+            var json = new Json(new UTF8Encoding(false, true).GetString(payload));
+            var root = json.Value(1) as Dictionary<string, object>;
+            json.Need(root != null && json.Next() == '\0' && json.at == json.text.Length);
+            return root;
+        }
+        catch (ArgumentException) { throw new FormatException("no UTF-8, or a name twice"); }
     }
 
-    char Here { get { return at < text.Length ? text[at] : '\0'; } }
+    void Need(bool fact) { if (!fact) throw new FormatException("no JSON at " + at); }
 
-    void Blank() { while (Here == ' ' || Here == '\t' || Here == '\n' || Here == '\r') at++; }
-
-    void Want(char wanted)
+    char Next()
     {
-        Blank();
-        if (Here != wanted) throw new FormatException("no " + wanted);
-        at++;
+        while (at < text.Length && " \t\r\n".IndexOf(text[at]) >= 0) at++;
+        return at < text.Length ? text[at] : '\0';
+    }
+
+    string Take(Regex pattern, int group)
+    {
+        Match found = pattern.Match(text, at);
+        Need(found.Success);
+        at += found.Length;
+        return found.Groups[group].Value;
     }
 
     object Value(int depth)
     {
-        Blank();
-        if (depth > 64 && (Here == '{' || Here == '[')) throw new FormatException("too deep");
-        if (Here == '{') return Members(depth);
-        if (Here == '[') return Items(depth);
-        if (Here == '"') return Text();
-        if (Word("null")) return null;
-        if (Word("true")) return true;
-        if (Word("false")) return false;
-        return Number();
-    }
-
-    bool Word(string word)
-    {
-        if (string.CompareOrdinal(text, at, word, 0, word.Length) != 0) return false;
-        at += word.Length;
-        return true;
-    }
-
-    Dictionary<string, object> Members(int depth)
-    {
+        char first = Next();
+        if (first == '"') return Text();
+        if (first != '{' && first != '[')
+        {
+            string word = Take(Word, 0);
+            if (word[0] == 'n') return null;
+            if (word[0] == 't' || word[0] == 'f') return word[0] == 't';
+            double value;
+            Need(double.TryParse(word, NumberStyles.Float, CultureInfo.InvariantCulture, out value) && !double.IsInfinity(value));
+            return value;
+        }
+        Need(depth <= 64);
         var members = new Dictionary<string, object>(StringComparer.Ordinal);
-        at++;
-        Blank();
-        if (Here == '}') { at++; return members; }
-        for (;;)
-        {
-            Blank();
-            string name = Text();
-            Want(':');
-            if (members.ContainsKey(name)) throw new FormatException("a name twice");
-            members[name] = Value(depth + 1);
-            Blank();
-            if (Here == '}') { at++; return members; }
-            Want(',');
-        }
-    }
-
-    List<object> Items(int depth)
-    {
         var items = new List<object>();
+        char close = first == '{' ? '}' : ']';
         at++;
-        Blank();
-        if (Here == ']') { at++; return items; }
-        for (;;)
-        {
-            items.Add(Value(depth + 1));
-            Blank();
-            if (Here == ']') { at++; return items; }
-            Want(',');
-        }
+        if (Next() == close) at++;
+        else
+            for (bool more = true; more; at++)
+            {
+                Next();
+                string name = first == '{' ? Text() : null;
+                if (first == '{') { Need(Next() == ':'); at++; }
+                object value = Value(depth + 1);
+                if (first == '{') members.Add(name, value); else items.Add(value);
+                more = Next() == ',';
+                Need(more || Next() == close);
+            }
+        return first == '{' ? (object)members : items;
     }
 
     string Text()
     {
-        var made = new StringBuilder();
-        if (Here != '"') throw new FormatException("no string");
-        for (at++; Here != '"'; at++)
-        {
-            if (Here < ' ') throw new FormatException("a control character, or no end");
-            if (Here != '\\') { made.Append(Here); continue; }
-            at++;
-            int plain = "\"\\/bfnrt".IndexOf(Here);
-            if (plain >= 0) { made.Append("\"\\/\b\f\n\r\t"[plain]); continue; }
-            if (Here != 'u' || at + 4 >= text.Length) throw new FormatException("no escape");
-            int code = 0;
-            for (int i = 1; i <= 4; i++)
-            {
-                int digit = "0123456789abcdef".IndexOf(char.ToLowerInvariant(text[at + i]));
-                if (digit < 0) throw new FormatException("no escape");
-                code = 16 * code + digit;
-            }
-            made.Append((char)code);
-            at += 4;
-        }
-        at++;
-        string whole = made.ToString();
+        string whole = Regex.Unescape(Take(Quoted, 1));
         for (int i = 0; i < whole.Length; i++)
-        {
-            if (!char.IsSurrogate(whole[i])) continue;
-            if (i + 1 == whole.Length || !char.IsSurrogatePair(whole, i)) throw new FormatException("half a pair");
-            i++;
-        }
+            if (char.IsSurrogate(whole[i])) Need(++i < whole.Length && char.IsSurrogatePair(whole, i - 1));
         return whole;
-    }
-
-    void Digits()
-    {
-        int from = at;
-        while (Here >= '0' && Here <= '9') at++;
-        if (at == from) throw new FormatException("no digits");
-    }
-
-    double Number()
-    {
-        int from = at;
-        if (Here == '-') at++;
-        if (Here == '0') at++; else Digits();
-        if (Here == '.') { at++; Digits(); }
-        if (Here == 'e' || Here == 'E')
-        {
-            at++;
-            if (Here == '+' || Here == '-') at++;
-            Digits();
-        }
-        double value;
-        if (!double.TryParse(text.Substring(from, at - from), NumberStyles.Float, CultureInfo.InvariantCulture, out value)
-            || double.IsInfinity(value) || double.IsNaN(value)) throw new FormatException("no finite number");
-        return value;
     }
 }

@@ -131,6 +131,7 @@ unsafe class Pictures
 
     static long Whole(object value, double least, double most)
     {
+        if (!(value is double)) throw new FormatException();
         double number = (double)value;
         if (Math.Floor(number) != number || number < least || number > most) throw new FormatException();
         return (long)number;
