@@ -22,12 +22,9 @@ Each is a folder with its source and a `program.toml`:
     [verdict]                        what the harness must say, exactly
     fails = ["ACC-1", "JSN-4"]
     warns = []
-<<<<<<< HEAD
     exit = 3                         the exit status, where that does not follow
     says = ["status 1"]              what is printed, among other things
-=======
     slow = []                        those of them that only the profile `full` finds
->>>>>>> foreignc
 
 `{folder}` is the program's own folder, in which it is built, `{built}` where what is built goes,
 `{cudart}` the folder of a `libcudart.so`, and `{python}` a Python that has only its own library.
@@ -95,11 +92,6 @@ class Program:
     says: tuple[str, ...] = ()
 
     @property
-    def status(self) -> int:
-        """The exit status of the harness."""
-        return int(bool(self.fails)) if self.exit is None else self.exit
-
-    @property
     def name(self) -> str:
         """What its folder is called."""
         return self.folder.name
@@ -123,11 +115,8 @@ def read(folder: Path) -> Program:
         folder=folder,
         fails=frozenset(verdict.pop("fails")),
         warns=frozenset(verdict.pop("warns")),
-<<<<<<< HEAD
         says=tuple(verdict.pop("says", ())),
-=======
         slow=frozenset(verdict.pop("slow", ())),
->>>>>>> foreignc
         defects=tuple(defects),
         **lists,
         **text,
@@ -224,17 +213,12 @@ def differences(program: Program, report: dict[str, Any]) -> list[str]:
             for name in sorted(pinned - set(said))
         ]
     found += [f"the harness failed: {text}" for text in _said(report, "harness-error").values()]
-<<<<<<< HEAD
     found += [f"it must say {text!r}" for text in program.says if text not in report["printed"]]
-    if report["exitCode"] != program.status:
-        found.append(f"the run is to end with {program.status}, and ends with {report['exitCode']}")
-=======
     if report["profile"] == "quick" and report["starts"] > MOST_STARTS:
         found.append(f"Play had to be pressed {report['starts']} times, and {MOST_STARTS} will do")
-    expected = 1 if program.fails - late else 0
+    expected = int(bool(program.fails - late)) if program.exit is None else program.exit
     if report["exitCode"] != expected:
         found.append(f"the run is to end with {expected}, and ends with {report['exitCode']}")
->>>>>>> foreignc
     return found
 
 
