@@ -11,6 +11,7 @@ Each is a folder with its source and a `program.toml`:
     options = ["--stand-in-cuda"]    for the harness
     press = true                     judged with --wait: started only when the harness says so
     conforms = false                 not one MUST is broken
+    environment = {NAME = "value"}   for the harness and the program
 
     [[defect]]                       what it does wrong, a SHOULD too
     requirement = "JSN-4"
@@ -21,6 +22,8 @@ Each is a folder with its source and a `program.toml`:
     [verdict]                        what the harness must say, exactly
     fails = ["ACC-1", "JSN-4"]
     warns = []
+    exit = 3                         the exit status, where that does not follow
+    says = ["status 1"]              what is printed, among other things
     slow = []                        those of them that only the profile `full` finds
 
 `{folder}` is the program's own folder, in which it is built, `{built}` where what is built goes,
@@ -36,7 +39,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +86,10 @@ class Program:
     needs: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     press: bool = False
+    environment: dict[str, str] = field(default_factory=dict)
     defects: tuple[Defect, ...] = ()
+    exit: int | None = None
+    says: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -109,6 +115,7 @@ def read(folder: Path) -> Program:
         folder=folder,
         fails=frozenset(verdict.pop("fails")),
         warns=frozenset(verdict.pop("warns")),
+        says=tuple(verdict.pop("says", ())),
         slow=frozenset(verdict.pop("slow", ())),
         defects=tuple(defects),
         **lists,
@@ -177,6 +184,7 @@ def judge(
         printed = subprocess.run(
             words,
             cwd=scratch,
+            env={**os.environ, **program.environment},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -205,9 +213,10 @@ def differences(program: Program, report: dict[str, Any]) -> list[str]:
             for name in sorted(pinned - set(said))
         ]
     found += [f"the harness failed: {text}" for text in _said(report, "harness-error").values()]
+    found += [f"it must say {text!r}" for text in program.says if text not in report["printed"]]
     if report["profile"] == "quick" and report["starts"] > MOST_STARTS:
         found.append(f"Play had to be pressed {report['starts']} times, and {MOST_STARTS} will do")
-    expected = 1 if program.fails - late else 0
+    expected = int(bool(program.fails - late)) if program.exit is None else program.exit
     if report["exitCode"] != expected:
         found.append(f"the run is to end with {expected}, and ends with {report['exitCode']}")
     return found
