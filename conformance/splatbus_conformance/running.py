@@ -65,6 +65,8 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         if workers == 1:
             _note_what_did_not_run(gathering, status)
             return findings
+        # What the rules see of the introduction; the workers have none of their own.
+        findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
     try:
         status = _run_apart(plan, stand.facts, workers, gathering)
     except NoVerdict as error:
