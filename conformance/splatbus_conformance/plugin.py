@@ -143,6 +143,8 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         trial = self.trial_now = self.stand.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
+        told = " ".join((request.function.__doc__ or "").split())
+        trial.purpose = f"{check.requirement}: {told}"
         yield trial
         peer = self.stand.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)

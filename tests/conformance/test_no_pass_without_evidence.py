@@ -84,6 +84,9 @@ class Nothing:
     def missed(self, channel: str) -> None:
         pass
 
+    def asked_to_start(self, what_for: str) -> bool:
+        return True
+
     def close(self) -> None:
         self.stop()
 
