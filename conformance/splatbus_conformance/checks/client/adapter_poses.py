@@ -4,7 +4,7 @@ the engine's axes, and reads on the wire what became of it.
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 
 from splatbus_conformance.adapter import AdapterBroken
@@ -23,13 +23,16 @@ from splatbus_conformance.posing import (
     why,
 )
 from splatbus_conformance.stress import Pose, poses, simpler
+from splatbus_conformance.trial import REACTION_SECONDS
 
 COMMANDS: dict[Kind, str] = {
     "camera_pose": "send_camera",
     "point_cloud_pose": "send_object",
 }
 RESEND_SECONDS = 1.0
-"""A client that resends poses unasked shows a new one within this time."""
+"""A client that sends other poses unasked shows the one that it was given within this time."""
+SCENE = "default"
+"""The object that a `point_cloud_pose` moves (OBJ-2)."""
 DISTANCES = (
     (10.0, "up to 10 units from the origin"),
     (1e4, "up to 10,000 units away"),
@@ -44,44 +47,70 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tupl
     engine, connection = engine_of(greeting, kind), trial.connection("msg")
     if trial.facts.speaks_1_1("msg"):
         trial.wait(lambda: trial.role.with_(connection).welcome)
+    trial.rest(REACTION_SECONDS)  # it may say again what it said last
     search = f"{trial.requirement.id} {kind}"
-    drawn = poses(search, single=greeting.single).map(Pose.as_lists)
+    drawn = poses(search, single=greeting.single, unit=True).map(Pose.as_lists)
+    before = {
+        pose
+        for message in trial.role.with_(connection).heard
+        if _is_of(kind, message) and (pose := read_pose(message))
+    }
     for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler, search=search):
         pose = Pose.of(case)
         p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
         size = trial.role.width, trial.role.height
-        for came in _arriving(trial, connection, kind, pose):
+        for came in _arriving(trial, connection, kind, pose, before):
             found = off(came, p, q, single=greeting.single, size=size)
-            if not found.far:
+            if not found.far and (came not in before or found.position <= 1.0):
                 break
+        before.add(came)
         trial.delivered += 1
         yield pose, came, found
 
 
-def _arriving(trial: ClientTrial, connection: Connection, kind: Kind, pose: Pose) -> Iterator[Pose]:
-    """The pose that comes when this one is to be sent; more of them, if it sends some unasked."""
+def _arriving(
+    trial: ClientTrial, connection: Connection, kind: Kind, pose: Pose, before: Collection[Pose]
+) -> Iterator[Pose]:
+    """Each pose that comes after this one was to be sent, until none more is waited for.
+
+    A client may say others unasked: its last one, when it has come back, or what its user does.
+    One that it has said before answers nothing; after one that is new the right one follows soon.
+    """
     heard = trial.role.with_(connection).heard
-    at = len(heard)
+    at, nothing = len(heard), True
     trial.ask(COMMANDS[kind], position=list(pose.position), rotation=list(pose.rotation))
-    deadline, first = time.monotonic() + trial.patience, True
+    deadline = time.monotonic() + trial.patience
     while (left := deadline - time.monotonic()) > 0:
         trial.wait(partial(_more, heard, at, connection), left)
         if len(heard) == at:
             break
         message, at = heard[at], at + 1
-        if message.get("type") != kind:
-            continue
-        if (came := read_pose(message)) is None:
-            trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
-        yield came
-        if not trial.facts.poses:
-            return
-        if first:
-            deadline, first = time.monotonic() + RESEND_SECONDS, False
-    if first and connection.ended:
+        if _is_of(kind, message):
+            came, nothing = _read(trial, kind, message), False
+            yield came
+            if came not in before:
+                deadline = min(deadline, time.monotonic() + RESEND_SECONDS)
+    if nothing and connection.ended:
         trial.not_observable("the testee closed the connection")
-    if first:
+    if nothing and before:
+        trial.violated(f"{COMMANDS[kind]} of {pose}: no {kind} came, though others did before")
+    if nothing:
         raise AdapterBroken(f"it said that {pose} was taken, and no {kind} came")
+
+
+def _is_of(kind: Kind, message: Json) -> bool:
+    """It is a pose of this kind, by whichever message says it (OBJ-2)."""
+    if kind == "point_cloud_pose" and message.get("type") == "object_pose":
+        return message.get("object") == SCENE
+    return message.get("type") == kind
+
+
+def _read(trial: ClientTrial, kind: Kind, message: Json) -> Pose:
+    if (pose := read_pose(message)) is None:
+        trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
+    if message.get("type") == "object_pose" and message.get("scale", 1) != 1:
+        trial.violated(f"{COMMANDS[kind]} has no scale, and came with that of {message['scale']}")
+    return pose
 
 
 def _more(heard: list[Json], than: int, connection: Connection) -> bool:
