@@ -1,7 +1,5 @@
 """Checks on the life of the two channels (spec 1.0 chapter 3)."""
 
-import itertools
-
 from splatbus_schemas import FRAMING, LIMITS
 
 from splatbus_conformance.checks import check
@@ -12,7 +10,6 @@ from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.trial import (
     EFFECT_SECONDS,
-    JITTER_SECONDS,
     REACTION_SECONDS,
     SETTLE_SECONDS,
 )
@@ -187,50 +184,6 @@ def check_connects_again(trial: ClientTrial) -> None:
             outcome = "reconnects" if came else trial.fate() or "waits"
             trial.judge(outcome, f"a connection to {channel} that was {ended}")
             trial.delivered += 1
-
-
-@check(
-    "CHN-21",
-    observable="the time between the connections that the testee makes",
-    needs=("returns:ipc", "returns:msg"),
-)
-def check_paces_its_attempts(trial: ClientTrial) -> None:
-    """Connections are closed, some after a good start and some at once, on both channels."""
-    least = LIMITS["reconnect_min_seconds"]
-    begun: dict[Channel, list[float]] = {channel: [] for channel in CHANNELS}
-    for kept_open in (0.15, 0.15, 0.0, 0.0, 0.0):
-        for channel in CHANNELS:
-            begun[channel].append(trial.connection(channel).opened)
-        trial.rest(kept_open)
-        trial.peer.close_all()
-    for channel, times in begun.items():
-        for before, after in itertools.pairwise(times):
-            trial.expect(
-                after - before >= least - JITTER_SECONDS,
-                f"two attempts on the {channel} channel began {1000 * (after - before):.0f} ms "
-                f"apart; {1000 * least:.0f} are asked for",
-            )
-            trial.delivered += 1
-
-
-@check(
-    "CHN-22",
-    observable="how long after the harness listens again the testee connects",
-    needs=BOTH_RETURN,
-)
-def check_comes_back_soon(trial: ClientTrial) -> None:
-    """Connections are refused for a second (8 in the full profile), then accepted."""
-    most = LIMITS["reconnect_max_seconds"]
-    for channel in CHANNELS:
-        trial.peer.refuse(channel)
-    trial.peer.clear()
-    trial.rest(8.0 if trial.thorough else 1.0)
-    for channel in CHANNELS:
-        trial.peer.listen(channel)
-    for channel in CHANNELS:
-        came = trial.arrives(channel, most + 10 * JITTER_SECONDS)
-        trial.expect(came, f"no attempt on the {channel} channel within {most} s")
-        trial.delivered += 1
 
 
 @check(

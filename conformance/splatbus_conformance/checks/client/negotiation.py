@@ -3,6 +3,7 @@
 from hypothesis import strategies as st
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks.client.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import (
     ADDED_MEMBERS,
@@ -10,7 +11,6 @@ from splatbus_conformance.kinds import (
     CLIENT_1_0,
     CLOSING_ERRORS,
     NEEDS,
-    OTHER_ERRORS,
     REQUESTS,
 )
 from splatbus_conformance.messages import Json, encode, error, reply
@@ -20,7 +20,6 @@ from splatbus_conformance.values import strings
 
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
-CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, "a_code_of_tomorrow")
 WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
 WEATHER: Json = {"type": "weather_report", "sunny": True}
 
@@ -251,6 +250,14 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
             trial.expect(trial.comes_back(channel), "it did not come back afterwards")
 
 
+def outcome_of_closing(trial: ClientTrial, connection: Connection, code: str) -> str:
+    """What the testee does after an `error` and the end that follows it (NEG-25)."""
+    lose(trial, connection, code)
+    if not connection.ended:
+        return trial.fate() or "hangs"
+    return "closes" if trial.comes_back(connection.channel) else trial.fate() or "hangs"
+
+
 @check(
     "NEG-24",
     observable="the process lives, and the testee goes on or comes back after a pause",
@@ -259,11 +266,13 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
 )
 def check_survives_errors(trial: ClientTrial) -> None:
     """An error of each code, and of one that nobody knows, on both channels."""
-    for code in trial.each(CODES):
-        sent = packet(encode(error(code, pointer="/")))
-        trial.role.offers_memory = False
+    trial.role.offers_memory = False
+    for code in trial.each(CODES, kind=kind_of_code):
         connection = trial.greeted("ipc")
-        outcome = trial.outcome_on_ipc(connection, sent)
+        if code in CLOSING_ERRORS:
+            outcome = outcome_of_closing(trial, connection, code)
+        else:
+            outcome = trial.outcome_on_ipc(connection, packet(encode(error(code, pointer="/"))))
         trial.judge(outcome, f"an error {code} on the IPC channel")
     if trial.facts.asks and trial.facts.speaks_1_1("msg"):
         trial.role.offers_memory = True
@@ -282,10 +291,15 @@ def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
     every reply, with the id of the request.
     """
     connection = trial.greeted("msg")
-    for code in trial.each(CODES):
-        connection = trial.greeted("msg") if connection.ended else connection
-        connection.send(packet(encode(error(code, pointer="/position/x"))))
-        trial.judge(trial.outcome_on_msg(connection), f"an error {code} on the message channel")
+    for code in trial.each(CODES, kind=kind_of_code):
+        gone = connection.ended or not connection.open
+        connection = trial.greeted("msg") if gone else connection
+        if code in CLOSING_ERRORS:
+            outcome = outcome_of_closing(trial, connection, code)
+        else:
+            connection.send(packet(encode(error(code, pointer="/position/x"))))
+            outcome = trial.outcome_on_msg(connection)
+        trial.judge(outcome, f"an error {code} on the message channel")
     trial.role.spoil = lambda reply: error("busy", **{n: reply[n] for n in ("id",) if n in reply})
     connection = trial.greeted("msg")
     trial.judge(trial.outcome_on_msg(connection), "errors in place of all replies")

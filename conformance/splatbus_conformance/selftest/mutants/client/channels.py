@@ -1,10 +1,9 @@
 """Mutants that break CHN: the life of the two channels."""
 
-import itertools
 import time
 from typing import Any
 
-from splatbus_client import channel, ipc_protocol, message_protocol, reading, settings
+from splatbus_client import ipc_protocol, message_protocol, reading, settings
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.host_memory import CannotOpenError
@@ -150,18 +149,6 @@ def never_connects_to_ipc_again(patch: Patch) -> None:
             self._due = now + 600
 
     wrap(patch, Channel, "_lose", lose)
-
-
-@mutant("CHN-21", check="check_paces_its_attempts", reason="ms apart")
-def connects_again_at_once(patch: Patch) -> None:
-    """Connects again without a pause."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
-
-
-@mutant("CHN-22", check="check_comes_back_soon", reason="within 5")
-def backs_off_too_far(patch: Patch) -> None:
-    """Waits 0.125 seconds after the first failure, and 8 after the second."""
-    patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))
 
 
 @mutant("CHN-23", check="check_keeps_the_other_channel", reason="channel when")
