@@ -6,11 +6,13 @@ import math
 import time
 from collections.abc import Collection, Iterator
 from functools import partial
+from typing import NamedTuple
 
 from splatbus_conformance.adapter import AdapterBroken
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json
+from splatbus_conformance.oracle import Engine
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.posing import (
     ORDER,
@@ -41,20 +43,34 @@ DISTANCES = (
 OBSERVABLE = "the pose on the wire, against the oracle's for the pose that the engine was given"
 
 
-def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tuple[Pose, Pose, Off]]:
-    """Poses given to the engine, what came of each on the wire, and how far that is off."""
+FIRST = Pose((1.0, 2.0, 3.0), (0.2, 0.4, 0.4, 0.8))
+"""Given on each connection before any that is judged."""
+
+
+class Sent(NamedTuple):
+    """A pose that was given to the engine, and what came of it."""
+
+    pose: Pose
+    came: Pose
+    off: Off
+    """How far that is from the right one."""
+    reason: str
+    """What explains it, where it is far."""
+
+
+def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Sent]:
+    """Poses given to the engine, and what came of each on the wire."""
     greeting = trial.greeting
     engine, connection = engine_of(greeting, kind), trial.connection("msg")
     if trial.facts.speaks_1_1("msg"):
         trial.wait(lambda: trial.role.with_(connection).welcome)
-    trial.rest(REACTION_SECONDS)  # it may say again what it said last
+    _give(trial, kind, FIRST)
+    trial.rest(REACTION_SECONDS)  # for this, and for what it says again of former connections
     search = f"{trial.requirement.id} {kind}"
     drawn = poses(search, single=greeting.single, unit=True).map(Pose.as_lists)
-    before = {
-        pose
-        for message in trial.role.with_(connection).heard
-        if _is_of(kind, message) and (pose := read_pose(message))
-    }
+    heard = trial.role.with_(connection).heard
+    before = {pose for m in heard if _is_of(kind, m) and (pose := read_pose(m))}
+    former = FIRST
     for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler, search=search):
         pose = Pose.of(case)
         p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
@@ -65,7 +81,18 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tupl
                 break
         before.add(came)
         trial.delivered += 1
-        yield pose, came, found
+        yield Sent(pose, came, found, _reason(pose, came, former, engine) if found.far else "")
+        former = pose
+
+
+def _reason(pose: Pose, came: Pose, former: Pose, engine: Engine) -> str:
+    known = why(pose, came, engine)
+    late = "" if known else why(former, came, engine, right=True)
+    return known or (late and f"for the pose that was given before, {late}")
+
+
+def _give(trial: ClientTrial, kind: Kind, pose: Pose) -> None:
+    trial.ask(COMMANDS[kind], position=list(pose.position), rotation=list(pose.rotation))
 
 
 def _arriving(
@@ -78,7 +105,7 @@ def _arriving(
     """
     heard = trial.role.with_(connection).heard
     at, nothing = len(heard), True
-    trial.ask(COMMANDS[kind], position=list(pose.position), rotation=list(pose.rotation))
+    _give(trial, kind, pose)
     deadline = time.monotonic() + trial.patience
     while (left := deadline - time.monotonic()) > 0:
         trial.wait(partial(_more, heard, at, connection), left)
@@ -119,13 +146,9 @@ def _more(heard: list[Json], than: int, connection: Connection) -> bool:
 
 def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None:
     """A pose that is another one than was given is a violation; one with fewer digits is none."""
-    for pose, came, found in sent(trial, kind, quick, full):
+    for pose, came, found, known in sent(trial, kind, quick, full):
         if found.far:
-            engine = engine_of(trial.greeting, kind)
-            reason = (
-                why(pose, came, engine)
-                or f"it is {found.angle:.3g} rad and {found.distance:.3g} of its distance away"
-            )
+            reason = known or f"it is {found.away_by} away"
             trial.violated(f"{COMMANDS[kind]} of {pose} became {came}: {reason}")
 
 
@@ -147,9 +170,8 @@ def check_quaternions_are_hamilton_with_w_last(trial: ClientTrial) -> None:
 
     A pose that is wrong in another way is left to CNV-1.
     """
-    for pose, came, found in sent(trial, "camera_pose", 20, 200):
+    for pose, came, found, reason in sent(trial, "camera_pose", 20, 200):
         if found.far:
-            reason = why(pose, came, engine_of(trial.greeting, "camera_pose"))
             if reason == ORDER:
                 trial.violated(f"send_camera of {pose} became {came}: {reason}")
             trial.not_observable(f"the pose that came is wrong in another way: {reason or came}")
@@ -195,7 +217,7 @@ def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
     """
     engine = engine_of(trial.greeting, "camera_pose")
     quaternions = rotation_budget(trial.greeting, "camera_pose")
-    for pose, _, found in sent(trial, "camera_pose", 60, 1500):
+    for pose, _, found, _ in sent(trial, "camera_pose", 60, 1500):
         budget = 0.0 if engine.scale == 1 else 2.0
         _measure(trial, pose, found, budget, 2 * quaternions)
         if found.far:
@@ -210,7 +232,7 @@ def check_axes_change_exactly_on_the_way_out(trial: ClientTrial) -> None:
     """
     engine = engine_of(trial.greeting, "camera_pose")
     quaternions = rotation_budget(trial.greeting, "camera_pose")
-    for pose, _, found in sent(trial, "camera_pose", 60, 1500):
+    for pose, _, found, _ in sent(trial, "camera_pose", 60, 1500):
         _measure(trial, pose, found, 0.0 if engine.scale == 1 else 0.5, quaternions)
         if found.far:  # a wrong mapping, however often: each pose may cost a wait
             break

@@ -48,10 +48,29 @@ def sends_world_to_camera(patch: Patch) -> None:
     wrap(patch, Session, "send_camera", send)
 
 
-@mutant("CNV-1", check="check_understands_cameras", reason="was taken for", axes="unity")
+@mutant("CNV-1", check="check_understands_cameras", reason="in the wire's axes", axes="unity")
 def takes_replies_as_they_are(patch: Patch) -> None:
     """Puts the engine's camera where the reply says, without a change of axes."""
     patch.setattr(Engine, "from_wire", lambda self, pose: pose)
+
+
+@mutant("CNV-1", check=CAMERAS, reason="the pose that was given before", axes="unity")
+def sends_the_pose_before(patch: Patch) -> None:
+    """Sends each time the pose that it was given the time before."""
+    former: list[Pose] = []
+
+    def send(original: Any, self: Session, pose: Pose) -> None:
+        for before in former:
+            original(self, before)
+        former[:] = [pose]
+
+    wrap(patch, Session, "send_camera", send)
+
+
+@mutant("CNV-1", check="check_understands_cameras", reason="in the other direction", axes="unreal")
+def converts_replies_in_the_other_direction(patch: Patch) -> None:
+    """Converts the camera of a reply as if it were the engine's own."""
+    patch.setattr(Engine, "from_wire", Engine.to_wire)
 
 
 @mutant(
