@@ -328,7 +328,7 @@ def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
         wrap(patch, HostImages, name, lambda original, self, slot: original(self, slot)[::-1])
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="'alpha': 'premultiplied'", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, reason="(as straight)", axes="opencv")
 def blends_premultiplied_as_straight(patch: Patch) -> None:
     """Multiplies colour by alpha once more."""
     patch.setattr(display, "over_premultiplied", over_straight)
@@ -341,13 +341,13 @@ def _meant(patch: Patch, **otherwise: Any) -> None:
     wrap(patch, display, "planar_depth", planar)
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="'kind': 'ray_distance'", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, reason="(as planar_z)", axes="opencv")
 def takes_distances_for_depths(patch: Patch) -> None:
     """Compares the distance along the ray with the depth of its own geometry."""
     _meant(patch, depth_kind="planar_z")
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="'empty': 100.0", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, reason="(as if inf alone were empty)", axes="opencv")
 def knows_one_empty_depth(patch: Patch) -> None:
     """Takes only infinity for empty."""
     _meant(patch, depth_empty=float("inf"))
