@@ -1,4 +1,4 @@
-"""Clients that open their channels in ways of their own, and conform."""
+"""Clients that go about their channels in ways of their own."""
 
 from pathlib import Path
 
@@ -48,3 +48,17 @@ def test_a_client_with_a_limit_on_the_wait_for_the_init_packet(tmp_path: Path) -
     code, output = run("client", "--launch", command.replace(" 1.1", " 1.0"), "--select", "CHN-9")
     assert code == 1, output
     assert "closed the connection" in output
+
+
+def test_poses_that_come_after_an_init_packet_alone(tmp_path: Path) -> None:
+    reading, saying = "        for _ in packets(sock):\n", "            while not over.wait(0.03):"
+    command = broken(
+        tmp_path,
+        (f"{reading}            pass", f"{reading}            READY.set()"),
+        (saying, f"            READY.wait()\n{saying}"),
+        ("LIMIT = 1 << 20", "LIMIT = 1 << 20\nREADY = threading.Event()"),
+        ('{"x": 0.1,', '{"x": float("nan"),'),
+    )
+    code, output = run("client", "--launch", command.replace(" 1.1", " 1.0"), "--select", "JSN-4")
+    assert code == 1, output
+    assert "JSN-4 broken" in output

@@ -12,7 +12,7 @@ from splatbus_conformance.adapter import AdapterBroken
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json
-from splatbus_conformance.oracle import Engine
+from splatbus_conformance.oracle import Engine, exact
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.posing import (
     ORDER,
@@ -156,6 +156,30 @@ def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None
 def check_camera_poses_are_camera_to_world(trial: ClientTrial) -> None:
     """Camera poses in the engine's axes, near every edge of what is allowed."""
     judge_mapping(trial, "camera_pose", 40, 1000)
+
+
+@check(
+    "CNV-1",
+    observable="the pose that the testee says by itself when it has come back",
+    needs=("msg", "adapter:send_camera", "returns:msg"),
+)
+def check_says_its_camera_again_as_it_was(trial: ClientTrial) -> None:
+    """The message channel is lost after a pose was sent, and comes back; a camera that is said
+    again then is the one that was sent.
+    """
+    for pose, came, found, _ in sent(trial, "camera_pose", 1, 1):
+        sent_last, before = pose, came
+        if found.far:
+            trial.not_observable(f"{came} came of {pose} while the connection lasted (CNV-1)")
+    dealings = trial.role.with_(trial.connection("msg"))
+    if not trial.wait(lambda: dealings.count("camera_pose"), RESEND_SECONDS):
+        trial.not_observable("the testee does not say its camera again when it has come back")
+    said = next(message for message in dealings.heard if _is_of("camera_pose", message))
+    again, size = _read(trial, "camera_pose", said), (trial.role.width, trial.role.height)
+    if off(again, *map(exact, before), single=trial.greeting.single, size=size).far:
+        reason = why(sent_last, again, engine_of(trial.greeting, "camera_pose"))
+        trial.violated(f"{before} was said again as {again}" + (f": {reason}" if reason else ""))
+    trial.delivered += 1
 
 
 @check("CNV-2", observable=OBSERVABLE, needs=("msg", "adapter:send_object"))

@@ -23,6 +23,7 @@ from splatbus_wire.conventions import (
     UNREAL,
     Engine,
 )
+from splatbus_wire.messages import CameraPose
 from splatbus_wire.poses import Pose, view_matrix
 
 from splatbus_conformance.selftest.patching import Patch
@@ -65,6 +66,25 @@ def sends_the_pose_before(patch: Patch) -> None:
         former[:] = [pose]
 
     wrap(patch, Session, "send_camera", send)
+
+
+@mutant(
+    "CNV-1",
+    check="check_says_its_camera_again_as_it_was",
+    reason="was said again as",
+    axes="blender",
+)
+def says_its_camera_again_in_other_axes(patch: Patch) -> None:
+    """Says its last camera again, when it has come back, in the axes of its engine."""
+
+    def begin(original: Any, self: Steering) -> Any:
+        for key, message in self._newest.items():
+            if isinstance(message, CameraPose):
+                pose = BLENDER_CAMERA.from_wire(message.pose)
+                self._newest[key] = message._replace(pose=pose)
+        return original(self)
+
+    wrap(patch, Steering, "begin", begin)
 
 
 @mutant("CNV-1", check="check_understands_cameras", reason="in the other direction", axes="unreal")
