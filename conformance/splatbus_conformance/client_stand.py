@@ -17,7 +17,8 @@ from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.role import Role
 from splatbus_conformance.smoke import smoke
-from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee
+from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee, not_met
+from splatbus_conformance.vital_signs import lost_by_client
 
 SLOTS = 3
 
@@ -44,15 +45,29 @@ class ClientStand:
         """Meet the client for the first time. Raises NoVerdict."""
         if isinstance(self.testee, Adapted):
             smoke(self.testee, self.peer, self._role())
-        self.facts = introduce(self.peer, self._role(), self.testee, self.plan.patience)
+        self.facts = introduce(self.peer, self._role, self.testee, self.plan.patience)
         if isinstance(self.testee, Adapted):
             self.facts.adapter = self.testee.greeting
         if self.device:
             self.facts.device = STAND_IN if self.stand_in else self.device.uuid
         if self.stand_in:
+            if "ipc" not in self.facts.returns:
+                self.testee.stop()
             self.facts.device_unseen = why_unseen(
-                self.peer, self._role(), self.testee, self.stand_in
+                self.peer, self._role(), self.testee, self.stand_in, self.plan.patience
             )
+
+    def meet_again(self, facts: ClientFacts) -> None:
+        """Meet another instance of a client that was met, as it was then. Raises NoVerdict."""
+        self.facts = facts
+        self.testee.ensure_running()
+        self.peer.until(lambda: self.peer.connections or self.testee.ended(), self.plan.patience)
+        if not self.peer.connections:
+            raise not_met(self.testee, "client", "its ports", self.plan.host, self.plan.patience)
+
+    def lost(self) -> str:
+        """Which vital sign the client has lost since it was met, in words; nothing if none."""
+        return lost_by_client(self.peer, self._role(), self.testee, self.facts, self.plan.patience)
 
     def trial(self, requirement: Requirement) -> ClientTrial:
         """A trial with fresh connections, on both channels, and a fresh role."""

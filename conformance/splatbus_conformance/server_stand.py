@@ -11,8 +11,9 @@ from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_introduction import ServerFacts, introduce
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.testee import Awaited, Launched, Say
+from splatbus_conformance.testee import Awaited, Launched, Say, not_met
 from splatbus_conformance.viewer import Viewer
+from splatbus_conformance.vital_signs import lost_by_server
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
 """Holds the token for a server that requires one, as NEG-21 advises."""
@@ -56,6 +57,20 @@ class ServerStand:
             self.plan.patience,
             self.stand_in,
             self.device,
+        )
+
+    def meet_again(self, facts: ServerFacts) -> None:
+        """Meet another instance of a server that was met, as it was then. Raises NoVerdict."""
+        self.facts = facts
+        self.testee.ensure_running()
+        if self.lost():
+            where, patience = "its ports", self.plan.patience
+            raise not_met(self.testee, "server", where, self.plan.host, patience)
+
+    def lost(self) -> str:
+        """Which vital sign the server has lost since it was met, in words; nothing if none."""
+        return lost_by_server(
+            self.peer, self._new_viewer(), self.testee, self.facts, self.plan.patience
         )
 
     def close(self) -> None:

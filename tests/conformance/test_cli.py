@@ -3,17 +3,19 @@
 import io
 import shlex
 import sys
-from importlib.metadata import version
+from collections.abc import Callable
+from importlib import metadata
 
 import pytest
+import splatbus_client.cli
+import splatbus_server.cli
 from splatbus_conformance.asking import plan_of
 from splatbus_conformance.cli import main, parser
 from splatbus_conformance.commands import console
 from splatbus_conformance.examples import EXAMPLES
 from splatbus_conformance.options import FORMATS
 from splatbus_conformance.plan import SIDES, Usage
-from splatbus_conformance.reports import as_json
-from splatbus_schemas import LIMITS
+from splatbus_schemas import LIMITS, version
 
 LINES = [
     line.strip()
@@ -101,13 +103,58 @@ def test_a_terminal_that_lacks_a_character_gets_another(
     assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
 
 
-def test_the_version_is_that_of_the_distribution(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("splatbus-conformance", main),
+        ("splatbus-server", splatbus_server.cli.main),
+        ("splatbus-client", splatbus_client.cli.main),
+    ],
+)
+def test_the_version_is_that_of_the_distribution(
+    name: str, command: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as end:
-        main(["--version"])
+        command(["--version"])
     assert end.value.code == 0
-    assert capsys.readouterr().out == f"splatbus-conformance {version('splatbus-protocol')}\n"
+    assert capsys.readouterr().out == f"{name} {metadata.version('splatbus-protocol')}\n"
 
 
 def test_it_runs_where_nothing_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(as_json, "DISTRIBUTION", "no-such-distribution")
-    assert as_json.harness_version() == "unknown"
+    monkeypatch.setattr(version, "DISTRIBUTION", "no-such-distribution")
+    assert version.installed_version() == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["clinet", "--launch", "x"], "did you mean client?"),
+        (["client", "--launch", "x", "--profile", "ful"], "did you mean full?"),
+        (["client", "--launch", "x", "--profile", "QUICK"], "did you mean quick?"),
+        (["audit", "x.jsonl", "--peer", "sever"], "did you mean server?"),
+    ],
+)
+def test_a_word_that_is_not_known_is_answered_with_what_is_near(
+    words: list[str], hint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == 2
+    assert hint in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("FRM3", "did you mean FRM-3?"),
+        ("frm_3", "did you mean FRM-3"),
+        ("FMR-3", "did you mean FRM-3"),
+        ("FRM", "a clause, with FRM-1, FRM-2"),
+        ("zzz", "the families are ACC"),
+    ],
+)
+def test_an_id_that_is_none_is_answered_with_what_is_near(
+    word: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--plain", "explain", word]) == 2
+    assert told in capsys.readouterr().out
