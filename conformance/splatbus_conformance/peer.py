@@ -163,12 +163,19 @@ class Peer:
 
     def listen(self, channel: Channel) -> None:
         """Accept connections on this channel from now on; OSError if the port is taken."""
-        if channel not in self._listeners:
+        listener = self._listeners.get(channel)
+        if listener is None:
             listener = socket.create_server((self.host, self.ports[channel]), backlog=16)
             self.ports[channel] = listener.getsockname()[1]
             listener.setblocking(False)
             self._listeners[channel] = listener
+        if listener not in self._selector.get_map():
             self._selector.register(listener, selectors.EVENT_READ, channel)
+
+    def hold(self, channel: Channel) -> None:
+        """Leave connections on this channel in the backlog, neither accepted nor refused."""
+        self.listen(channel)
+        self.forget(self._listeners[channel])
 
     def dial(self, channel: Channel, seconds: float = DIAL_SECONDS) -> Connection:
         """Connect to the testee on this channel; OSError if it does not accept in time."""
@@ -179,7 +186,7 @@ class Peer:
     def refuse(self, channel: Channel) -> None:
         """Refuse connections on this channel from now on."""
         if listener := self._listeners.pop(channel, None):
-            self._selector.unregister(listener)
+            self.forget(listener)
             listener.close()
 
     def pump(self, seconds: float = 0.0) -> None:
