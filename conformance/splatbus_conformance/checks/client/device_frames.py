@@ -41,7 +41,7 @@ def ring_of(trial: ClientTrial) -> Iterator[tuple[DeviceRing, Connection]]:
 
 def lend(trial: ClientTrial, ring: DeviceRing, connection: Connection) -> tuple[int, int]:
     """Lend the next slot, drawn and complete; its slot and its `seq`."""
-    slot = (trial.role.with_(connection).frames + 1) % trial.role.slots
+    slot = trial.role.coming(connection).slot
     ring.fill(slot, b"\0")
     ring.events[slot].begin()
     ring.events[slot].complete()
@@ -65,8 +65,8 @@ def check_waits_for_the_event_of_the_slot(trial: ClientTrial) -> None:
     slots are not.
     """
     with ring_of(trial) as (ring, connection):
-        for number in range(trial.role.slots):
-            slot = (number + 1) % trial.role.slots
+        for _ in range(trial.role.slots):
+            slot = trial.role.coming(connection).slot
             ring.events[slot].begin()
             before = len(trial.calls())
             seq = trial.role.lend(connection)

@@ -104,7 +104,7 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
             trial.role.offer(connection, trial.role.init_packet(connection))
             offered[dealings.generation] = written[-1]
         taken = trial.opens(connection) and (
-            not dealings.frames or trial.releases(connection, dealings.frames)
+            not dealings.frames or trial.releases(connection, dealings.frames[-1])
         )
         refused = [offered[it] for it in offered if it not in dealings.opened]
         outcome = trial.fate() or ("closes" if connection.ended else "ignores")
