@@ -32,6 +32,14 @@ class Breach(NamedTuple):
     slots: int = SLOTS
 
     @property
+    def kind(self) -> tuple[str, str, bool]:
+        """The rule and the member that are broken; extremes are kinds of their own."""
+        path, value = next(iter(self.changes.items()))
+        odd_size = (self.width, self.height, self.slots) != (WIDTH, HEIGHT, SLOTS)
+        extreme = value is None or (type(value) is int and abs(value) >= 1 << 31)
+        return self.requirement, path, extreme or odd_size
+
+    @property
     def what(self) -> str:
         """The changes in words."""
         size = "" if self.width * self.height <= ROOM else f"{self.width}x{self.height}, "
