@@ -206,6 +206,12 @@ BROKEN = {
         "check_waits_for_the_event_of_the_slot",
         "was pending when it called cudaMemcpyAsync",
     ),
+    "releases every other frame": (
+        'send(sock, {"type": "release", **release})',
+        'send(sock, {"type": "release", **release}) if message["slot"] else None',
+        "check_releases_each_frame_of_the_device",
+        "was not released within 5 s",
+    ),
     "releases what it still reads": (
         '        cuda("StreamSynchronize", self.stream)\n\n',
         "\n",

@@ -13,11 +13,13 @@ from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, changed
 from splatbus_conformance.broken_text import broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.client.framing import (
+    ENDS,
     NAMED,
     SOMEWHERE,
     STRANGER,
     fewer_cuts,
     in_utf_8,
+    inside,
     send_cut,
 )
 from splatbus_conformance.checks.client.init_packets import OTHERS
@@ -32,6 +34,7 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.listening import Listening
 from splatbus_conformance.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.packets import packet
+from splatbus_conformance.role import APART_SECONDS
 
 OPENS = ("stand-in", "ipc")
 BAIT_SIZE = 256, 192
@@ -218,10 +221,11 @@ def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
     """The connection ends inside an init packet, in the header and later; the next has a whole."""
     with ExitStack() as held:
         listening = Listening(trial, held)
-        for kept in trial.each((1, 3, 4, 5, 200), kind=lambda kept: kept > 4):
+        for kept, end in trial.each(ENDS, kind=inside):
             connection, good = listening.fresh(), listening.image()
             connection.send(packet(encode(good.init_packet()))[:kept])
-            connection.close()
+            trial.rest(APART_SECONDS)
+            getattr(connection, end)()
             again = trial.next_connection("ipc")
             opened = again is not None and listening.opens(again, good)
             outcome = "reconnects" if opened else trial.fate() or "hangs"

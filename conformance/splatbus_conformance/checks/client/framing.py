@@ -227,14 +227,32 @@ def check_any_segmentation_of_replies(trial: ClientTrial) -> None:
     profile="full",
 )
 def check_incomplete_packet_is_given_up(trial: ClientTrial) -> None:
-    """A header and half a payload, then silence for longer than the limit."""
+    """A header and half a payload, then silence for longer than the limit; then the same with one
+    byte more every second.
+    """
     trial.role.welcomes = trial.role.offers_memory = False
-    connection = trial.connection("ipc")
-    connection.send(packet(encode(trial.role.legacy_init_packet()))[:100])
+    data = packet(encode(trial.role.legacy_init_packet()))
     limit = LIMITS["packet_completion_seconds"]
-    outcome = closing(trial, connection, limit + LIMITS["close_seconds"])
-    trial.judge(outcome, f"a packet that stays incomplete for more than {limit} s")
-    trial.delivered += 1
+    for dribbles in (False, True):
+        connection = trial.connection("ipc")
+        connection.send(data[:100])
+        for place in range(100, 100 + int(limit) if dribbles else 100):
+            if not trial.ends(connection, 1.0):
+                connection.send(data[place : place + 1])
+        left = LIMITS["close_seconds"] + (0 if dribbles else limit)
+        outcome = closing(trial, connection, left)
+        what = f"a packet that stays incomplete for more than {limit} s"
+        trial.judge(outcome, what + (", with a byte a second" if dribbles else ""))
+        trial.delivered += 1
+
+
+ENDS = tuple((kept, end) for kept in (1, 3, 4, 5, 200) for end in ("close", "reset"))
+"""Bytes of a packet, and how the connection ends after them."""
+
+
+def inside(case: tuple[int, str]) -> tuple[bool, str]:
+    """Whether the header had come whole, and how the connection ended."""
+    return case[0] > 4, case[1]
 
 
 @check(
@@ -244,11 +262,43 @@ def check_incomplete_packet_is_given_up(trial: ClientTrial) -> None:
     may_crash=True,
 )
 def check_half_packet_is_discarded(trial: ClientTrial) -> None:
-    """The connection ends inside an init packet, at the first byte, in the header and later."""
+    """The connection ends inside an init packet, at the first byte, in the header and later; it is
+    closed or reset.
+    """
     trial.role.offers_memory = False
-    for kept in trial.each((1, 3, 4, 5, 200), kind=lambda kept: kept > 4):
+    for kept, end in trial.each(ENDS, kind=inside):
         connection = trial.greeted("ipc")
         connection.send(packet(encode(trial.role.init_packet(connection)))[:kept])
-        connection.close()
+        trial.rest(APART_SECONDS)
+        getattr(connection, end)()
         outcome = "reconnects" if trial.comes_back("ipc") else trial.fate() or "hangs"
-        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet")
+        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet, by {end}")
+
+
+@check(
+    "FRM-6",
+    observable="after half a reply and a new connection, the testee takes whole ones",
+    needs=("asks", "returns:msg"),
+    may_crash=True,
+)
+def check_half_reply_is_discarded(trial: ClientTrial) -> None:
+    """The connection ends inside the reply that is awaited. Whoever continues it with what comes on
+    the next connection finds a bad length there, and closes.
+    """
+    for kept, end in trial.each(ENDS, kind=inside):
+        connection = asking(trial)
+        trial.role.replies = False
+        (request, *_) = requests(trial, connection)
+        reply = packet(encode(trial.role.answer(connection, request) or {}))
+        connection.send(reply[: min(kept, len(reply) - 1)])
+        trial.rest(APART_SECONDS)
+        trial.role.replies = True
+        getattr(connection, end)()
+        again = trial.next_connection("msg")
+        what = f"a connection that ends after {kept} bytes of a reply, by {end}"
+        if again is None:
+            trial.judge(trial.fate() or "hangs", what)
+        elif trial.ends(again, REACTION_SECONDS):
+            trial.judge(trial.fate() or "closes", f"{what}: on the next connection")
+        else:
+            trial.delivered += bool(again.packets)

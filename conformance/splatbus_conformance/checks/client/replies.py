@@ -112,6 +112,7 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     trial.role.width, trial.role.height = real
     told = connection.packets[-1].ended
     if not trial.wait(lambda: dealings.count("get_viewport_size") > 1):
+        trial.expect(not trial.fate(), "told [0,0], it did not go on")
         trial.not_observable("the testee does not ask again: it may not need the size")
     asked = next(
         p.ended

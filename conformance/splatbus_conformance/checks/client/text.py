@@ -10,6 +10,7 @@ from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, breache
 from splatbus_conformance.broken_replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks.client.init_packets import for_broken_packet
 from splatbus_conformance.checks.client.replies import answer_all, asking, outcome_of_reading
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lenient_json import shorten
@@ -198,7 +199,7 @@ def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
     trial.role.offers_memory = False
     texts = broken_texts(trial.role.init_packet(trial.for_init_packet()))
     for number in trial.each(range(len(texts)), kind=lambda number: texts[number].kind):
-        connection = trial.for_init_packet()
+        connection = for_broken_packet(trial, number)
         broken = broken_texts(trial.role.init_packet(connection))[number]
         outcome = trial.outcome_on_ipc(connection, packet(broken.payload))
         trial.judge(outcome, f"an init packet with {broken.what} ({broken.requirement})")
@@ -273,8 +274,9 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
     trial.role.offers_memory = False
     texts = [*broken_texts(trial.role.legacy_init_packet()), *_odd_messages()]
     cases: list[BrokenText | Breach] = [*texts, *breaches_of_1_0(), *breaches_of_1_1()]
-    for broken in trial.each(cases, kind=lambda broken: broken.kind, spare=SPARE):
-        connection = trial.for_init_packet()
+    chosen = trial.each(cases, kind=lambda broken: broken.kind, spare=SPARE)
+    for number, broken in enumerate(chosen):
+        connection = for_broken_packet(trial, number)
         if isinstance(broken, Breach):
             generation = trial.role.init_packet(connection)["generation"]
             payload = encode(broken.packet(trial.role.memory.name, generation))

@@ -10,7 +10,7 @@ from splatbus_conformance.broken_packets import breaches_of_1_0, changed
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.client.channels import closing
-from splatbus_conformance.checks.client.framing import BAD_HEADERS
+from splatbus_conformance.checks.client.framing import BAD_HEADERS, ENDS, inside
 from splatbus_conformance.checks.client.init_packets import OTHERS
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode, init_packet_1_0
@@ -19,8 +19,6 @@ from splatbus_conformance.peer import Connection
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
 
 HANDLES = ("", "A" * 88, "A" * 87, "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88])
-KEPT = (1, 3, 4, 5, 200)
-"""Bytes of a packet before its connection ends."""
 ON_A_CONNECTION = 8
 PAUSE_SECONDS = 0.003
 """Between payloads of a row, so that a close is seen before the next is sent."""
@@ -75,14 +73,15 @@ def check_bad_length_closes_unheard(trial: ClientTrial) -> None:
 def check_half_packet_is_discarded_unheard(trial: ClientTrial) -> None:
     """The connection ends inside an init packet: at the first byte, in the header and later."""
     whole = packet(encode(init_packet_1_0(trial.role.width, trial.role.height)))
-    for kept in trial.each(KEPT, kind=lambda kept: kept > 4):
+    for kept, end in trial.each(ENDS, kind=inside):
         connection = silent_connection(trial)
         connection.send(whole[:kept])
         trial.rest(REACTION_SECONDS / 10)
+        getattr(connection, end)()
         outcome = outcome_at_the_end(trial, connection)
         if outcome is None:
             trial.not_observable("the testee lives, and does not come back to be seen")
-        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet")
+        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet, by {end}")
 
 
 @check(
