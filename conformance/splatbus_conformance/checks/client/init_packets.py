@@ -146,7 +146,7 @@ def check_ignores_what_is_no_init_packet(trial: ClientTrial) -> None:
     for other in trial.each([{"note": filler}, *OTHERS, *typed], drawn, quick=10, full=200):
         connection = trial.for_init_packet()
         if other.get("meta") == GOOD:
-            other = trial.role.init_packet(connection) | {"type": other["type"]}
+            other = {"type": other["type"], **trial.role.init_packet(connection)}
         outcome = trial.outcome_on_ipc(connection, packet(encode(other)))
         shown = encode(other)[:80].decode("ascii", "replace")
         trial.judge(outcome, f"the object {shown} on the IPC channel")
