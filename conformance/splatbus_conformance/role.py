@@ -59,6 +59,8 @@ class Dealings:
     coming: Coming | None = None
     slots: list[int] = field(default_factory=list)
     """Those that were not lent yet since all were."""
+    drawn: Random = field(default_factory=Random)
+    """What numbers and slots are drawn from."""
     lent_of: int = 0
     """Its generation."""
     shown: Viewpoint | None = None
@@ -96,6 +98,7 @@ class Role:
     def __init__(
         self, memory: HostMemory, width: int, height: int, slots: int = 3, seed: int = 0
     ) -> None:
+        self._seed = seed
         self._random = Random(f"role {seed}")
         self.memory: HostMemory | Allocation = memory
         self.ring: DeviceRing | None = None
@@ -131,8 +134,10 @@ class Role:
         return messages.intrinsics(self.width, self.height) | drawn
 
     def with_(self, connection: Connection) -> Dealings:
-        """What was said on this connection."""
-        return self.dealings.setdefault(connection, Dealings())
+        """What was said on this connection; on each, frames have the same numbers and slots."""
+        if connection not in self.dealings:
+            self.dealings[connection] = Dealings(drawn=Random(f"frames {self._seed}"))
+        return self.dealings[connection]
 
     def on_open(self, connection: Connection) -> None:
         """A testee connected."""
@@ -209,9 +214,9 @@ class Role:
         """
         dealings = self.with_(connection)
         if dealings.coming is None:
-            dealings.slots = dealings.slots or self._random.sample(range(self.slots), self.slots)
-            step = self._random.choice(STEPS)
-            first = self._random.choice(FIRST_NUMBERS)
+            drawn = dealings.drawn
+            dealings.slots = dealings.slots or drawn.sample(range(self.slots), self.slots)
+            step, first = drawn.choice(STEPS), drawn.choice(FIRST_NUMBERS)
             seq = dealings.frames[-1] + step if dealings.frames else first
             dealings.coming = Coming(seq, dealings.slots.pop())
         return dealings.coming

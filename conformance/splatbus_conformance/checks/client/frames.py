@@ -6,6 +6,7 @@ from splatbus_conformance.broken_frames import broken_frames
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.trial import SETTLE_SECONDS
 
 LAST_NUMBER: int = LIMITS["max_safe_integer"]
 
@@ -63,7 +64,7 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
         trial.role.say(connection, frame)
         given_back = trial.releases(connection, frame["seq"])
         what = f"a frame with {broken}"
-        expect_alive(trial, what)
+        expect_alive(trial, connection, what)
         if not connection.ended:
             trial.expect(given_back, f"{what}: its slot was not released within 5 s")
             once = released.count(frame["seq"]) == 1
@@ -91,7 +92,7 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
         trial.role.width = widths[number % 2]
         trial.role.offer(connection, trial.role.init_packet(connection))
         closes = trial.wait(lambda: former in dealings.closed or connection.ended)  # noqa: B023
-        expect_alive(trial, "a further init packet while a frame is lent")
+        expect_alive(trial, connection, "a further init packet while a frame is lent")
         if not closes or connection.ended:
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
         said = [(m.get("type"), m.get("generation"), m.get("seq")) for m in dealings.heard]
@@ -137,13 +138,15 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
         former = dealings.generation
         trial.role.offer(connection, trial.role.init_packet(connection))
         if not trial.wait(lambda: former in dealings.closed or connection.ended):  # noqa: B023
-            expect_alive(trial, "a further init packet")
+            expect_alive(trial, connection, "a further init packet")
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
         judge_bad_frame(trial, connection, "a frame of closed memory", generation=former)
 
 
-def expect_alive(trial: ClientTrial, what: str) -> None:
-    """The requirement is violated by a testee that has ended."""
+def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
+    """A testee that has ended violates the requirement, also if that shows only a moment later."""
+    if connection.ended:
+        trial.wait(trial.fate, SETTLE_SECONDS)
     if fate := trial.fate():
         trial.judge(fate, what)
 

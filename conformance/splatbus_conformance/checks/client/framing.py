@@ -83,12 +83,20 @@ def send_cut(trial: ClientTrial, connection: Connection, data: bytes, cuts: Cuts
         trial.rest(pause)
 
 
+def closed_by(trial: ClientTrial, connection: Connection) -> str:
+    """As `closing`, within the time that a close may take; to end in an orderly way closes too, and
+    may be seen before its connection is.
+    """
+    outcome = closing(trial, connection, EFFECT_SECONDS)
+    return "closes" if outcome == "hangs" and connection.ended else outcome
+
+
 def outcome_of_bad_length(trial: ClientTrial, connection: Connection) -> str:
     """What the testee does after a bad header on the message channel, as `outcome_on_msg`.
 
     That it closes shows without its return; where it is known to return, it has to.
     """
-    outcome = closing(trial, connection, EFFECT_SECONDS)
+    outcome = closed_by(trial, connection)
     if outcome == "hangs" or (outcome == "closes" and "msg" in trial.facts.returns):
         return trial.outcome_on_msg(connection)
     trial.delivered += outcome == "closes"

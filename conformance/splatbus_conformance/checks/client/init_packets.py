@@ -24,8 +24,7 @@ from splatbus_conformance.sound_packets import layouts, unusual_packets
 from splatbus_conformance.trial import REACTION_SECONDS
 
 LISTENING_SECONDS = 0.3
-SPARE = 150
-"""Broken packets besides one of each kind."""
+FIRST_EVERY = 40
 
 OTHERS: tuple[Json, ...] = (
     {},
@@ -57,8 +56,12 @@ def offer(trial: ClientTrial, init_packet: Json) -> tuple[bool, int]:
 
 
 def for_broken_packet(trial: ClientTrial, number: int) -> Connection:
-    """Where a broken packet goes: one in ten is the first on its connection."""
-    return trial.for_init_packet() if number % 10 else trial.greeted("ipc")
+    """Where a broken packet goes: some are the first on their connection, by the seed.
+
+    Few, since connections are what a testee may not afford.
+    """
+    first = number < 3 * FIRST_EVERY and number % FIRST_EVERY == trial.seed % FIRST_EVERY
+    return trial.greeted("ipc") if first else trial.for_init_packet()
 
 
 def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[str, str]) -> None:
@@ -68,7 +71,7 @@ def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[
     """
     trial.role.offers_memory = False
     with HostMemory(ROOM) as memory:
-        chosen = trial.each(breaches, kind=lambda breach: breach.kind, spare=SPARE)
+        chosen = trial.each(breaches, kind=lambda breach: breach.kind)
         for number, breach in enumerate(chosen):
             connection = for_broken_packet(trial, number)
             generation = trial.role.init_packet(connection)["generation"]

@@ -25,8 +25,6 @@ Writer = Callable[[Json], bytes]
 Spelling = tuple[int, list[str]]
 """A seed, and the liberties that are taken."""
 ROWS_ON_A_CONNECTION = 10
-SPARE = 100
-"""Broken init packets besides one of each kind."""
 AT_ONCE = 8
 """Init packets in a row."""
 PAUSE_SECONDS = 0.003
@@ -274,7 +272,7 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
     trial.role.offers_memory = False
     texts = [*broken_texts(trial.role.legacy_init_packet()), *_odd_messages()]
     cases: list[BrokenText | Breach] = [*texts, *breaches_of_1_0(), *breaches_of_1_1()]
-    chosen = trial.each(cases, kind=lambda broken: broken.kind, spare=SPARE)
+    chosen = trial.each(cases, kind=lambda broken: broken.kind)
     for number, broken in enumerate(chosen):
         connection = for_broken_packet(trial, number)
         if isinstance(broken, Breach):

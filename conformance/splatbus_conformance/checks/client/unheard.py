@@ -9,14 +9,13 @@ from collections.abc import Sequence
 from splatbus_conformance.broken_packets import breaches_of_1_0, changed
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.client.channels import closing
-from splatbus_conformance.checks.client.framing import BAD_HEADERS, ENDS, inside
+from splatbus_conformance.checks.client.framing import BAD_HEADERS, ENDS, closed_by, inside
 from splatbus_conformance.checks.client.init_packets import OTHERS
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode, init_packet_1_0
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
+from splatbus_conformance.trial import REACTION_SECONDS, SETTLE_SECONDS
 
 HANDLES = ("", "A" * 88, "A" * 87, "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88])
 ON_A_CONNECTION = 8
@@ -59,7 +58,7 @@ def check_bad_length_closes_unheard(trial: ClientTrial) -> None:
     for script in trial.each(BAD_HEADERS, kind=lambda it: it.kind):
         connection = silent_connection(trial)
         connection.send(script.data)
-        outcome = closing(trial, connection, EFFECT_SECONDS)
+        outcome = closed_by(trial, connection)
         trial.judge(outcome, script.what)
         trial.delivered += 1
 
