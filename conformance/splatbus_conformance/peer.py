@@ -44,6 +44,8 @@ class Connection:
         """How the testee ended its stream, if it did."""
         self.open = True
         """The harness has not closed it."""
+        self.sent = 0
+        """Bytes that the harness has sent."""
         self._peer = peer
         self._sock = sock
         self._splitter = Splitter()
@@ -54,6 +56,7 @@ class Connection:
             with contextlib.suppress(OSError):
                 self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
+                self.sent += len(data)
 
     @property
     def no_packet(self) -> bytes:
