@@ -27,6 +27,7 @@ class Misdeed(NamedTuple):
 
     what: str
     commit: Callable[[ServerTrial, Connection], object]
+    begins: Callable[[ServerTrial, Channel], Connection] = ServerTrial.dial
 
 
 def sends(what: str, data: bytes) -> Misdeed:
@@ -91,16 +92,16 @@ MISDEEDS = (
     Misdeed("closes at once", lambda trial, connection: connection.close()),
 )
 MISDEEDS_OF_READERS = (
-    Misdeed("never gives a frame back", _holds_a_lease),
-    Misdeed("resets while it holds a frame", _resets_with_a_lease),
+    Misdeed("never gives a frame back", _holds_a_lease, ServerTrial.before_hello),
+    Misdeed("resets while it holds a frame", _resets_with_a_lease, ServerTrial.before_hello),
 )
 
 
 def crowd(trial: ServerTrial, channel: Channel) -> None:
     """Passers-by who come and go at once, then clients that stay and say nothing."""
     for _ in range(PASSERS_BY):
-        trial.dial(channel).close()
+        trial.before_hello(channel).close()
         trial.rest(PACE_SECONDS)
     for _ in range(CROWD):
-        trial.dial(channel)
+        trial.before_hello(channel)
         trial.rest(PACE_SECONDS)

@@ -56,6 +56,11 @@ class Connection:
                 self._peer.note(self, self._peer.ours, data)
 
     @property
+    def gone(self) -> bool:
+        """One of both has closed it."""
+        return self.ended is not None or not self.open
+
+    @property
     def no_packet(self) -> bytes:
         """What the testee sent from a header on that is none (FRM-2), as far as it is kept."""
         return self._splitter.rest if self._splitter.refused is not None else b""

@@ -68,7 +68,22 @@ class ServerTrial(Trial):
     # Meeting the testee
 
     def dial(self, channel: Channel) -> Connection:
-        """A new connection, on which nothing was said yet; starts the server if it has ended."""
+        """A new connection that is served, and agreed on nothing.
+
+        To most servers nothing need be said for that; one that requires a token was given it, and
+        has said `welcome`.
+        """
+        if self.facts.unauthorized:
+            self.not_observable("the server asks for a token that it was not given")
+        if self.viewer.token is None:
+            return self.before_hello(channel)
+        return self.greeted(channel, capabilities=[])
+
+    def before_hello(self, channel: Channel) -> Connection:
+        """A new connection on which nothing was said; starts the server if it has ended.
+
+        For what is said first. One on which something is to be answered comes from `dial`.
+        """
         if self.testee.ended() is not None:
             self.testee.stop()
         self.testee.ensure_running()
@@ -93,7 +108,7 @@ class ServerTrial(Trial):
         `welcome` or an `error`; None if the server closes, or says neither in time.
         """
         for _ in range(GREETINGS):
-            connection = self.dial(channel)
+            connection = self.before_hello(channel)
             heard = self.viewer.with_(connection).heard
             self.viewer.greet(connection, **changes)
             self.wait(lambda: _answer(heard) or connection.ended)  # noqa: B023
@@ -193,6 +208,13 @@ class ServerTrial(Trial):
 
     # Scripts, and what becomes of them
 
+    def judge(self, outcome: str, what: str) -> None:
+        """The same; who had to say hello may be told by an `error` what is ignored."""
+        acceptable = self.requirement.acceptable
+        if outcome == "reports" and self.viewer.token is not None and outcome not in acceptable:
+            outcome = "ignores"
+        super().judge(outcome, what)
+
     def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on a message connection, then a good request as the control.
 
@@ -234,26 +256,52 @@ class ServerTrial(Trial):
         return self._end_of(connection)
 
     def serves(self) -> bool:
-        """Whether the server answers a request on a new connection."""
-        if self.fate():
+        """Whether new connections are served on both channels: requests are answered on one, and
+        on the other whatever the server says first was said.
+
+        Beside another of ours, a new one may be closed instead (CHN-13).
+        """
+        return not self.fate() and self._serves_on("msg") and self._serves_on("ipc")
+
+    def _serves_on(self, channel: Channel) -> bool:
+        said_first = self.facts.welcome[channel] or self.facts.at_once
+        if not self.facts.listens[channel] or (channel == "ipc" and not said_first):
+            return True
+        connection = self.reach(channel)
+        if connection is None:
             return False
-        connection = self._reach("msg")
-        served = connection is not None and self.answers(connection)
-        if connection is not None:
-            connection.close()
+        heard = self.viewer.with_(connection).heard
+        if channel == "msg":
+            served = self.answers(connection)
+        else:
+            if self.facts.welcome[channel] and self.viewer.token is None:
+                self.viewer.greet(connection, capabilities=[])
+            served = self.wait(lambda: heard or connection.ended) and bool(heard)
+        others = (c for c in self.peer.connections if c.channel == channel and c is not connection)
+        served = served or (connection.ended is not None and any(not c.gone for c in others))
+        connection.close()
         return served
 
     def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the server ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
 
+    def reach(self, channel: Channel) -> Connection | None:
+        """A new connection, on which a token was said if the server requires one; None if it
+        accepts none.
+        """
+        connection = self._reach(channel)
+        if connection is not None and self.viewer.token is not None:
+            self.viewer.greet(connection, capabilities=[])
+        return connection
+
     def _reach(self, channel: Channel) -> Connection | None:
         """A new connection; where one is served at a time and none is held, one that stays.
 
         There, the next is refused until the server has seen that the last has gone.
         """
-        kept = (c for c in self.peer.connections if c.channel == channel and c.open)
-        retries = self.facts.alone[channel] and all(c.ended for c in kept)
+        kept = (c for c in self.peer.connections if c.channel == channel)
+        retries = self.facts.alone[channel] and all(c.gone for c in kept)
         deadline = time.monotonic() + EFFECT_SECONDS
         while True:
             connection = reach(self.peer, self.testee, channel, self.patience)
@@ -281,8 +329,6 @@ class ServerTrial(Trial):
         """
         if self._mover is None or self._mover.ended or not self._mover.open:
             self._mover = self.dial("msg")
-            if self.viewer.token is not None:
-                self.viewer.greet(self._mover)
             self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
         if pose is None:
             row, column = divmod(next(_places), 64)

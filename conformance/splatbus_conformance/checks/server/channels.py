@@ -13,7 +13,7 @@ from splatbus_conformance.misdeeds import (
     crowd,
 )
 from splatbus_conformance.packets import packet
-from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.peer import CHANNELS
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.steering import Steering
@@ -88,7 +88,8 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
     orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
     for first, second in orders:
         trial.peer.close_all()
-        connections = {channel: trial.dial(channel) for channel in (first, second)}
+        open_on = {"msg": trial.dial, "ipc": trial.before_hello}
+        connections = {channel: open_on[channel](channel) for channel in (first, second)}
         what = f"beside a client on the {second} channel that came after one on the {first} channel"
         trial.expect(trial.answers(connections["msg"]), f"no reply {what}")
         if trial.facts.welcome["ipc"] is not None:
@@ -106,12 +107,10 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """Twelve clients on the message channel, none of which goes."""
-    connections: list[Connection] = []
     for number in trial.each(range(1, FURTHER + 1)):
-        connections.append(trial.dial("msg"))
-        newest = connections[-1]
-        served = trial.answers(newest)
-        if trial.fate() or not (served or newest.ended):
+        newest = trial.reach("msg")
+        served = newest is not None and (trial.answers(newest) or newest.ended)
+        if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
 
 
@@ -124,7 +123,7 @@ def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> No
     """Twelve clients on the IPC channel, which say hello, and none of which goes."""
     trial.greeted("ipc")
     for number in trial.each(range(2, FURTHER + 1)):
-        connection = trial.dial("ipc")
+        connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         trial.viewer.greet(connection)
         trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
@@ -212,7 +211,7 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
         witness.close()
     for misdeed in trial.each(misdeeds):
         what = f"a client that {misdeed.what}, on the {channel} channel"
-        culprit = trial.dial(channel)
+        culprit = misdeed.begins(trial, channel)
         misdeed.commit(trial, culprit)
         if watched:
             answered = trial.answers(witness) or trial.wait(trial.fate, REACTION_SECONDS)

@@ -58,7 +58,7 @@ def check_any_segmentation_on_ipc(trial: ServerTrial) -> None:
     every_byte = list(range(1, len(said)))
     some = st.lists(st.integers(1, len(said) - 1), max_size=6)
     for cuts in trial.each([every_byte], some, quick=10, full=300, simpler=without_one):
-        connection = trial.dial("ipc")
+        connection = trial.before_hello("ipc")
         for begin, end in itertools.pairwise([0, *sorted(set(cuts)), len(said)]):
             connection.send(said[begin:end])
             trial.rest(0.0 if len(cuts) > 6 else 0.0005)

@@ -118,7 +118,7 @@ def judge_writer_on_ipc(trial: ServerTrial, writer: Writer, quick: int, full: in
             written.append(writer(message, random))  # noqa: B023 - the closures end with the round
             return written[-1]  # noqa: B023
 
-        connection = trial.dial("ipc")
+        connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         trial.viewer.encode = encode_and_keep
         trial.viewer.greet(connection)
@@ -248,7 +248,7 @@ def check_handles_the_next_packet_on_ipc(trial: ServerTrial) -> None:
     texts = broken_texts(UNKNOWN)[:: 1 if trial.thorough else STRIDE]
     ignored = 0
     for text in trial.each(texts):
-        connection = trial.dial("ipc")
+        connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         connection.send(packet(text.payload))
         trial.viewer.greet(connection)
