@@ -68,6 +68,7 @@ class Adapted:
         self.name = command
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
+        self.started = 0.0
         self._command = Command(command, environment)
         self.argv = self._command.argv
         self._peer, self._patience = peer, patience
@@ -92,6 +93,7 @@ class Adapted:
 
         Raises AdapterBroken, and NoVerdict if the command cannot be started.
         """
+        self.started = time.monotonic()
         process = self._process = self._command.start({}, subprocess.PIPE, subprocess.PIPE)
         self._mute = False
         self._lines, self._commands = queue.SimpleQueue(), queue.SimpleQueue()

@@ -18,6 +18,7 @@ from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.role import Role
 from splatbus_conformance.smoke import smoke
 from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee
+from splatbus_conformance.vital_signs import lost_by_client
 
 SLOTS = 3
 
@@ -44,15 +45,21 @@ class ClientStand:
         """Meet the client for the first time. Raises NoVerdict."""
         if isinstance(self.testee, Adapted):
             smoke(self.testee, self.peer, self._role())
-        self.facts = introduce(self.peer, self._role(), self.testee, self.plan.patience)
+        self.facts = introduce(self.peer, self._role, self.testee, self.plan.patience)
         if isinstance(self.testee, Adapted):
             self.facts.adapter = self.testee.greeting
         if self.device:
             self.facts.device = STAND_IN if self.stand_in else self.device.uuid
         if self.stand_in:
+            if "ipc" not in self.facts.returns:
+                self.testee.stop()
             self.facts.device_unseen = why_unseen(
-                self.peer, self._role(), self.testee, self.stand_in
+                self.peer, self._role(), self.testee, self.stand_in, self.plan.patience
             )
+
+    def lost(self) -> str:
+        """Which vital sign the client has lost since it was met, in words; nothing if none."""
+        return lost_by_client(self.peer, self._role(), self.testee, self.facts, self.plan.patience)
 
     def trial(self, requirement: Requirement) -> ClientTrial:
         """A trial with fresh connections, on both channels, and a fresh role."""

@@ -7,6 +7,7 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.client_introduction import ClientFacts
 from splatbus_conformance.device_memory import Device
+from splatbus_conformance.meeting import NAMES, does_not_come
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
@@ -15,7 +16,7 @@ from splatbus_conformance.role import Role
 from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.testee import Testee
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, Trial
 
 MANY_CONNECTIONS = 6
 """From which on the quick profile delivers only what it has to."""
@@ -60,20 +61,53 @@ class ClientTrial(Trial):
         """A connection of the testee on this channel that this trial has not used yet.
 
         Closes those that it has used, so that the testee makes a new one, and starts it anew where
-        that does not help. Skips the check if none comes within the run's patience.
+        that does not help. One that was seen to come back, and does not, has lost a vital sign.
+        Skips the check if none comes within the run's patience.
         """
         seconds = self.patience if seconds is None else seconds
-        if self.testee.ended():
+        if self.testee.ended() or self._takes_a_start(channel):
             self.end_testee()
-        self.testee.ensure_running()
-        found = self.next_connection(channel, seconds)
-        if found is None:
+        started = self.testee.ensure_running()
+        found = self._past_probes(channel, seconds)
+        if found is None and not started:
+            if channel in self.facts.returns:
+                self._note_loss(does_not_come(channel, self.testee))
             self.end_testee()
-        if found is None and self.testee.ensure_running():
-            found = self.next_connection(channel, seconds)
+            if self.testee.ensure_running():
+                found = self._past_probes(channel, seconds)
         if found is None:
             self.not_observable(f"the testee made no connection on the {channel} channel")
         return found
+
+    def renew(self) -> None:
+        """Have the next connection be made by a testee that was just started, where that can be."""
+        if self.testee.expendable:
+            self.end_testee()
+
+    def _takes_a_start(self, channel: Channel) -> bool:
+        """Only a testee that is started anew connects there: this one has done so, and is gone."""
+        came = self.peer.last_opened[channel] > self.testee.started
+        comes = channel in self.facts.returns or channel not in self.facts.connects
+        return self.testee.expendable and came and not comes and self._unused(channel) is None
+
+    def _past_probes(self, channel: Channel, seconds: float) -> Connection | None:
+        """A new connection; of a testee that has just been started, one that it means to keep."""
+        found = self.next_connection(channel, seconds)
+        probes = self.facts.probes.get(channel, 0)
+        while found is not None and self._since_start(channel) <= probes:
+            self.ends(found)
+            found = self.next_connection(channel, seconds)
+        return found
+
+    def _since_start(self, channel: Channel) -> int:
+        """How many connections the testee has made on a channel since it was started."""
+        born = self.testee.started
+        on_it = [c for c in self.peer.connections if c.channel == channel and c.opened >= born]
+        return len(on_it) if born else 1 + self.facts.probes.get(channel, 0)
+
+    def _note_loss(self, what: str) -> None:
+        harmed = any(connection in self._used for connection in self.peer.connections)
+        self.losses.append(Loss(what, before=not harmed))
 
     def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
         """Close those of this channel that were used; a new one, if it comes in time.
@@ -98,6 +132,9 @@ class ClientTrial(Trial):
         connection = self.connection(channel)
         self.wait(lambda: self.role.with_(connection).welcome)
         if self.role.with_(connection).welcome is None:
+            if self.facts.speaks_1_1(channel) and not connection.ended:
+                self._note_loss(f"it says no hello on the {NAMES[channel]} channel any more")
+                self.renew()
             self.not_observable("the testee said no hello on this connection")
         return connection
 
@@ -115,6 +152,8 @@ class ClientTrial(Trial):
     def asking(self) -> Connection:
         """A new message connection on which the testee has made a request, not answered yet."""
         self.role.replies = False
+        if not self.facts.asks_again:
+            self.renew()
         connection = self.connection("msg")
         dealings = self.role.with_(connection)
         asked = self.wait(
@@ -263,8 +302,12 @@ class ClientTrial(Trial):
     def comes_back(self, channel: Channel) -> bool:
         """Whether the testee connects to this channel again and says something that it means.
 
-        A client that speaks 1.0 has nothing to say on the IPC channel.
+        A client that speaks 1.0 has nothing to say on the IPC channel. One that never comes back
+        has gone on if it closed the connection and lives; else nothing can be said.
         """
+        if channel not in self.facts.returns:
+            self._expect_closed(channel)
+            return self.fate() is None
         connection = self.next_connection(channel)
         if connection is None:
             return False
@@ -289,12 +332,17 @@ class ClientTrial(Trial):
             return fate
         if not connection.ended:
             return "hangs"
-        if channel not in self.facts.returns:
-            self.not_observable(
-                "the testee closed the connection and is not known to come back: "
-                "a clean close and a dead listener look alike"
-            )
         return "closes" if self.comes_back(channel) else self.fate() or "hangs"
+
+    def _expect_closed(self, channel: Channel) -> None:
+        """A testee that never comes back shows by closing, and living on, that it goes on."""
+        on_it = [c for c in self.peer.connections if c.channel == channel and c in self._used]
+        if not (self.testee.expendable and on_it and on_it[-1].ended):
+            self.not_observable(
+                f"the testee is not known to come back to the {channel} channel: one that goes on "
+                "there and one that does not look alike"
+            )
+        self.delivered += 1
 
     def _unused(self, channel: Channel) -> Connection | None:
         return next(

@@ -40,15 +40,20 @@ def why_server_unseen(announced: Json | None, stand_in: StandIn) -> str | None:
     return None
 
 
-def why_unseen(peer: Peer, role: Role, testee: Testee, stand_in: StandIn) -> str | None:
-    """Show the client good device memory: None if it opens it, else why nothing can be seen."""
+def why_unseen(
+    peer: Peer, role: Role, testee: Testee, stand_in: StandIn, patience: float
+) -> str | None:
+    """Show the client good device memory: None if it opens it, else why nothing can be seen.
+
+    One that loads CUDA late is given as long as it may take to connect.
+    """
     image = DeviceImage(stand_in.device, role.width, role.height)
     image.draw(0)
     role.speaks, role.device_packet = "1.0", image.init_packet()
     peer.clear()
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
-    testee.ensure_running()
-    peer.until(lambda: image.opened(stand_in.calls()) or testee.ended(), EFFECT_SECONDS)
+    seconds = patience + EFFECT_SECONDS if testee.ensure_running() else EFFECT_SECONDS
+    peer.until(lambda: image.opened(stand_in.calls()) or testee.ended(), seconds)
     opened = image.opened(stand_in.calls())
     peer.close_all()
     peer.pump(SETTLE_SECONDS)

@@ -39,6 +39,8 @@ class Traffic:
     """How long the testee took for its answers."""
     advice: list[str] = field(default_factory=list)
     """What the meeting with the testee suggests to its author."""
+    losses: list[str] = field(default_factory=list)
+    """Results, as text: vital signs that the testee lost, charged to the check that took them."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
@@ -54,6 +56,7 @@ class Traffic:
         tally.add(self.tally, other.tally)
         latencies.add(self.latencies, other.latencies)
         self.advice = list(dict.fromkeys([*self.advice, *other.advice]))
+        self.losses += other.losses
         self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:
@@ -120,7 +123,9 @@ class Findings:
     def results(self, plan: Plan) -> list[Result]:
         """Every verdict, in the order of a serial run; the rules have the last word."""
         judged = self.traffic.judged(plan.side)
-        return [self.placed[place] for place in sorted(self.placed)] + [
+        found = [self.placed[place] for place in sorted(self.placed)]
+        found += map(result_from_text, self.traffic.losses)
+        return found + [
             replace(
                 tally.result(name, self.traffic.tally[name], requirement.level),
                 script=self.traffic.scripts.get(name, ""),

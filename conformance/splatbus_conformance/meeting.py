@@ -10,6 +10,7 @@ from splatbus_conformance.first_bytes import misread, recognised
 from splatbus_conformance.kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.messages import Json
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.testee import Testee
 from splatbus_conformance.values import strings
 
 NAMES: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
@@ -155,3 +156,10 @@ def _several(met: Sequence[Met], launched: int | None) -> list[str]:
             "before? End it: the harness takes it for your client"
         ]
     return []
+
+
+def does_not_come(channel: Channel, testee: Testee) -> str:
+    """In words, that a client which came back when it was met does so no more."""
+    if ended := testee.ended():
+        return f"its process {ended}"
+    return f"it does not connect to the {NAMES[channel]} channel any more"

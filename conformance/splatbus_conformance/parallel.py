@@ -104,6 +104,7 @@ class Worker:
         """End the testee: without a controller, nothing that comes later is called."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
         if self.checks:
+            self.checks.look_after()
             self.config.workeroutput[LEFT] = self.checks.traffic.as_text()  # type: ignore[attr-defined]
         if self.stand:
             self.stand.close()

@@ -153,6 +153,8 @@ class Peer:
         self.on_packet: Callable[[Connection, Packet], None] = lambda connection, packet: None
         self._selector = selectors.DefaultSelector()
         self._listeners: dict[Channel, socket.socket] = {}
+        self.last_opened: dict[Channel, float] = dict.fromkeys(CHANNELS, 0.0)
+        """When the last connection of each channel was made, by the monotonic clock."""
         self._start = time.monotonic()
         self._count = dict.fromkeys(CHANNELS, 0)
 
@@ -257,6 +259,7 @@ class Peer:
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._count[channel] += 1
         connection = Connection(self, sock, channel, self._count[channel])
+        self.last_opened[channel] = connection.opened
         self.connections.append(connection)
         self.entries.append(Entry(self._now(), channel, connection.number, event="open"))
         self._selector.register(sock, selectors.EVENT_READ, connection)

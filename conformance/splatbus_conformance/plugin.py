@@ -9,7 +9,7 @@ import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from splatbus_schemas.requirements import requirements
@@ -23,19 +23,36 @@ from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
+from splatbus_conformance.recording import Entry
 from splatbus_conformance.script import Script, as_text
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
 from splatbus_conformance.tally import add, rules_on, tally
 from splatbus_conformance.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
+from splatbus_conformance.vital_signs import forbids_loss
 
 EVIDENCE_LINES = 12
+PRINTED_LINES = 3
+NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
 PLACE = pytest.StashKey[int]()
 """Of a check among those of a serial run."""
 RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
 """Properties of reports: place and result of a check, and what crossed the wire meanwhile."""
 Order = Callable[[list[pytest.Item]], list[pytest.Item]]
+
+
+class Deed(NamedTuple):
+    """What a check has done to the testee."""
+
+    name: str
+    check: Check
+    script: str
+    """As text, for the sentence that forbids to lose a vital sign."""
+    entries: list[Entry]
+    """What crossed the wire."""
+    failed: bool
+    """Its own verdict says that something is broken."""
 
 
 class Modules(pytest.Directory):
@@ -73,6 +90,9 @@ class CheckPlugin:
         )
         self.traffic = self._nothing_yet()
         self.trial_now: Trial | None = None
+        self._latest: Deed | None = None
+        """The check that ran last."""
+        self._last_verdict = Verdict.SKIP
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
@@ -105,6 +125,7 @@ class CheckPlugin:
         report.longrepr = None
         if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
             result = self._result(item, call)
+            self._last_verdict = result.verdict
             report.user_properties.append((RESULT, (item.stash[PLACE], result_as_text(result))))
         elif call.when == "teardown":
             report.user_properties.append((TRAFFIC, self.traffic.as_text()))
@@ -126,9 +147,50 @@ class CheckPlugin:
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
         self.traffic.delivered += trial.delivered
         self.traffic.left_out += trial.left_out
-        if testee.ended() is not None:
-            trial.end_testee()
+        former, self._latest = self._latest, self._deed(check, request.node.name)
+        for loss in trial.losses:
+            self._charge(former if loss.before else self._latest, loss.what)
         self._keep(request.node.stash[PLACE], request.node.name)
+        if testee.ended() is not None and trial.killed:
+            trial.end_testee()
+        elif self.plan.side == "server" or testee.ended() is not None:
+            self.look_after()
+
+    def look_after(self) -> None:
+        """Look for the testee's vital signs; what it has lost is charged to the latest check, and
+        one that the harness can start is started anew.
+        """
+        if self._latest is None:
+            return
+        if lost := self.stand.lost():
+            self._charge(self._latest, lost)
+        if lost or self.stand.testee.ended() is not None:
+            self.stand.testee.stop()
+
+    def _deed(self, check: Check, name: str) -> "Deed":
+        script = self._script(forbids_loss(self.plan.side, check.requirement), name, by_rule=False)
+        failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
+        return Deed(name, check, script, list(self.stand.peer.entries), failed)
+
+    def _charge(self, deed: "Deed | None", what: str) -> None:
+        """A sign that was lost is the failure of the sentence that forbids it; where the check has
+        failed already, that says it.
+        """
+        if deed is None or deed.failed:
+            return
+        printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
+        told = f"; the last that it printed: {' | '.join(printed)}" if printed else ""
+        requirement = forbids_loss(self.plan.side, deed.check.requirement)
+        loss = Result(
+            requirement,
+            deed.name,
+            Level(deed.check.level),
+            failing(self.known[requirement].level),
+            f"after this check the {self.plan.side} is not what it was: {what}{told}",
+            tuple(excerpt(deed.entries, EVIDENCE_LINES)),
+            script=deed.script,
+        )
+        self.traffic.losses.append(result_as_text(loss))
 
     def _nothing_yet(self) -> Traffic:
         facts = self.stand.facts
@@ -168,6 +230,9 @@ class CheckPlugin:
         check, error = declared(item), call.excinfo
         measurements = tuple(self.trial_now.measurements) if self.trial_now else ()
         verdict, text = Verdict.PASS, "; ".join(map(str, measurements))
+        delivered = self.trial_now.delivered if self.trial_now else 0
+        if error is None and not delivered:
+            verdict, text = Verdict.SKIP, NOTHING_PROVEN
         evidence: tuple[str, ...] = ()
         script = ""
         if error is not None:
@@ -192,6 +257,7 @@ class CheckPlugin:
             call.duration,
             measurements,
             script,
+            delivered=delivered,
         )
 
     def _script(self, requirement: str, check: str, *, by_rule: bool) -> str:

@@ -67,6 +67,7 @@ def _run_here(plan: Plan, gathering: Gathering, progress: Progress) -> int:
             progress.say(advice)
         plugin = CheckPlugin(plan, stand, in_order)
         status = _pytest(plan, [plugin, gathering])
+        plugin.look_after()
         gathering.findings.traffic.add(plugin.traffic)
         return status
     finally:

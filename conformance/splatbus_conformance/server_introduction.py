@@ -39,6 +39,8 @@ class ServerFacts:
     alone: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, False))
     """It closes a connection on that channel, old or new, as soon as there are two (CHN-13)."""
     welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
+    answers: bool = False
+    """It answered a request for the size."""
     init_packet: Json | None = None
     """The first that a client of 1.1 was sent, or else a client of 1.0."""
     at_once: bool = False
@@ -163,7 +165,8 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         raise not_met(testee, "server", where, peer.host, patience)
     if (old_msg := old["msg"]) is not None:
         viewer.ask(old_msg, {"type": "get_viewport_size"})
-        peer.until(lambda: old_msg.packets or testee.ended(), REPLY_SECONDS)
+        peer.until(lambda: old_msg.packets or old_msg.ended or testee.ended(), REPLY_SECONDS)
+        facts.answers = bool(old_msg.packets)
     if (old_ipc := old["ipc"]) is not None:
         peer.until(lambda: old_ipc.packets or testee.ended(), AT_ONCE_SECONDS)
         facts.init_packet = next(iter(viewer.with_(old_ipc).init_packets), None)
@@ -187,6 +190,11 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
             facts.opens = dealings.memory is not None
             facts.renders = bool(dealings.frames)
+        if channel == "msg" and dealings.welcome and not facts.answers:
+            said = len(connection.packets)
+            viewer.ask(connection, {"type": "get_viewport_size"})
+            peer.until(lambda: len(connection.packets) > said or connection.ended, REPLY_SECONDS)  # noqa: B023
+            facts.answers = len(connection.packets) > said
         if channel == "msg" and "scene" in dealings.granted:
             viewer.ask(connection, {"type": "get_scene"})
             peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023

@@ -13,6 +13,7 @@ from splatbus_conformance.server_introduction import ServerFacts, introduce
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched, Say
 from splatbus_conformance.viewer import Viewer
+from splatbus_conformance.vital_signs import lost_by_server
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
 """Holds the token for a server that requires one, as NEG-21 advises."""
@@ -58,6 +59,12 @@ class ServerStand:
             self.plan.patience,
             self.stand_in,
             self.device,
+        )
+
+    def lost(self) -> str:
+        """Which vital sign the server has lost since it was met, in words; nothing if none."""
+        return lost_by_server(
+            self.peer, self._new_viewer(), self.testee, self.facts, self.plan.patience
         )
 
     def close(self) -> None:

@@ -168,6 +168,7 @@ class ServerTrial(Trial):
         process = owner(connection.testee_port, connection.port)
         if process is None or not self.testee.expendable:
             self.not_observable("the process that serves cannot be found here, or not be killed")
+        self.killed = True
         os.kill(process, signal.SIGKILL)
         self.wait(self.testee.ended)
         ended = self.testee.ended()

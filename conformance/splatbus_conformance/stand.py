@@ -48,6 +48,9 @@ class Stand(Protocol):
     def trial(self, requirement: Requirement) -> Trial:
         """A trial by this requirement, with fresh connections."""
 
+    def lost(self) -> str:
+        """Which vital sign the testee has lost since it was met, in words; nothing if none."""
+
     def close(self) -> None:
         """End the testee, and give everything back."""
 

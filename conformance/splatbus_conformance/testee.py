@@ -44,6 +44,8 @@ class Testee(Protocol):
     name: str
     expendable: bool
     """It may be crashed: the harness can start another."""
+    started: float
+    """When the harness started it last, by the monotonic clock; 0 where somebody else does."""
 
     @property
     def argv(self) -> Sequence[str]:
@@ -185,6 +187,7 @@ class Launched:
         self.name = command
         self._command = Command(command, environment)
         self.argv = self._command.argv
+        self.started = 0.0
         self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -192,6 +195,7 @@ class Launched:
         """Start it if it does not run. Raises NoVerdict if the command cannot be started."""
         if self._process is not None and self._process.poll() is None:
             return False
+        self.started = time.monotonic()
         self._process = self._command.start(self._added, subprocess.DEVNULL)
         return True
 
@@ -238,6 +242,7 @@ class Awaited:
     """A testee that somebody else starts; the harness only sees its connections."""
 
     expendable = False
+    started = 0.0
     argv: Sequence[str] = ()
     group = None
 

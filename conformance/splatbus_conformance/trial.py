@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import pytest
 from hypothesis.strategies import SearchStrategy
@@ -33,6 +33,14 @@ REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 
 
+class Loss(NamedTuple):
+    """A vital sign that the testee has lost, as a check has come upon it."""
+
+    what: str
+    before: bool
+    """It was gone when the check began: one before it took it."""
+
+
 class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
     """The testee did what the requirement does not accept; the message says what."""
 
@@ -49,6 +57,9 @@ class Trial:
         self.patience = patience
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
+        self.losses: list[Loss] = []
+        self.killed = False
+        """The check has ended the testee's process itself, as its scenario demands."""
         self.measurements = Measurements()
         self.seed = 0
         self.profile = "quick"

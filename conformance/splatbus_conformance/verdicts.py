@@ -60,6 +60,8 @@ class Result:
     """How small a script shows it, and whether it did so again."""
     replay: str = ""
     """The command that shows it again."""
+    delivered: int = 0
+    """Cases that were delivered, each followed by a control that the testee met."""
 
 
 def worst(results: Iterable[Result]) -> Verdict:

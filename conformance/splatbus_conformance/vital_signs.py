@@ -1,0 +1,134 @@
+"""Vital signs: what a testee did when it was met, and has to be able to do after any check.
+
+A process may live while one of its channels is dead: its listener ended, or the thread behind it.
+"""
+
+from splatbus_conformance.client_introduction import ClientFacts
+from splatbus_conformance.meeting import NAMES, does_not_come
+from splatbus_conformance.peer import Connection, Peer
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.role import Role
+from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, reach
+from splatbus_conformance.testee import Testee
+from splatbus_conformance.trial import EFFECT_SECONDS
+from splatbus_conformance.viewer import Viewer
+
+QUIET_SECONDS = 0.02
+"""For which a server that says nothing on a channel must at least leave a connection open."""
+OF_PAYLOADS = ("FRM", "JSN", "INI", "POS", "REQ", "NEG", "MEM", "OPN", "IMG", "CAM", "OBJ", "TEL")
+"""Clauses whose checks deliver payloads; others end connections."""
+
+
+def forbids_loss(side: str, requirement: str) -> str:
+    """The requirement that a testee breaks which loses a sign by a check of this requirement."""
+    if side == "server":
+        return "CHN-14"
+    return "JSN-10" if requirement.partition("-")[0] in OF_PAYLOADS else "CHN-19"
+
+
+def lost_by_server(
+    peer: Peer, viewer: Viewer, testee: Testee, facts: ServerFacts, patience: float
+) -> str:
+    """Which sign a server has lost, in words; nothing if it has all that it had when it was met."""
+    peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
+    peer.close_all()
+    if ended := testee.ended():
+        return f"its process {ended}"
+    testee.ensure_running()
+    for channel, listened in facts.listens.items():
+        if listened and (lost := _lost_on(channel, peer, viewer, testee, facts, patience)):
+            return lost
+    return ""
+
+
+def _lost_on(
+    channel: Channel,
+    peer: Peer,
+    viewer: Viewer,
+    testee: Testee,
+    facts: ServerFacts,
+    patience: float,
+) -> str:
+    """Dial until the channel does what it did; a server may have to notice who has gone."""
+    failed = ""
+
+    def sound() -> bool:
+        nonlocal failed
+        connection = reach(peer, testee, channel, patience)
+        if connection is None:
+            failed = f"it accepts no connection on the {NAMES[channel]} channel any more"
+        else:
+            failed = _silent_on(connection, peer, viewer, facts)
+            connection.close()
+        if failed:
+            peer.pump(GONE_SECONDS)
+        return not failed or connection is None or testee.ended() is not None
+
+    peer.until(sound, EFFECT_SECONDS)
+    if failed and (ended := testee.ended()):
+        return f"its process {ended}"
+    return failed
+
+
+def _silent_on(connection: Connection, peer: Peer, viewer: Viewer, facts: ServerFacts) -> str:
+    """What a server fails to do on a connection that it did when it was met."""
+    channel, dealings = connection.channel, viewer.with_(connection)
+    where = f"on the {NAMES[channel]} channel any more"
+
+    def comes(what: str) -> bool:
+        peer.until(lambda: getattr(dealings, what) or connection.ended, EFFECT_SECONDS)
+        return bool(getattr(dealings, what))
+
+    if facts.welcome[channel] is not None:
+        viewer.greet(connection)
+        if not comes("welcome"):
+            return f"it answers no hello {where}"
+    if channel == "msg" and facts.answers:
+        before = len(connection.packets)
+        viewer.ask(connection, {"type": "get_viewport_size"})
+        peer.until(lambda: len(connection.packets) > before or connection.ended, EFFECT_SECONDS)
+        if len(connection.packets) == before:
+            return f"it answers no request {where}"
+    elif channel == "ipc" and facts.at_once:
+        if not comes("init_packets"):
+            return f"it sends no init packet {where}"
+    elif facts.welcome[channel] is None:
+        peer.until(lambda: connection.ended, QUIET_SECONDS)
+        if connection.ended:
+            return f"it closes each connection {where}"
+    return ""
+
+
+def lost_by_client(
+    peer: Peer, role: Role, testee: Testee, facts: ClientFacts, patience: float
+) -> str:
+    """Which sign a client has lost, in words; nothing if it does all that it did when it was met.
+
+    One that never came back is not waited for.
+    """
+    peer.close_all()
+    if ended := testee.ended():
+        return f"its process {ended}" if ended.crashed else ""
+    peer.clear()
+    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    for channel in sorted(facts.returns):
+        peer.listen(channel)
+    for channel in sorted(facts.returns):
+        on_it = peer.until(lambda: _newest(peer, channel) or testee.ended(), patience)  # noqa: B023
+        if not isinstance(on_it, Connection):
+            return does_not_come(channel, testee)
+        if facts.speaks_1_1(channel):
+            peer.until(lambda: _said_hello(peer, role, channel), EFFECT_SECONDS)  # noqa: B023
+            if not _said_hello(peer, role, channel):
+                return f"it says no hello on the {NAMES[channel]} channel any more"
+    return ""
+
+
+def _newest(peer: Peer, channel: Channel) -> Connection | None:
+    on_it = [c for c in peer.connections if c.channel == channel and c.open and not c.ended]
+    return on_it[-1] if on_it else None
+
+
+def _said_hello(peer: Peer, role: Role, channel: Channel) -> bool:
+    on_it = [c for c in peer.connections if c.channel == channel]
+    return any(role.with_(c).hello is not None for c in on_it)
