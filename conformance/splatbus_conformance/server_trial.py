@@ -233,7 +233,7 @@ class ServerTrial(Trial):
             if len(said) == 1:
                 return "ignores"
             return "reports" if set(said[:-1]) == {"error"} else "replies"
-        return self._end_of(connection)
+        return self.end_of(connection)
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on an IPC connection; the control is that images still follow the camera,
@@ -254,7 +254,7 @@ class ServerTrial(Trial):
         if goes_on and not connection.ended:
             self.delivered += 1
             return "reports" if len(dealings.errors()) > errors else "ignores"
-        return self._end_of(connection)
+        return self.end_of(connection)
 
     def serves(self) -> bool:
         """Whether new connections are served on both channels: requests are answered on one, and
@@ -313,8 +313,11 @@ class ServerTrial(Trial):
                 return connection
             connection.close()
 
-    def _end_of(self, connection: Connection) -> str:
-        if self.wait(lambda: connection.ended, EFFECT_SECONDS):
+    def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:
+        """What becomes of a connection that is to end within this time: `closes` (and new ones are
+        served), `exits`, `dies` or `hangs`.
+        """
+        if self.ends(connection, seconds):
             connection.close()
         if self.serves():
             return "closes" if connection.ended else "hangs"
