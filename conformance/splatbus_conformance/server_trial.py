@@ -79,6 +79,14 @@ class ServerTrial(Trial):
             return self.before_hello(channel)
         return self.greeted(channel, capabilities=[])
 
+    def dial_narrowly(self, channel: Channel) -> Connection:
+        """The same, where little of what the server sends fits into the systems' buffers."""
+        self.peer.narrow = True
+        try:
+            return self.dial(channel)
+        finally:
+            self.peer.narrow = False
+
     def before_hello(self, channel: Channel) -> Connection:
         """A new connection on which nothing was said; starts the server if it has ended.
 

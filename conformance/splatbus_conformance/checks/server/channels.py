@@ -1,20 +1,25 @@
 """Checks on the channels of servers and their life (spec 1.0 chapter 3)."""
 
+import itertools
+
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_text import broken_texts
 from splatbus_conformance.checks import check
+from splatbus_conformance.checks.server.requests import every_request
 from splatbus_conformance.messages import encode
 from splatbus_conformance.misdeeds import (
     CROWD,
+    HARMLESS,
     MISDEEDS,
     MISDEEDS_OF_READERS,
     Misdeed,
     crowd,
 )
 from splatbus_conformance.packets import packet
-from splatbus_conformance.peer import CHANNELS
+from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_introduction import GONE_SECONDS
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.steering import Steering
 from splatbus_conformance.trial import REACTION_SECONDS
@@ -180,60 +185,110 @@ def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
 
 @check("CHN-16", observable="every reply comes, and then the end of the stream")
 def check_answers_before_the_end(trial: ServerTrial) -> None:
-    """Requests in one write, and then the client's end of stream: one, three, and two hundred."""
-    request = packet(encode(VIEWPORT_REQUEST))
-    for count in trial.each((1, 3, BURST)):
-        connection = trial.dial("msg")
-        connection.send(request * count)
+    """Requests of every kind in one write, and then the client's end of stream: none, one, three,
+    and two hundred; the same where one was answered before, and after `hello`.
+    """
+    cases = [(agreed, earlier, n) for agreed, earlier in WHO_ENDS for n in (0, 1, 3, BURST)]
+    speaks = trial.facts.welcome["msg"] is not None
+    for agreed, earlier, count in trial.each([it for it in cases if speaks or not it[0]]):
+        connection = trial.greeted("msg") if agreed else trial.dial("msg")
+        if earlier:
+            trial.expect(trial.answers(connection), "no reply on the message channel")
+        heard = trial.viewer.with_(connection).heard
+        before = len(heard)
+        asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
+        connection.send(b"".join(packet(encode(each)) for each in asked))
         connection.end_stream()
         closed = trial.ends(connection)
-        replies = len(trial.replies(connection))
+        replies = len(heard) - before
         what = f"{count} requests and the end of the stream"
+        what += " after hello" * agreed + " after one that was answered" * earlier
         trial.expect(replies == count, f"{replies} replies to {what}")
         trial.expect(closed, f"the server kept the connection open after {what}")
         trial.expect(connection.ended == "eof", f"the server reset the connection after {what}")
+        connection.close()
         trial.delivered += 1
+
+
+WHO_ENDS = ((False, False), (True, False), (False, True))
+"""Has said hello; has asked before, and been answered."""
 
 
 def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed, ...]) -> None:
-    """Let one client misbehave, and see how the others fare.
+    """Let one client misbehave, and see how the others fare, and whoever comes next.
 
-    A server may serve one client on a channel and close the former in favour of the next (CHN-13):
-    who is closed before the misdeed begins is no witness.
+    A server may end one client on a channel in favour of another (CHN-13). So one that is ended
+    tells something only if the same one stays beside a client that does nothing wrong.
     """
-    beside = serves_several(trial, channel)
-    witness = trial.dial("msg")
-    trial.expect(trial.answers(witness), "no reply on the message channel")
-    readable = trial.facts.renders and (channel == "msg" or beside)
-    steering = Steering(trial) if readable else None
-    watched = channel == "ipc" or beside
-    if not watched:
-        witness.close()
+    others = Others(trial, channel)
     for misdeed in trial.each(misdeeds):
         what = f"a client that {misdeed.what}, on the {channel} channel"
-        culprit = misdeed.begins(trial, channel)
-        misdeed.commit(trial, culprit)
-        if watched:
-            answered = trial.answers(witness) or trial.wait(trial.fate, REACTION_SECONDS)
-            trial.expect(answered and not trial.fate(), f"no reply beside {what}")
-            seen = steering is None or steering.renders_for(witness)
-            trial.expect(seen, f"no new image beside {what}")
-        culprit.close()
-        if not watched:
-            trial.expect(trial.serves(), f"no reply after {what}")
+        if others.can_stay and not others.stay(misdeed, what):
+            others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
+            if others.can_stay:
+                stayed = any(others.stay(misdeed, what) for _ in range(AGAIN))
+                trial.expect(stayed, f"the connection of another is ended beside {what}")
+        if not others.can_stay:
+            trial.peer.close_all()
+            commit(trial, channel, misdeed).close()
+        trial.expect(trial.serves(), f"no reply after {what}")
         trial.delivered += 1
-    witness.close()
+    trial.peer.close_all()
     trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
 
 
-def serves_several(trial: ServerTrial, channel: Channel) -> bool:
-    """Whether a channel keeps a client when the next comes."""
-    former, latter = trial.dial(channel), trial.dial(channel)
-    if channel == "msg":
-        several = trial.answers(latter) and trial.answers(former)
-    else:
-        trial.rest(REACTION_SECONDS)
-        several = not former.ended and not latter.ended
-    former.close()
-    latter.close()
-    return several
+def commit(trial: ServerTrial, channel: Channel, misdeed: Misdeed) -> Connection:
+    """Let somebody new do this; on which connection."""
+    culprit = misdeed.begins(trial, channel)
+    misdeed.commit(trial, culprit)
+    return culprit
+
+
+class Others:
+    """Who does nothing wrong: one that asks, and one that reads images where there are some."""
+
+    def __init__(self, trial: ServerTrial, channel: Channel) -> None:
+        self.can_stay = not (channel == "msg" and trial.facts.alone["msg"])
+        """Somebody else may be on that channel, and is not ended for it."""
+        self._trial, self._channel = trial, channel
+        self._witness: Connection | None = None
+        self._steering: Steering | None = None
+
+    def stay(self, misdeed: Misdeed, what: str) -> bool:
+        """Let somebody do this beside them: whether they stay. Violated if they do, unserved."""
+        trial = self._trial
+        steering = self._reading()
+        witness = self._asking(steering)
+        culprit = commit(trial, self._channel, misdeed)
+        answered = trial.answers(witness)
+        trial.expect(not trial.fate(), f"no reply beside {what}")
+        trial.expect(answered or witness.ended, f"no reply beside {what}")
+        if answered and steering is not None:
+            seen = steering.renders_for(witness)
+            ended = witness.ended or steering.reader.ended
+            trial.expect(seen or ended, f"no new image beside {what}")
+            answered = seen
+        culprit.close()
+        return answered
+
+    def _asking(self, steering: Steering | None) -> Connection:
+        if self._witness is None or self._witness.gone:
+            self._trial.rest(GONE_SECONDS)
+            self._witness = self._trial.dial("msg")
+            answered = self._trial.answers(self._witness)
+            self._trial.expect(answered, "no reply on the message channel")
+            if steering is not None:  # it is to have control, whoever poses after it
+                seen = steering.renders_for(self._witness) or steering.reader.ended
+                self._trial.expect(seen, "no new image after a pose")
+        return self._witness
+
+    def _reading(self) -> Steering | None:
+        facts = self._trial.facts
+        if not facts.renders or (self._channel == "ipc" and facts.alone["ipc"]):
+            return None
+        if self._steering is None or self._steering.reader.gone:
+            self._steering = Steering(self._trial)
+        return self._steering
+
+
+AGAIN = 2

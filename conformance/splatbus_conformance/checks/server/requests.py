@@ -128,6 +128,19 @@ def check_replies_do_not_wait_for_an_image(trial: ServerTrial) -> None:
             trial.delivered += 1
 
 
+def every_request(trial: ServerTrial, connection: Connection) -> list[Json]:
+    """A good request of each kind that this connection may send."""
+    granted = trial.viewer.with_(connection).granted
+    width, height = trial.facts.size
+    by_capability: dict[str, Json] = {
+        "scene": {"type": "get_scene"},
+        "ping": {"type": "ping", "t": 12.5},
+        "viewport": {"type": "set_viewport", "width": width, "height": height},
+    }
+    agreed = [request for name, request in by_capability.items() if name in granted]
+    return [VIEWPORT_REQUEST, CAMERA_0, *(it for it in agreed if it.get("width") != 0)]
+
+
 def replies_after(
     trial: ServerTrial, connection: Connection, before: int, count: int
 ) -> list[Json]:

@@ -79,6 +79,26 @@ def server_takes_a_byte_too_many(patch: Patch) -> None:
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", framing._MAX_PAYLOAD_BYTES + 1)
 
 
+@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
+    """Accepts nobody any more on the IPC channel once a length there was bad."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if "[FRM-3]" in reason and self.channel == "ipc":
+            bad.append(reason)
+
+    def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
+        if bad and channel == "ipc":
+            self._selector.unregister(listener)
+        else:
+            original(self, channel, listener)
+
+    bad: list[str] = []
+    wrap(patch, Connection, "end", end)
+    wrap(patch, Service, "_accept", accept)
+
+
 @mutant("FRM-4", check="check_the_longest_packet", reason="were not answered")
 def server_refuses_the_longest_packet(patch: Patch) -> None:
     """Refuses payloads of the greatest length."""
