@@ -95,7 +95,7 @@ class ServerTrial(Trial):
         if self.testee.ended() is not None:
             self.testee.stop()
         self.testee.ensure_running()
-        connection = self._reach(channel)
+        connection = self.reached(channel)
         if connection is None:
             if self.fate() == "dies":
                 self.judge("dies", f"a connection to the {channel} channel")
@@ -276,7 +276,7 @@ class ServerTrial(Trial):
         said_first = self.facts.welcome[channel] or self.facts.at_once
         if not self.facts.listens[channel] or (channel == "ipc" and not said_first):
             return True
-        connection = self.reach(channel)
+        connection = self.served(channel)
         if connection is None:
             return False
         heard = self.viewer.with_(connection).heard
@@ -295,17 +295,18 @@ class ServerTrial(Trial):
         """Whether the server ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
 
-    def reach(self, channel: Channel) -> Connection | None:
+    def served(self, channel: Channel) -> Connection | None:
         """A new connection, on which a token was said if the server requires one; None if it
         accepts none.
         """
-        connection = self._reach(channel)
+        connection = self.reached(channel)
         if connection is not None and self.viewer.token is not None:
             self.viewer.greet(connection, capabilities=[])
         return connection
 
-    def _reach(self, channel: Channel) -> Connection | None:
-        """A new connection; where one is served at a time and none is held, one that stays.
+    def reached(self, channel: Channel) -> Connection | None:
+        """A new connection on which nothing was said, or None; where one is served at a time and
+        none is held, one that stays.
 
         There, the next is refused until the server has seen that the last has gone.
         """

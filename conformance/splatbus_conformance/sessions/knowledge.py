@@ -37,7 +37,7 @@ def learn(trial: ServerTrial, *, counting: bool) -> Knowledge:
     facts = trial.facts
     frames = facts.opens and facts.renders and "frames" in facts.capabilities()
     crowded = crowd(trial) if counting and frames else 0
-    asking = [c for _ in range(SEATS) if (c := trial.reach("msg"))]
+    asking = [c for _ in range(SEATS) if (c := trial.served("msg"))]
     for connection in asking:
         trial.viewer.say(connection, VIEWPORT_REQUEST)
     trial.wait(lambda: all(trial.replies(c) or c.ended for c in asking), SERVED_SECONDS)

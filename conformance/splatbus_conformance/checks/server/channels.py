@@ -113,7 +113,7 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """Twelve clients on the message channel, none of which goes."""
     for number in trial.each(range(1, FURTHER + 1)):
-        newest = trial.reach("msg")
+        newest = trial.served("msg")
         served = newest is not None and (trial.answers(newest) or newest.ended)
         if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
