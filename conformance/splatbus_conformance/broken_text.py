@@ -12,6 +12,11 @@ from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.unknown_members import nested
 
 HOPELESSLY_DEEP = 100_000
+EXTREMES = (
+    *("NaN", "1e400", "1e999999999", "an integer of 5000 digits", "nothing but NUL"),
+    f"{HOPELESSLY_DEEP:,} levels",
+    f"{HOPELESSLY_DEEP:,} levels that are never closed",
+)
 
 
 class BrokenText(NamedTuple):
@@ -20,12 +25,20 @@ class BrokenText(NamedTuple):
     requirement: str
     what: str
     payload: bytes
+    family: str = ""
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """What it is one of; the extremes stand for nothing but themselves."""
+        return self.family, self.what if self.what in EXTREMES else ""
 
 
 def broken_texts(good: Json) -> list[BrokenText]:
     """Every way to break the text of the message `good`."""
     families = (_not_utf8, _no_object, _no_json, _marked, _twice, _not_finite, _too_deep)
-    return [broken for family in families for broken in family(good)]
+    return [
+        broken._replace(family=family.__name__) for family in families for broken in family(good)
+    ]
 
 
 def _with(good: Json, name: str, value: bytes) -> bytes:

@@ -262,10 +262,10 @@ class WithServer:
         which may have come before it saw that another had gone.
         """
         for channel in CHANNELS:
-            seated = self._seated(channel)
-            newest = max((it.connection.number for it in seated.values()), default=0)
-            for seat, client in list(seated.items()):
-                replaced = client.connection.ended and client.connection.number < newest
+            seated = [(seat, it.connection) for seat, it in self._seated(channel).items()]
+            newest = max((connection.number for _, connection in seated), default=0)
+            for seat, connection in seated:
+                replaced = connection.ended and connection.number < newest
                 if replaced and self.knowledge.seats[channel] < SEATS:
                     self._forget(self._unseat(channel, seat))
 

@@ -154,8 +154,10 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
     for channel in trial.each(CHANNELS):
         everything = list(CAPABILITIES[channel])
         connection, answer = trial.answered(channel, versions=["1.0"], capabilities=everything)
-        if (answer or {}).get("type") != "welcome":
+        if (answer or {}).get("code") == "unsupported_version":
             trial.not_observable("the server does not speak 1.0")
+        welcomed = answer is not None and answer["type"] == "welcome"
+        trial.expect(welcomed, f"{channel}: a hello that lists 1.0 was answered by {show(answer)}")
         listed = (answer or {}).get("capabilities")
         trial.expect(listed == [], f"{channel}: welcome names 1.0 and lists {show(listed)}")
         heard = trial.viewer.with_(connection).heard

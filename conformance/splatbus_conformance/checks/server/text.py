@@ -18,8 +18,8 @@ from splatbus_conformance.unknown_members import with_unknown_members
 
 Writer = Callable[[Json, Random], bytes]
 SEEDS = st.integers(0, 2**32 - 1)
-STRIDE = 5
-"""In the quick profile every so many-th of the broken texts is a pose's."""
+SPARE = 12
+"""Broken texts that the quick profile delivers beside one of each kind, where each takes long."""
 CASES_ON_A_CONNECTION = 10
 UNKNOWN: Json = {"type": "weather_report", "sunny": True}
 
@@ -190,7 +190,7 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
     """
     texts = [text for good in (REQUESTS[3], hello([])) for text in broken_texts(good)]
     connection = trial.dial("msg")
-    for text in trial.each(texts):
+    for text in trial.each(texts, kind=kind_of):
         connection = trial.dial("msg") if connection.ended else connection
         outcome = trial.outcome_on_msg(connection, packet(text.payload))
         trial.judge(outcome, named([text]))
@@ -204,10 +204,9 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
 )
 def check_does_not_move_by_broken_text(trial: ServerTrial) -> None:
     """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
-    texts = broken_texts(FAR)[:: 1 if trial.thorough else STRIDE]
     steering, poser = Steering(trial), trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
-    for text in trial.each(texts):
+    for text in trial.each(broken_texts(FAR), kind=kind_of, spare=SPARE):
         poser = trial.dial("msg") if poser.ended else poser
         outcome = steering.outcome_of(poser, text.payload)
         trial.judge("ignores" if outcome == "keeps" else outcome, f"a pose with {named([text])}")
@@ -225,7 +224,7 @@ def check_handles_the_next_packet(trial: ServerTrial) -> None:
     texts = broken_texts(UNKNOWN)
     rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
     connection, ignored = trial.dial("msg"), 0
-    for row in trial.each(rows):
+    for row in trial.each(rows, kind=lambda it: (len(it), kind_of(it[0]))):
         connection = trial.dial("msg") if connection.ended else connection
         outcome = trial.outcome_on_msg(connection, b"".join(packet(text.payload) for text in row))
         if outcome != "closes":
@@ -245,9 +244,8 @@ def check_handles_the_next_packet(trial: ServerTrial) -> None:
 def check_handles_the_next_packet_on_ipc(trial: ServerTrial) -> None:
     """The same with `hello`, on the IPC channel."""
     trial.greeted("ipc").close()
-    texts = broken_texts(UNKNOWN)[:: 1 if trial.thorough else STRIDE]
     ignored = 0
-    for text in trial.each(texts):
+    for text in trial.each(broken_texts(UNKNOWN), kind=kind_of, spare=SPARE):
         connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         connection.send(packet(text.payload))
@@ -349,6 +347,11 @@ def mangled() -> st.SearchStrategy[bytes]:
 def shown(payload: bytes) -> str:
     """A payload, cut when it is long."""
     return shorten(repr(payload)[1:], 300)
+
+
+def kind_of(text: BrokenText) -> tuple[str, str]:
+    """What a broken text is one of."""
+    return text.kind
 
 
 def named(row: Sequence[BrokenText]) -> str:
