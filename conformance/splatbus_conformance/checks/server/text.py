@@ -1,7 +1,9 @@
 """Checks on how servers take the text of payloads (spec 1.0 section 2.2)."""
 
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from random import Random
+from typing import NamedTuple
 
 from hypothesis import strategies as st
 
@@ -270,11 +272,10 @@ def check_survives_broken_payloads(trial: ServerTrial) -> None:
     """Broken texts, broken poses, messages that miss or mistype members, and payloads of any
     bytes, on the message channel.
     """
-    broken = [text.payload for text in broken_texts(FAR)]
-    broken += [pose.payload for pose in broken_poses(FAR)]
-    broken += [encode(message) for message in ODD_MESSAGES]
+    poses = [Payload(pose.requirement, pose.payload) for pose in broken_poses(FAR)]
     connection = trial.dial("msg")
-    for payload in trial.each(broken, mangled(), quick=60, full=3000):
+    listed = [*odd_payloads(FAR), *poses]
+    for _, payload in trial.each(listed, mangled(), kind=KIND, quick=60, full=3000):
         connection = trial.dial("msg") if connection.ended else connection
         outcome = trial.outcome_on_msg(connection, packet(payload))
         answered = outcome in ("replies", "reports")
@@ -288,10 +289,9 @@ def check_survives_broken_payloads(trial: ServerTrial) -> None:
 )
 def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     """The same, all of them on one IPC connection as long as that lasts."""
-    broken = [text.payload for text in broken_texts(hello(["host_shm"]))]
-    broken += [encode(message) for message in ODD_MESSAGES]
     connection, sent = trial.dial("ipc"), b""
-    for payload in trial.each(broken, mangled(), quick=60, full=1000):
+    listed = odd_payloads(hello(["host_shm"]))
+    for _, payload in trial.each(listed, mangled(), kind=KIND, quick=60, full=1000):
         if connection.ended:
             _expect_alive(trial, sent)
             connection.close()
@@ -336,12 +336,29 @@ def check_takes_strings_for_numbers_or_not(trial: ServerTrial) -> None:
         trial.judge(outcome, "a pose whose numbers are strings")
 
 
-def mangled() -> st.SearchStrategy[bytes]:
+class Payload(NamedTuple):
+    """Something to send, and what it is one of."""
+
+    kind: object
+    payload: bytes
+
+
+KIND = itemgetter(0)
+
+
+def odd_payloads(good: Json) -> list[Payload]:
+    """Payloads that break a rule of their text, or of their message."""
+    found = [Payload(text.kind, text.payload) for text in broken_texts(good)]
+    return [*found, *(Payload(str(it.get("type")), encode(it)) for it in ODD_MESSAGES)]
+
+
+def mangled() -> st.SearchStrategy[tuple[object, bytes]]:
     """Payloads that were good before some of their bytes were lost, doubled or changed."""
     goods = [encode(message) for message in (*REQUESTS, FAR, hello(["host_shm"]))]
     edit = st.tuples(st.integers(0, 200), st.binary(max_size=3), st.integers(0, 3))
     whole = st.tuples(st.sampled_from(goods), st.lists(edit, min_size=1, max_size=4))
-    return whole.map(lambda drawn: _edited(*drawn)) | st.binary(min_size=1, max_size=64)
+    edited = whole.map(lambda drawn: _edited(*drawn)) | st.binary(min_size=1, max_size=64)
+    return st.tuples(st.none(), edited)
 
 
 def shown(payload: bytes) -> str:
