@@ -35,8 +35,6 @@ class ClientFacts:
     connects: set[Channel] = field(default_factory=set)
     asks: set[str] = field(default_factory=set)
     """Types of the requests that it makes when it connects."""
-    asks_again: bool = True
-    """It asks on each connection, as far as is known; others ask once after they were started."""
     says: set[str] = field(default_factory=set)
     """Types of all that it sends when it connects."""
     poses: bool = False

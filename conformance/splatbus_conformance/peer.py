@@ -21,6 +21,7 @@ READ_BYTES = 1 << 16
 MOST_LEFT_READS = 64
 SEND_SECONDS = 5.0
 DIAL_SECONDS = 5.0
+NARROW_BYTES, NARROW_SEGMENT = 4096, 536
 TICK_SECONDS = 0.02
 """How often a condition is looked at while nothing happens on the wire."""
 RESET_ON_CLOSE = (
@@ -57,6 +58,11 @@ class Connection:
                 self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
                 self.sent += len(data)
+
+    @property
+    def gone(self) -> bool:
+        """One of both has closed it."""
+        return self.ended is not None or not self.open
 
     @property
     def no_packet(self) -> bytes:
@@ -133,6 +139,26 @@ class Connection:
         return packets
 
 
+def _connect_narrowly(address: tuple[str, int], seconds: float) -> socket.socket:
+    """As `socket.create_connection`; small segments keep the buffer of the other end small too."""
+    failed = OSError("no address")
+    for family, kind, protocol, _, each in socket.getaddrinfo(*address, type=socket.SOCK_STREAM):
+        sock = socket.socket(family, kind, protocol)
+        sock.settimeout(seconds)
+        for buffer in (socket.SO_RCVBUF, socket.SO_SNDBUF):
+            sock.setsockopt(socket.SOL_SOCKET, buffer, NARROW_BYTES)
+        with contextlib.suppress(AttributeError, OSError):  # not on every system
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, NARROW_SEGMENT)
+        try:
+            sock.connect(each)
+        except OSError as error:
+            sock.close()
+            failed = error
+        else:
+            return sock
+    raise failed
+
+
 class Peer:
     """Listens to clients or dials a server; tells `on_open` of connections, `on_packet` of packets.
 
@@ -144,6 +170,8 @@ class Peer:
         self.theirs: Direction = "c2s" if plays == "server" else "s2c"
         self.host = host
         self.ports = dict(ports)
+        self.narrow = False
+        """Little of what the testee sends on new connections fits into the systems' buffers."""
         self.connections: list[Connection] = []
         self.entries: list[Entry] = []
         """What crossed the wire since `clear`."""
@@ -182,9 +210,8 @@ class Peer:
 
     def dial(self, channel: Channel, seconds: float = DIAL_SECONDS) -> Connection:
         """Connect to the testee on this channel; OSError if it does not accept in time."""
-        return self._adopt(
-            socket.create_connection((self.host, self.ports[channel]), seconds), channel
-        )
+        connect = _connect_narrowly if self.narrow else socket.create_connection
+        return self._adopt(connect((self.host, self.ports[channel]), seconds), channel)
 
     def refuse(self, channel: Channel) -> None:
         """Refuse connections on this channel from now on."""

@@ -57,6 +57,8 @@ class ServerFacts:
     """The reply to `get_scene`."""
     unauthorized: bool = False
     """It requires a token that it was not given."""
+    guarded: bool = False
+    """It requires the token that it was given."""
     size: tuple[int, int] = (0, 0)
     device: str = ""
     """On which its CUDA memory is read: a GPU, or the stand-in; nothing if there is none."""
@@ -72,6 +74,8 @@ class ServerFacts:
         parts = [f"it speaks {self.version()}", f"listens on {where}"]
         if self.unauthorized:
             parts.append("asks for a token that it was not given: put it into SPLATBUS_TOKEN")
+        if self.guarded:
+            parts.append("requires the token that it was given")
         if self.size != (0, 0):
             parts.append(f"announces images of {self.size[0]}x{self.size[1]}")
         parts.append("sends frames" if self.renders else "sends no frame")
@@ -134,6 +138,8 @@ class ServerFacts:
             known, why = self.first is not None, "shows no image that can be read here"
         elif kind == "scene":
             known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
+        elif kind == "cuda" and self.guarded:
+            known, why = False, "requires a token, and announces nothing to who says nothing"
         elif kind == "cuda":
             known, why = self.at_once, "announces no CUDA memory"
         else:
@@ -191,6 +197,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             viewer.ask(connection, {"type": "get_scene"})
             peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
             facts.scene = _scene(dealings)
+    facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     facts.advice = meeting.on_server([_met(it, viewer) for it in peer.connections])
@@ -207,6 +214,20 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
         facts.alone[channel] = any(each is not None and each.ended for each in pair)
     peer.close_all()
     return facts
+
+
+def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool:
+    """Whether the server requires the token that it was given."""
+    if viewer.token is None:
+        return False
+    for channel in CHANNELS:
+        if (connection := reach(peer, testee, channel, patience)) is not None:
+            viewer.greet(connection, token=None)
+            heard = viewer.with_(connection)
+            peer.until(lambda: heard.heard or connection.ended, REPLY_SECONDS)  # noqa: B023
+            if "unauthorized" in heard.errors():
+                return True
+    return False
 
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:

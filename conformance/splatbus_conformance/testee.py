@@ -292,8 +292,8 @@ class Awaited:
             return False
         self._starts += 1
         self._say(
-            f"Start {self._starts} of {MOST_STARTS}: stop your client if it still runs, and "
-            f"start it again (in an engine: press Play). It is for {what_for} {self._what_follows()}"
+            f"Start {self._starts} of {MOST_STARTS}: stop your client if it still runs, and start "
+            f"it again (in an engine: press Play). It is for {what_for} {self._what_follows()}"
         )
         return True
 
