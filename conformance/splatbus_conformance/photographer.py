@@ -4,14 +4,13 @@ import time
 from typing import Any
 
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.nudging import AGAIN_SECONDS
 from splatbus_conformance.photographs import Photograph, photograph_of
 from splatbus_conformance.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.stress import Pose
 from splatbus_conformance.trial import EFFECT_SECONDS
 
-AGAIN_SECONDS = 0.5
-"""After which poses are sent again, as viewers do: a connection that held control may linger."""
 MISTAKEN_SECONDS = 1.0
 """How long a frame with the right camera may take to follow one that could be a mistaken one."""
 ASIDE = 0.01

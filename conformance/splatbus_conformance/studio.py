@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.nudging import Nudges
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographer import AT_REST, Photographer
 from splatbus_conformance.photographs import Photograph
@@ -32,12 +33,18 @@ class Studio:
         self.trial = trial
         self.poser = trial.commanding()
         self.photographer = Photographer(trial)
+        self._nudges = Nudges(trial, self.frames, self.photographer.new)
         self.look(placed(DEFAULT, AT_REST) if _has_objects(trial) else at_rest())
 
     @property
     def heard(self) -> list[Json]:
         """All that the server said on the message connection; it grows."""
         return self.trial.viewer.with_(self.poser).heard
+
+    @property
+    def frames(self) -> list[Json]:
+        """All frames that came; it grows."""
+        return self.photographer.dealings.frames
 
     def say(self, *messages: Json) -> None:
         """Send messages from the client in control."""
@@ -58,9 +65,21 @@ class Studio:
             self.trial.not_observable(f"no image shows the camera at {camera}")
         return photograph
 
+    def nudged(self, since: int) -> list[Json]:
+        """The frames past so many, up to one that was rendered after all that was said: whatever
+        had an effect shows it there. Only the Gaussians are moved, a little.
+        """
+        moved = self._nudges.shown(self.poser)
+        self.trial.expect(moved, "the Gaussians were moved, as before, and no frame shows it")
+        return self.frames[since:]
+
     def elsewhere(self) -> Pose:
         """A camera next to the first view, where none was lately."""
         return elsewhere(self.trial)
+
+    def end(self) -> str:
+        """What the server did in place of an answer."""
+        return self.trial.fate() or ("closes" if self.poser.ended else "hangs")
 
     def answers(self) -> bool:
         """Whether the client in control is answered, after all that it said before."""

@@ -140,6 +140,36 @@ def server_takes_the_lens_of_anyone(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
+@mutant("CAM-7", check=KEEPS, reason="others of another shape were refused")
+def server_keeps_a_lens_that_it_refused(patch: Patch) -> None:
+    """Reports intrinsics of another shape, keeps the pose, and looks through them all the same."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        refusal = original(self, connection, message)
+        if isinstance(refusal, Refusal) and refusal.pointer == "/intrinsics":
+            control = self._control
+            control.poses = control.poses._replace(intrinsics=message.intrinsics)
+        return refusal
+
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("CAM-7", check=KEEPS, reason="another client had sent its own")
+def server_has_the_lens_of_anyone_until_the_next_pose(patch: Patch) -> None:
+    """Looks through the intrinsics of a client without control until the one in control poses."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        has_control = original(self, connection, message)
+        if not has_control and isinstance(message, CameraPose) and message.intrinsics is not None:
+            self.poses = self.poses._replace(intrinsics=message.intrinsics)
+        elif isinstance(message, CameraPose):
+            own = self._sent[connection][CameraPose]
+            self.poses = self.poses._replace(intrinsics=own.intrinsics)  # type: ignore[union-attr]
+        return has_control
+
+    wrap(patch, Control, "move", move)
+
+
 @mutant("CAM-8", check=TELLS, reason="are null")
 def server_tells_poses_alone(patch: Patch) -> None:
     """Leaves intrinsics out of its replies."""
