@@ -232,6 +232,7 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
                 studio.look()
             elif not _goes_on(trial, sender or studio.poser, message):
                 trial.expect(studio.end() == "closes", f"{moment}, and then: {studio.end()}")
+                trial.peer.close_all()
                 studio = Studio(trial)
                 other = further(trial, studio.poser)
                 break
@@ -300,6 +301,7 @@ def check_keeps_the_former_camera(trial: ServerTrial) -> None:
         what = f"a pose with the {name} {show(value)}"
         if not studio.answers():
             trial.judge(studio.end(), what)
+            trial.peer.close_all()
             studio = Studio(trial)
             studio.look(**({"intrinsics": good} if has_lens else {}))
             continue

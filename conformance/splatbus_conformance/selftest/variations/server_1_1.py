@@ -8,7 +8,7 @@ from typing import Any
 
 from splatbus_server import api, cli, memory, ring, shared_memory
 from splatbus_server import connection as connections
-from splatbus_server.connection import Connection, _type_and_id
+from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
@@ -22,7 +22,6 @@ from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
-POSES = ("camera_pose", "point_cloud_pose", "object_pose", "set_time")
 NEEDLESS = (
     *("malformed_packet", "packet_too_large", "malformed_json", "not_an_object"),
     "unknown_type",
@@ -77,19 +76,6 @@ def server_reports_little(patch: Patch) -> None:
         return {name: error[name] for name in kept if name in error} | {"message": ""}
 
     messages(patch, of_type("error", bare))
-
-
-@variation()
-def server_closes_on_broken_poses(patch: Patch) -> None:
-    """Closes a message connection of 1.1 on a pose that is none, whatever is wrong with it."""
-
-    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        refusal = original(self, error, payload, now)
-        if self.welcome is not None and _type_and_id(payload)[0] in POSES:
-            self.end("it is broken", now)
-        return refusal
-
-    wrap(patch, Connection, "_refuse_packet", refuse)
 
 
 @variation()

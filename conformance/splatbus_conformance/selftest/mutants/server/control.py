@@ -83,6 +83,58 @@ def server_keeps_the_lens_of_who_left(patch: Patch) -> None:
     wrap(patch, Control, "leave", leave)
 
 
+@mutant("CTL-3", check=ENDS, reason="had moved the Gaussians alone: of intrinsics")
+def server_keeps_the_lens_until_the_next_camera(patch: Patch) -> None:
+    """Leaves intrinsics in force when their client has gone, until another poses the camera."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        lens, serial = self.poses.intrinsics, self.poses.serial
+        had_control = original(self, connection)
+        if had_control and self.poses.serial == serial:
+            self.poses = self.poses._replace(intrinsics=lens)
+        return had_control
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        lent = isinstance(message, CameraPose) and message.intrinsics is None
+        if lent and CameraPose not in self._sent.get(connection, {}):
+            self.poses = self.poses._replace(intrinsics=None)
+        return original(self, connection, message)
+
+    wrap(patch, Control, "leave", leave)
+    wrap(patch, Control, "move", move)
+
+
+@mutant("CTL-4", check=REFUSED, reason="gave control to its connection")
+def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
+    """Gives control to a client whose intrinsics or object it refuses, if nobody has it."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        if refusal.pointer in ("/intrinsics", "/object") and not control[0]._sent:
+            control[0]._sent[self] = {}
+        return original(self, refusal)
+
+    def begin(original: Any, self: Control, poses: Any) -> None:
+        original(self, poses)
+        control[:] = [self]
+
+    control: list[Control] = []
+    wrap(patch, Control, "__init__", begin)
+    wrap(patch, Connection, "complain", complain)
+
+
+@mutant("CTL-1", check=TOLD, reason="the only client that there is was told busy")
+def server_says_to_everyone_that_it_is_busy(patch: Patch) -> None:
+    """Says of every pose that another client has control, and applies it if none has."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if connection not in self._told_busy:
+            self._told_busy.add(connection)
+            connection.complain(Refusal("busy", "another client steers the scene"))
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)
+
+
 @mutant("CTL-4", check=REFUSED, reason="was answered busy as well")
 def server_is_busy_for_broken_poses(patch: Patch) -> None:
     """Says of every pose that is refused that it is busy, too."""
@@ -145,3 +197,33 @@ def server_remembers_the_first_pose(patch: Patch) -> None:
         return original(self, connection, message)
 
     wrap(patch, Control, "move", move)
+
+
+def leaves(patch: Patch, **changes: Any) -> None:
+    """Change what is in force when control has passed on."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        had_control = original(self, connection)
+        if had_control and self._sent:
+            self.poses = self.poses._replace(**changes)
+        return had_control
+
+    wrap(patch, Control, "leave", leave)
+
+
+@mutant("CTL-5", check=PASSES, reason="it had sent intrinsics, and fx is")
+def server_passes_on_no_lens(patch: Patch) -> None:
+    """Leaves out the intrinsics that a client sent before it had control."""
+    leaves(patch, intrinsics=None)
+
+
+@mutant("CTL-5", check=PASSES, reason="it had set the time to")
+def server_passes_on_no_time(patch: Patch) -> None:
+    """Leaves out the time that a client set before it had control."""
+    leaves(patch, time=None)
+
+
+@mutant("CTL-5", check=PASSES, reason="its newest tag is heir 2, and []")
+def server_passes_on_no_tag(patch: Patch) -> None:
+    """Leaves out the tag of the camera that a client sent before it had control."""
+    leaves(patch, tag=None)
