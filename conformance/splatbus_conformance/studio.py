@@ -14,6 +14,7 @@ from splatbus_conformance.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.stress import Pose
+from splatbus_conformance.watching import fell_silent
 
 STEP = 2.0**-8
 """How far apart the cameras are from which is looked, in scene units."""
@@ -33,6 +34,7 @@ class Studio:
         self.trial = trial
         self.poser = trial.commanding()
         self.photographer = Photographer(trial)
+        self._looked = False
         self._nudges = Nudges(trial, self.frames, self.photographer.new)
         self.look(placed(DEFAULT, AT_REST) if _has_objects(trial) else at_rest())
 
@@ -58,11 +60,17 @@ class Studio:
         return self.take(self.elsewhere(), *messages, **members)
 
     def take(self, camera: Pose, *messages: Json, **members: Any) -> Photograph:
-        """The first image from this camera after these messages; skips the check without one."""
+        """The first image from this camera after these messages; skips the check if there was
+        never one.
+        """
         self.say(*messages)
         photograph = self.photographer.take(camera, None, **members)
         if named(photograph.camera.pose, camera) is not AS_SPECIFIED:
-            self.trial.not_observable(f"no image shows the camera at {camera}")
+            what = f"no image shows the camera at {camera}"
+            if self._looked:
+                fell_silent(self.trial, self.photographer.reader, what)
+            self.trial.not_observable(what)
+        self._looked = True
         return photograph
 
     def nudged(self, since: int) -> list[Json]:
@@ -120,8 +128,11 @@ def answers(trial: ServerTrial, connection: Connection) -> bool:
 def further(trial: ServerTrial, *others: Connection) -> Connection:
     """One more message client; skips the check where the server serves fewer at a time."""
     connection = trial.greeted("msg")
-    if not answers(trial, connection) or any(other.ended for other in others):
-        trial.not_observable("the server serves one connection at a time on the message channel")
+    answered = answers(trial, connection)
+    trial.expect(answered or connection.ended, "a further connection is neither served nor closed")
+    if not answered or any(other.ended for other in others):
+        count = len(others) + 1
+        trial.not_observable(f"the server serves fewer than {count} message connections at a time")
     return connection
 
 

@@ -62,7 +62,7 @@ def in_control(trial: ServerTrial) -> Connection | None:
         trial.move()
         found.append(first)
         if not answers(trial, first):
-            trial.not_observable("a pose, and no more answers (CHN-14)")
+            trial.violated("a pose, and no more answers")
         has = busy(trial, first) == 0
         if not has:
             first.close()
@@ -306,7 +306,7 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
         studio.poser.close()
         nudges = Nudges(trial, studio.frames, studio.photographer.new)
         if not nudges.shown(heir):
-            trial.not_observable("control did not pass on")
+            trial.violated("control did not pass on: no frame shows what the next client moved")
         seen = studio.frames[-1]
         what = f"its client had closed, and a client of {speaks} had {moment}:"
         wrong = in_force(seen, own)

@@ -54,6 +54,18 @@ def server_scales_by_the_width_alone(patch: Patch) -> None:
     wrap(patch, exchange, "scaled", scaled)
 
 
+@mutant("CAM-5", check="check_lenses_are_scaled_to_another_size", reason="images became")
+def server_scales_lenses_to_its_first_size(patch: Patch) -> None:
+    """Scales intrinsics to the size that images had at first, whatever they have now."""
+    first: list[int] = []
+
+    def to_first(original: Any, lens: Any, *size: int) -> Any:
+        first[:] = first or size
+        return original(lens, *first)
+
+    wrap(patch, exchange, "scaled", to_first)
+
+
 @mutant("CAM-5", check=SEEN, reason="of the pixels are not as seen so")
 def server_renders_with_its_own_lens(patch: Patch) -> None:
     """Names the intrinsics that it was sent, and renders with its own."""
