@@ -1,10 +1,13 @@
 """Images of another size: asks for them, and puts things back (spec 1.1 chapter 8)."""
 
 import contextlib
+import itertools
+import random
 import time
 from collections.abc import Iterator
 from typing import Any
 
+from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.messages import Json
@@ -16,8 +19,10 @@ from splatbus_conformance.viewer import Dealings
 
 RESIZES = ("1.1", "frames", "capability:viewport", "capability:reinit")
 """What a server must have shown whose images may have another size."""
+MOST_ID: int = LIMITS["max_safe_integer"]
 REINIT_SECONDS: float = LIMITS["reinit_seconds"]
 Size = tuple[int, int]
+_ids = map(random.Random(0).randrange, itertools.repeat(MOST_ID + 1))
 
 
 def other_sizes(trial: ServerTrial) -> list[Size]:
@@ -31,8 +36,15 @@ def other_sizes(trial: ServerTrial) -> list[Size]:
     ]
 
 
-def asked(trial: ServerTrial, client: Connection, size: tuple[Any, Any], id: int = 1) -> Json:
+def drawn_sizes(trial: ServerTrial) -> st.SearchStrategy[Size]:
+    """Sizes of every shape, up to three times as wide and high as images are."""
+    width, height = trial.facts.size
+    return st.tuples(st.integers(1, 3 * width), st.integers(1, 3 * height))
+
+
+def asked(trial: ServerTrial, client: Connection, size: tuple[Any, Any]) -> Json:
     """The answer to `set_viewport`; the requirement is violated without one."""
+    id = next(_ids)
     request: Json = {"type": "set_viewport", "width": size[0], "height": size[1], "id": id}
     heard = trial.viewer.with_(client).heard
     before = len(heard)

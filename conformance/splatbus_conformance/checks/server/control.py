@@ -14,8 +14,8 @@ from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.pinhole import told_of
 from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.steering import Steering, camera_of
-from splatbus_conformance.studio import LENS, Studio, answers, at_rest, further, placed
+from splatbus_conformance.steering import Steering, camera_in, camera_of
+from splatbus_conformance.studio import LENS, Studio, answers, at_rest, further, placed, studio
 from splatbus_conformance.survey import first_view
 from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.values import is_number, show
@@ -272,6 +272,34 @@ def _cloud(z: float) -> Json:
 
 
 @check(
+    "POS-11",
+    observable="frames after poses of each kind of a second client",
+    needs=("1.1", "frames", "pixels"),
+)
+def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
+    """A client has control and has set what it may; another sends a pose of each kind."""
+    span = trial.facts.time_range() if _grants(trial, "time") else None
+    with studio(trial) as it:
+        other = further(trial, it.poser)
+        for kind, pose in trial.each(list(poses(trial, 3.0).items())):
+            before = it.look(at_rest(), *([set_time(span[0])] if span else [])).frame
+            known = len(it.frames)
+            trial.viewer.say(other, pose)
+            answered = answers(trial, other)
+            trial.expect(answered, f"no answer to a client without control that sent {kind}")
+            moves_camera = kind == "camera_pose"
+            for frame in it.nudged(known) if moves_camera else [it.look().frame]:
+                camera, former = camera_in(frame), camera_in(before)
+                kept = not moves_camera or (camera and former and camera.shows(former))
+                kept = kept and (not span or frame["time"] == before["time"])
+                kept = kept and (
+                    moves_camera or told_of(frame, DEFAULT) == told_of(before, DEFAULT)
+                )
+                trial.expect(kept, f"a client without control sent {kind}, and it was applied")
+            trial.delivered += 1
+
+
+@check(
     "CTL-3",
     observable="the cameras and times of frames after the client that set them has gone",
     needs=("1.1", "frames", "pixels"),
@@ -293,21 +321,21 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
     odd = 0.0 if span is None else span[0] + 0.3718281828 * (span[1] - span[0])
     for speaks, moment in trial.each(list(itertools.product(("1.0", "1.1"), AFTERWARDS))):
         trial.peer.close_all()
-        studio = Studio(trial)
-        sets = studio.look(
+        it = Studio(trial)
+        sets = it.look(
             *([set_time(odd)] if span else []), **({"intrinsics": lens} if has_lens else {})
         )
         if has_lens and (wrong := in_force(sets.frame, scaled(lens, size))):
             trial.not_observable(f"intrinsics were sent, and of the frame's camera {wrong} (CAM-5)")
-        heir = trial.dial("msg") if speaks == "1.0" else further(trial, studio.poser)
+        heir = trial.dial("msg") if speaks == "1.0" else further(trial, it.poser)
         if moment == POSED:
             trial.viewer.say(heir, camera_pose((0.5, 0.25, -1.5)))
             trial.answers(heir)
-        studio.poser.close()
-        nudges = Nudges(trial, studio.frames, studio.photographer.new)
+        it.poser.close()
+        nudges = Nudges(trial, it.frames, it.photographer.new)
         if not nudges.shown(heir):
             trial.violated("control did not pass on: no frame shows what the next client moved")
-        seen = studio.frames[-1]
+        seen = it.frames[-1]
         what = f"its client had closed, and a client of {speaks} had {moment}:"
         wrong = in_force(seen, own)
         trial.expect(not (has_lens and wrong), f"{what} of intrinsics {wrong}")

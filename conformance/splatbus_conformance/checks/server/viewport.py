@@ -14,6 +14,7 @@ from splatbus_conformance.resizing import (
     asked_again,
     changed,
     dealings_of,
+    drawn_sizes,
     other_sizes,
     readers,
     resizing,
@@ -37,7 +38,8 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
     """
     with resizing(trial) as client:
         in_force = list(trial.facts.size)
-        for size in trial.each([*BAD_SIZES, *other_sizes(trial)]):
+        listed = [*BAD_SIZES, *other_sizes(trial)]
+        for size in trial.each(listed, drawn_sizes(trial), quick=4, full=200):
             told = asked(trial, client, size)
             kind, what = told.get("type"), f"set_viewport to {show(size[0])}×{show(size[1])}"
             agreed = kind == "viewport_size" and told.get("viewport_size") == list(size)
@@ -52,6 +54,13 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
                 f" {show(told_now)}",
             )
             trial.delivered += 1
+        client.close()
+        told = trial.ask(trial.greeted("msg"), {"type": "get_viewport_size"}) or {}
+        size_now = told.get("viewport_size")
+        trial.expect(
+            size_now in (in_force, [0, 0]),
+            f"the size was set to {in_force}, and a client that comes is told {show(size_now)}",
+        )
 
 
 @check("VPT-3", observable="the error while one reader takes no reinit", needs=RESIZES)
@@ -134,7 +143,11 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
         dealings_of(trial, everyone[0]).holds = True
         everyone.append(trial.ready("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"]))
         everyone = [it for it in everyone if not it.ended]  # older ones may be closed (CHN-13)
-        for size in trial.each(other_sizes(trial)):
+        former = trial.facts.size
+        for size in trial.each(other_sizes(trial), drawn_sizes(trial), quick=2, full=50):
+            if size == former:
+                continue
+            former = size
             had = {it: len(dealings_of(trial, it).init_packets) for it in everyone}
             changed(trial, client, size)
             told = {it: dealings_of(trial, it).init_packets for it in everyone if had[it]}

@@ -5,13 +5,14 @@ from typing import Any
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control
 from splatbus_server.session import Session
-from splatbus_wire.messages import CameraPose
+from splatbus_wire.messages import CameraPose, ObjectPose, PointCloudPose, SetTime
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
 TOLD, ONCE = "check_tells_who_has_no_control", "check_tells_it_once"
+OTHERS = "check_no_pose_of_another_is_applied"
 PASSES = "check_control_passes_with_the_newest_poses"
 ENDS, REFUSED = "check_lens_and_time_end_with_their_client", "check_refused_poses_count_for_nothing"
 
@@ -209,6 +210,30 @@ def leaves(patch: Patch, **changes: Any) -> None:
         return had_control
 
     wrap(patch, Control, "leave", leave)
+
+
+def obeys(patch: Patch, *kinds: type) -> None:
+    """Apply poses of these kinds, whoever sends them."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        has_control = original(self, connection, message)
+        if not has_control and isinstance(message, kinds):
+            self.poses = self.poses.moved_by(message)
+        return has_control
+
+    wrap(patch, Control, "move", move)
+
+
+@mutant("POS-11", check=OTHERS, reason="sent point_cloud_pose, and it was applied")
+def server_moves_objects_for_anyone(patch: Patch) -> None:
+    """Applies the poses of objects of every client, and the cameras of one."""
+    obeys(patch, PointCloudPose, ObjectPose)
+
+
+@mutant("POS-11", check=OTHERS, reason="sent set_time, and it was applied")
+def server_sets_time_for_anyone(patch: Patch) -> None:
+    """Lets every client set the time."""
+    obeys(patch, SetTime)
 
 
 @mutant("CTL-5", check=PASSES, reason="it had sent intrinsics, and fx is")
