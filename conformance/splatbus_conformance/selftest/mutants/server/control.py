@@ -212,7 +212,7 @@ def leaves(patch: Patch, **changes: Any) -> None:
     wrap(patch, Control, "leave", leave)
 
 
-def obeys(patch: Patch, *kinds: type) -> None:
+def obeys(patch: Patch, *kinds: Any) -> None:
     """Apply poses of these kinds, whoever sends them."""
 
     def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
