@@ -47,7 +47,7 @@ class Wrong(Exception):
 
 
 def number(value, pointer):
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
         raise Wrong("invalid_message", pointer)
     return float(value)
 
