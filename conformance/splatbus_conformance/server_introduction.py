@@ -5,7 +5,7 @@ Checks ask no more of it than it has shown here.
 
 from dataclasses import dataclass, field
 
-from splatbus_conformance import meeting
+from splatbus_conformance import meeting, mistakes
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.lenient_json import read
@@ -13,6 +13,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
+from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.testee import Testee, not_met
@@ -213,6 +214,9 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     for channel, pair in pairs.items():
         facts.alone[channel] = any(each is not None and each.ended for each in pair)
     peer.close_all()
+    ended = testee.ended()
+    if ended and not (facts.answers or facts.init_packet or any(facts.welcome.values())):
+        raise NoVerdict(mistakes.ended_by_itself(f"the server {ended}", testee.output()))
     return facts
 
 

@@ -132,7 +132,11 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     closed = connection is None or trial.ends(connection, seconds)
     outcome = "closes" if closed else trial.fate() or "waits"
     trial.judge(outcome, f"no init packet; it had stayed for {lasted:.2g} s before")
-    trial.delivered += 1
+    trial.role.offers_memory = True
+    if "ipc" not in trial.facts.returns:
+        trial.delivered += 1
+    elif not trial.comes_back("ipc"):
+        trial.not_observable("the testee waited, and was not seen to go on")
 
 
 @check(

@@ -108,8 +108,10 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     trial.role.width = trial.role.height = 0
     connection = trial.connection("msg")
     dealings = trial.role.with_(connection)
-    trial.wait(lambda: dealings.count("get_viewport_size"))
+    asks = trial.wait(lambda: dealings.count("get_viewport_size") or connection.ended)
     trial.role.width, trial.role.height = real
+    if not (asks and connection.packets):
+        trial.not_observable("the testee does not ask for the size when it connects again")
     told = connection.packets[-1].ended
     if not trial.wait(lambda: dealings.count("get_viewport_size") > 1):
         trial.expect(not trial.fate(), "told [0,0], it did not go on")

@@ -83,9 +83,12 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
         closed = trial.ends(connection, REACTION_SECONDS / 40)
         outcome = trial.fate() or ("closes" if closed else "ignores")
         trial.judge(outcome, f"{payload[:60]!r} on the IPC channel")
-        trial.delivered += 1
     closed = trial.ends(connection, REACTION_SECONDS)
     trial.judge(trial.fate() or ("closes" if closed else "ignores"), "all these on the IPC channel")
+    connection.close()
+    if not trial.serves():
+        trial.not_observable("the connection stayed open, and the server serves nobody")
+    trial.delivered += len(trial.went_through[-1])
 
 
 @check("CHN-12", observable="a client on each channel is served while the other is there")

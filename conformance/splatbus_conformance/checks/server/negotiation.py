@@ -53,6 +53,8 @@ def named(trial: ServerTrial, channel: Channel, versions: list[str]) -> object:
 def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
     """Lists of up to 16 versions, of which the server speaks one or two, in any order."""
     speaks = spoken(trial)
+    if not speaks:
+        trial.not_observable("the server answers no hello")
     strangers = st.lists(UNSPOKEN, max_size=LIMITS["max_versions"] - len(VERSIONS))
     known = st.lists(st.sampled_from(speaks), min_size=1, unique=True)
     lists = st.tuples(known, strangers).flatmap(lambda both: st.permutations(both[0] + both[1]))
