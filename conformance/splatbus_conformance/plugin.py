@@ -8,6 +8,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.recording import Entry
-from splatbus_conformance.script import Script, as_text
+from splatbus_conformance.script import Script, as_text, from_text
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
 from splatbus_conformance.tally import add, rules_on, tally
@@ -48,7 +49,7 @@ class Deed(NamedTuple):
     name: str
     check: Check
     script: str
-    """As text, for the sentence that forbids to lose a vital sign."""
+    """What it delivered, as text."""
     entries: list[Entry]
     """What crossed the wire."""
     failed: bool
@@ -177,7 +178,7 @@ class CheckPlugin:
             self.stand.testee.stop()
 
     def _deed(self, check: Check, name: str) -> "Deed":
-        script = self._script(forbids_loss(self.plan.side, check.requirement), name, by_rule=False)
+        script = self._script(check.requirement, name, by_rule=False)
         failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
         return Deed(name, check, script, list(self.stand.peer.entries), failed)
 
@@ -189,7 +190,8 @@ class CheckPlugin:
             return
         printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
         told = f"; the last that it printed: {' | '.join(printed)}" if printed else ""
-        requirement = forbids_loss(self.plan.side, deed.check.requirement)
+        requirement = forbids_loss(self.plan.side, deed.entries)
+        script = deed.script and as_text(replace(from_text(deed.script), requirement=requirement))
         loss = Result(
             requirement,
             deed.name,
@@ -197,7 +199,7 @@ class CheckPlugin:
             failing(self.known[requirement].level),
             f"after this check the {self.plan.side} is not what it was: {what}{told}",
             tuple(excerpt(deed.entries, EVIDENCE_LINES)),
-            script=deed.script,
+            script=script,
         )
         self.traffic.losses.append(result_as_text(loss))
 
