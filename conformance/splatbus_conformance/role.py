@@ -1,7 +1,6 @@
 """The part that the harness plays: a well-behaved server, on whatever a check leaves to it."""
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from random import Random
 from typing import NamedTuple
@@ -11,7 +10,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance import messages
 from splatbus_conformance.device_memory import Allocation
 from splatbus_conformance.host_memory import HostMemory
-from splatbus_conformance.lenient_json import Fault, read
+from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -24,10 +23,6 @@ MAX_SIZE: int = LIMITS["max_image_size"]
 FIRST_NUMBERS = (0, 1, 1, 1, 2**16 - 1, 2**31 - 1, 2**32 - 1)
 STEPS = (1, 1, 1, 1, 1, 2, 255, 2**16, 2**32)
 """From the number of a frame to that of the next."""
-CUT, JOINED = 0.2, 0.5
-"""How much of what is said arrives in two pieces; with what else is said at the same moment."""
-APART_SECONDS = 0.003
-"""Between two pieces, so that TCP does not join them."""
 
 LENS = {"fx": (0.7, 1.0), "fy": (0.7, 1.0), "cx": (0.3, 0.45), "cy": (0.55, 0.7)}
 """From where to where each number of the lens is drawn, as parts of a side of the image."""
@@ -67,8 +62,6 @@ class Dealings:
     """From where the last frame was seen, if a client has put the camera there."""
     telemetry: int = 0
     """`seq` of the last telemetry that was sent."""
-    unsent: bytes = b""
-    """What is said together with what follows."""
 
     @property
     def granted(self) -> list[str]:
@@ -122,8 +115,6 @@ class Role:
         )
         """Writes the payloads of each channel; a check may spell them otherwise."""
         self.dealings: dict[Connection, Dealings] = {}
-        self._answers: Connection | None = None
-        """Where a packet is being answered."""
         self._lens = {name: self._random.uniform(*of) for name, of in LENS.items()}
 
     @property
@@ -145,18 +136,10 @@ class Role:
             self.offer(connection, self.legacy_init_packet())
 
     def on_packet(self, connection: Connection, arrived: Packet) -> None:
-        """A testee sent a packet; what is said to those of one read may be joined."""
+        """A testee sent a packet."""
         message, faults = read(arrived.payload)
-        self._answers = connection
-        if message is not None:
-            self._on_message(connection, message, faults)
-        self._answers = None
-        dealings = self.with_(connection)
-        if dealings.unsent and arrived is connection.packets[-1]:
-            said, dealings.unsent = dealings.unsent, b""
-            self._send(connection, said)
-
-    def _on_message(self, connection: Connection, message: Json, faults: Sequence[Fault]) -> None:
+        if message is None:
+            return
         dealings = self.with_(connection)
         dealings.heard.append(message)
         if any(fault.requirement == "JSN-4" for fault in faults):  # it could not be repeated
@@ -270,21 +253,7 @@ class Role:
 
     def say(self, connection: Connection, message: Json) -> None:
         """Send a message."""
-        data = packet(self.encode[connection.channel](message))
-        dealings = self.with_(connection)
-        if self._answers is connection and self._random.random() < JOINED:
-            dealings.unsent += data
-        else:
-            self._send(connection, dealings.unsent + data)
-            dealings.unsent = b""
-
-    def _send(self, connection: Connection, data: bytes) -> None:
-        if self._random.random() < CUT:
-            cut = self._random.randrange(1, len(data))
-            connection.send(data[:cut])
-            time.sleep(APART_SECONDS)
-            data = data[cut:]
-        connection.send(data)
+        connection.send(packet(self.encode[connection.channel](message)))
 
     def _resize(self, request: Json) -> str | None:
         """Have images of another size; the code of an `error` if that cannot be."""

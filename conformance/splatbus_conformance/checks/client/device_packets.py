@@ -13,6 +13,7 @@ from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, changed
 from splatbus_conformance.broken_text import broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.client.framing import (
+    APART_SECONDS,
     ENDS,
     NAMED,
     SOMEWHERE,
@@ -34,7 +35,6 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.listening import Listening
 from splatbus_conformance.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.packets import packet
-from splatbus_conformance.role import APART_SECONDS
 
 OPENS = ("stand-in", "ipc")
 BAIT_SIZE = 256, 192

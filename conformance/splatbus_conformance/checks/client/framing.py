@@ -14,11 +14,12 @@ from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json, encode, welcome
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.role import APART_SECONDS
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import spell_in_utf_8
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
 
+APART_SECONDS = 0.003
+"""Between two pieces, so that TCP does not join them."""
 STRANGER = packet(encode({"type": "weather_report"}))
 """A packet that is ignored, for another to be joined to."""
 MOST: int = LIMITS["max_payload_bytes"]
