@@ -290,7 +290,7 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
 @check(
     "JSN-10",
     observable="the process lives, and the testee goes on or connects again",
-    needs=("asks", "returns:msg"),
+    needs=("asks",),
     may_crash=True,
 )
 def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
@@ -308,13 +308,15 @@ def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) ->
 def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
     """Send payloads one after the other, again on a new connection when the testee closes one.
 
-    Returns `ignores` or `closes` if it connects again at the end, else how it fared. That poses
-    come all the while would not do: who sends them need not be who listens.
+    Returns `ignores` or `closes` if it connects again at the end, or notices the end where it is
+    not known to return; else how it fared. That poses come all the while would not do: who sends
+    them need not be who listens.
     """
+    returns = "msg" in trial.facts.returns
     connection = asking(trial)
     for broken in payloads:
         if connection.ended:
-            again = trial.next_connection("msg") if "msg" in trial.facts.returns else None
+            again = trial.next_connection("msg") if returns else asking(trial)
             if again is None:
                 break
             connection = again
@@ -322,8 +324,8 @@ def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
         trial.ends(connection, PAUSE_SECONDS)
         if fate := trial.fate():
             return fate
-    if "msg" not in trial.facts.returns:
-        trial.not_observable("the testee lives, and whether it still listens is not to be seen")
+    if not returns:
+        return outcome_of_reading(trial, connection)
     outcome = "closes" if connection.ended else "ignores"
     return outcome if trial.comes_back("msg") else trial.fate() or "hangs"
 
