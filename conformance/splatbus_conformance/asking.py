@@ -57,7 +57,7 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
         selection=parse_selection(arguments.select, arguments.deselect, side),
         allow_crash=arguments.allow_crash,
         adapter=adapter,
-        parallel=arguments.parallel or int(not (starts_it and arguments.ports is None)),
+        parallel=arguments.parallel,
         record=arguments.record,
         stand_in_cuda=arguments.stand_in_cuda,
     )

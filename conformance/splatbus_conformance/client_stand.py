@@ -63,7 +63,13 @@ class ClientStand:
         self.testee.ensure_running()
         self.peer.until(lambda: self.peer.connections or self.testee.ended(), self.plan.patience)
         if not self.peer.connections:
-            raise not_met(self.testee, "client", "its ports", self.plan.host, self.plan.patience)
+            raise not_met(
+                self.testee,
+                "client",
+                "the ports that it was given",
+                self.plan.host,
+                self.plan.patience,
+            )
 
     def lost(self) -> str:
         """Which vital sign the client has lost since it was met, in words; nothing if none."""
@@ -102,7 +108,7 @@ class ClientStand:
         return Awaited("the client that connects", say)
 
     def _role(self) -> Role:
-        return Role(self._memory, *self.plan.viewport, SLOTS)
+        return Role(self._memory, *self.plan.viewport, SLOTS, self.plan.seed)
 
 
 def _listening(plan: Plan) -> Peer:

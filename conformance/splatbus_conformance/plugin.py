@@ -55,6 +55,10 @@ class Deed(NamedTuple):
     """Its own verdict says that something is broken."""
 
 
+MEETING = Check("CHN-19", "what the testee does when it is left alone", (), False, "quick")
+"""The first meeting, as if it were a check."""
+
+
 class Modules(pytest.Directory):
     """Python modules of a folder, found without looking through it, which takes pytest longer than
     most checks run.
@@ -90,12 +94,14 @@ class CheckPlugin:
         )
         self.traffic = self._nothing_yet()
         self.trial_now: Trial | None = None
-        self._latest: Deed | None = None
-        """The check that ran last."""
+        self._latest = Deed("introduction", MEETING, "", list(stand.peer.entries), failed=False)
+        """The check that ran last; at first, when the testee was met."""
         self._last_verdict = Verdict.SKIP
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
+        if stand.testee.ended() is not None:
+            self.look_after()
         self._note_end()
 
     def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
@@ -143,6 +149,8 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         trial = self.trial_now = self.stand.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
+        told = " ".join((request.function.__doc__ or "").split())
+        trial.purpose = f"{check.requirement}: {told}"
         yield trial
         peer = self.stand.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
@@ -163,8 +171,6 @@ class CheckPlugin:
         """Look for the testee's vital signs; what it has lost is charged to the latest check, and
         one that the harness can start is started anew.
         """
-        if self._latest is None:
-            return
         if lost := self.stand.lost():
             self._charge(self._latest, lost)
         if lost or self.stand.testee.ended() is not None:
@@ -175,11 +181,11 @@ class CheckPlugin:
         failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
         return Deed(name, check, script, list(self.stand.peer.entries), failed)
 
-    def _charge(self, deed: "Deed | None", what: str) -> None:
+    def _charge(self, deed: "Deed", what: str) -> None:
         """A sign that was lost is the failure of the sentence that forbids it; where the check has
         failed already, that says it.
         """
-        if deed is None or deed.failed:
+        if deed.failed:
             return
         printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
         told = f"; the last that it printed: {' | '.join(printed)}" if printed else ""

@@ -9,17 +9,15 @@ from splatbus_conformance.stand import Stand
 
 MOST = 6
 """More than cores: most of the time a check waits."""
-FEWEST_CHECKS = 24
-"""Fewer than these are done before others have started."""
 GLANCE_SECONDS = 0.3
 SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
 """How much of the machine all instances may take together while they are left alone."""
 
 
-def at_a_time(stand: Stand, checks: int) -> int:
+def at_a_time(stand: Stand) -> int:
     """How many instances to judge at a time: one, where what they take cannot be seen."""
     group = stand.testee.group
-    if checks < FEWEST_CHECKS or group is None or stand.facts.device not in ("", STAND_IN):
+    if group is None or stand.facts.device not in ("", STAND_IN):
         return 1
     stand.testee.ensure_running()
     before = _cpu_seconds(group)

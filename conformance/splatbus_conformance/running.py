@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from splatbus_schemas.requirements import requirements
 
 import splatbus_conformance.checks
 from splatbus_conformance import parallel, room
@@ -17,7 +18,7 @@ from splatbus_conformance.gathering import Gathering, Progress
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.plugin import CheckPlugin, declared, selectable
-from splatbus_conformance.stand import Facts, Stand, set_up
+from splatbus_conformance.stand import Facts, set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONSAFEPATH": "1"}
@@ -29,6 +30,8 @@ NOT_NEEDED = (
     "warnings",
 )
 """Plugins of pytest that only take time here, in each process anew."""
+FEWEST_CHECKS = 24
+"""Fewer than these are done before further testees have started."""
 FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
 
 
@@ -53,10 +56,18 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         progress.say(f"Met the {plan.side}: {stand.facts}.")
         for advice in stand.facts.advice:
             progress.say(advice)
-        workers = plan.parallel or room.at_a_time(stand, _selected(plan))
+        plugin = CheckPlugin(plan, stand, in_order)
+        alone = plan.ports != (0, 0) or _selected(plan) < FEWEST_CHECKS
+        workers = plan.parallel or (1 if alone else room.at_a_time(stand))
         if workers == 1:
-            _note_what_did_not_run(gathering, _run_here(plan, stand, gathering))
+            status = _pytest(plan, [plugin, gathering])
+            plugin.look_after()
+        findings.traffic.add(plugin.traffic)
+        if workers == 1:
+            _note_what_did_not_run(gathering, status)
             return findings
+        # What the rules see of the introduction; the workers have none of their own.
+        findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
     try:
         status = _run_apart(plan, stand.facts, workers, gathering)
     except NoVerdict as error:
@@ -77,14 +88,6 @@ def _selected(plan: Plan) -> int:
     )
 
 
-def _run_here(plan: Plan, stand: Stand, gathering: Gathering) -> int:
-    plugin = CheckPlugin(plan, stand, in_order)
-    status = _pytest(plan, [plugin, gathering])
-    plugin.look_after()
-    gathering.findings.traffic.add(plugin.traffic)
-    return status
-
-
 def _run_apart(plan: Plan, facts: Facts, workers: int, gathering: Gathering) -> int:
     """Share the checks out among so many testees. Raises NoVerdict if one cannot be met."""
     gathering.progress.say(
@@ -98,8 +101,16 @@ def _run_apart(plan: Plan, facts: Facts, workers: int, gathering: Gathering) -> 
 
 
 def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Checks as they come, those that may crash the testee last."""
-    return sorted(items, key=lambda item: declared(item).may_crash)
+    """Checks of what must be before those of what should be, since a person in front of the testee
+    may not start it for all of them; those that may crash it last.
+    """
+    known = requirements("1.1")
+
+    def rank(item: pytest.Item) -> tuple[bool, bool]:
+        check = declared(item)
+        return check.may_crash, not known[check.requirement].level.startswith("MUST")
+
+    return sorted(items, key=rank)
 
 
 def _what_happens(peer: Peer, plan: Plan) -> str:

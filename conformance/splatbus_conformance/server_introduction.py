@@ -4,9 +4,8 @@ Checks ask no more of it than it has shown here.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
 
-from splatbus_conformance import meeting
+from splatbus_conformance import meeting, mistakes
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.lenient_json import read
@@ -14,9 +13,11 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
+from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.testee import Testee, not_met
-from splatbus_conformance.values import is_number, numbers
+from splatbus_conformance.values import finite, finites, texts, within
 from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
@@ -57,6 +58,8 @@ class ServerFacts:
     """The reply to `get_scene`."""
     unauthorized: bool = False
     """It requires a token that it was not given."""
+    guarded: bool = False
+    """It requires the token that it was given."""
     size: tuple[int, int] = (0, 0)
     device: str = ""
     """On which its CUDA memory is read: a GPU, or the stand-in; nothing if there is none."""
@@ -72,6 +75,8 @@ class ServerFacts:
         parts = [f"it speaks {self.version()}", f"listens on {where}"]
         if self.unauthorized:
             parts.append("asks for a token that it was not given: put it into SPLATBUS_TOKEN")
+        if self.guarded:
+            parts.append("requires the token that it was given")
         if self.size != (0, 0):
             parts.append(f"announces images of {self.size[0]}x{self.size[1]}")
         parts.append("sends frames" if self.renders else "sends no frame")
@@ -85,19 +90,18 @@ class ServerFacts:
 
     def capabilities(self, channel: Channel = "ipc") -> list[str]:
         """What it granted on a channel to a client that offered everything."""
-        granted = (self.welcome[channel] or {}).get("capabilities", [])
-        return granted if isinstance(granted, list) else []
+        return texts(within(self.welcome[channel], "capabilities"))
 
     def objects(self) -> list[str]:
         """The ids of the objects that `scene` lists; `default` where it tells nothing."""
-        listed = (self.scene or {}).get("objects")
-        named = [it.get("id") for it in listed if isinstance(it, dict)] if listed else []
-        return [name for name in named if isinstance(name, str)] or [DEFAULT]
+        listed = within(self.scene, "objects")
+        ids = [within(it, "id") for it in listed] if isinstance(listed, list) else []
+        return texts(ids) or [DEFAULT]
 
     def time_range(self) -> tuple[float, float] | None:
         """First and last time of the scene, if it is animated."""
-        told = (self.scene or {}).get("timeRange")
-        return (float(told[0]), float(told[1])) if told and numbers(told, 2) else None
+        told = finites(within(self.scene, "timeRange"), 2)
+        return (told[0], told[1]) if told else None
 
     def setting(
         self,
@@ -108,8 +112,7 @@ class ServerFacts:
         """How the known scene is to look in an image with its objects here, or where its frame says
         that they are: whoever moved them last may be gone, and they stay (CTL-5).
         """
-        time: Any = frame.get("time")
-        seconds = float(time) if self.time_range() and is_number(time) else 0.0
+        seconds = (finite(frame.get("time")) if self.time_range() else None) or 0.0
         return Setting(
             default or placed_in(frame, DEFAULT),
             (ball or placed_in(frame, BALL)) if BALL in self.objects() else None,
@@ -136,6 +139,8 @@ class ServerFacts:
             known, why = self.first is not None, "shows no image that can be read here"
         elif kind == "scene":
             known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
+        elif kind == "cuda" and self.guarded:
+            known, why = False, "requires a token, and announces nothing to who says nothing"
         elif kind == "cuda":
             known, why = self.at_once, "announces no CUDA memory"
         else:
@@ -193,11 +198,11 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             viewer.ask(connection, {"type": "get_scene"})
             peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
             facts.scene = _scene(dealings)
+    facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     facts.advice = meeting.on_server([_met(it, viewer) for it in peer.connections])
-    meta = (facts.init_packet or {}).get("meta", {})
-    facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
+    facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()
     peer.pump(GONE_SECONDS)
     pairs = {
@@ -209,7 +214,24 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     for channel, pair in pairs.items():
         facts.alone[channel] = any(each is not None and each.ended for each in pair)
     peer.close_all()
+    ended = testee.ended()
+    if ended and not (facts.answers or facts.init_packet or any(facts.welcome.values())):
+        raise NoVerdict(mistakes.ended_by_itself(f"the server {ended}", testee.output()))
     return facts
+
+
+def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool:
+    """Whether the server requires the token that it was given."""
+    if viewer.token is None:
+        return False
+    for channel in CHANNELS:
+        if (connection := reach(peer, testee, channel, patience)) is not None:
+            viewer.greet(connection, token=None)
+            heard = viewer.with_(connection)
+            peer.until(lambda: heard.heard or connection.ended, REPLY_SECONDS)  # noqa: B023
+            if "unauthorized" in heard.errors():
+                return True
+    return False
 
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:

@@ -9,7 +9,7 @@ from splatbus_conformance.device_introduction import device_for, stand_in_for, w
 from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.server_introduction import ServerFacts, introduce
+from splatbus_conformance.server_introduction import ServerFacts, introduce, reach
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched, Say, not_met
 from splatbus_conformance.viewer import Viewer
@@ -41,6 +41,8 @@ class ServerStand:
     def introduce(self) -> None:
         """Meet the server for the first time. Raises NoVerdict."""
         self.facts = introduce(self.peer, self._new_viewer(), self.testee, self.plan.patience)
+        if not (self.facts.guarded or self.facts.unauthorized):
+            self._token = None  # what nobody asks for is not said
         if self.device:
             self.facts.device = STAND_IN if self.stand_in else self.device.uuid
         if self.stand_in:
@@ -63,9 +65,10 @@ class ServerStand:
         """Meet another instance of a server that was met, as it was then. Raises NoVerdict."""
         self.facts = facts
         self.testee.ensure_running()
-        if self.lost():
-            where, patience = "its ports", self.plan.patience
+        where, patience = "the ports that it was given", self.plan.patience
+        if not any(reach(self.peer, self.testee, it, patience) for it in CHANNELS):
             raise not_met(self.testee, "server", where, self.plan.host, patience)
+        self.peer.close_all()
 
     def lost(self) -> str:
         """Which vital sign the server has lost since it was met, in words; nothing if none."""

@@ -84,7 +84,7 @@ def test_each_testee_has_ports_of_its_own(tmp_path: Path) -> None:
     code, output = run("client", "--launch", command, "--select", SOME, "--parallel", "3")
     assert code == 0, output
     ports = [port for it in folder.iterdir() for port in it.name.split()]
-    assert len(ports) == len(set(ports)) == 6
+    assert len(ports) == len(set(ports)) == 8  # one of them is met first
 
 
 @POSIX

@@ -19,8 +19,11 @@ REFERENCE: dict[str, tuple[Side, str]] = {
     "reference-client": ("client", ""),
     "reference-client-beside-its-adapter": ("client", "unity"),
     "reference-server": ("server", ""),
+    "reference-server-that-wants-a-token": ("server", ""),
 }
 """Which side each is on, and the axes of its adapter."""
+TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
+"""What the harness and its testee find in their environment."""
 FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
@@ -198,6 +201,6 @@ def run_harness(
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
         line += ["--shrink", "0", "--scripts", folder, *more]
-        status, output = harnesses.run(line, seconds)
+        status, output = harnesses.run(line, seconds, TOLD.get(name, {}))
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.recording import Channel
@@ -38,11 +37,11 @@ def learn(trial: ServerTrial, *, counting: bool) -> Knowledge:
     facts = trial.facts
     frames = facts.opens and facts.renders and "frames" in facts.capabilities()
     crowded = crowd(trial) if counting and frames else 0
-    asking = [c for _ in range(SEATS) if (c := _dialled(trial, "msg"))]
+    asking = [c for _ in range(SEATS) if (c := trial.served("msg"))]
     for connection in asking:
         trial.viewer.say(connection, VIEWPORT_REQUEST)
-    trial.wait(lambda: all(c.packets or c.ended for c in asking), SERVED_SECONDS)
-    served = [c for c in asking if c.packets and not c.ended]
+    trial.wait(lambda: all(trial.replies(c) or c.ended for c in asking), SERVED_SECONDS)
+    served = [c for c in asking if trial.replies(c) and not c.ended]
     cameras = tuple(_camera(trial, served[0], n) if served else None for n in range(CAMERAS))
     greets = facts.version() == "1.1" and not facts.unauthorized
     for connection in asking:
@@ -110,12 +109,12 @@ def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
 
 
 def _camera(trial: ServerTrial, connection: Connection, index: int) -> Json | None:
-    before = len(connection.packets)
+    before = len(trial.replies(connection))
     trial.viewer.say(connection, {"type": "get_camera_pose", "cam_idx": index})
-    trial.wait(lambda: len(connection.packets) > before or connection.ended, SERVED_SECONDS)
-    if len(connection.packets) <= before:
+    trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended, SERVED_SECONDS)
+    if len(trial.replies(connection)) <= before:
         return None
-    reply = read(connection.packets[before].payload).value or {}
+    reply = trial.replies(connection)[before]
     return {name: reply.get(name) for name in ("position", "rotation")}
 
 

@@ -252,11 +252,11 @@ def _misunderstood(
 
 
 def _planar(depth: float, place: Place, lending: Lending, semantics: Json) -> float:
-    """The planar depth of a pixel: +∞ where it is empty. fx = fy = w, as in `messages.frame`."""
+    """The planar depth of a pixel: +∞ where it is empty."""
     if depth == float(semantics["depth"]["empty"]):
         return math.inf
-    width, height = lending.size
-    x, y = (place[0] + 0.5 - width / 2) / width, (place[1] + 0.5 - height / 2) / width
+    fx, fy, cx, cy = (lending.lens[name] for name in ("fx", "fy", "cx", "cy"))
+    x, y = (place[0] + 0.5 - cx) / fx, (place[1] + 0.5 - cy) / fy
     ray = semantics["depth"]["kind"] == "ray_distance"
     return depth / math.hypot(x, y, 1.0) if ray else depth
 

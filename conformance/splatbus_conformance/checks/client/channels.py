@@ -134,12 +134,18 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     closed = connection is None or trial.ends(connection, seconds)
     outcome = "closes" if closed else trial.fate() or "waits"
     trial.judge(outcome, f"no init packet; it had stayed for {lasted:.2g} s before")
-    if connection is not None and trial.facts.opens and trial.says_hello(connection):
-        trial.role.offer(connection, trial.role.init_packet(connection))
-        outcome = "waits" if trial.opens(connection) else "hangs"
-        trial.judge(outcome, f"an init packet that came after {seconds:g} s")
+    if connection is not None and trial.facts.opens:
+        if trial.says_hello(connection):
+            trial.role.offer(connection, trial.role.init_packet(connection))
+            outcome = "waits" if trial.opens(connection) else "hangs"
+            trial.judge(outcome, f"an init packet that came after {seconds:g} s")
+            trial.delivered += 1
+        return
+    trial.role.offers_memory = True
+    if "ipc" not in trial.facts.returns:
         trial.delivered += 1
-    trial.delivered += not trial.facts.speaks_1_1("ipc")
+    elif not trial.comes_back("ipc"):
+        trial.not_observable("the testee waited, and was not seen to go on")
 
 
 @check(
