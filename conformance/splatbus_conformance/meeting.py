@@ -6,7 +6,7 @@ Functions from what was seen to sentences.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from splatbus_conformance.first_bytes import misread, recognised
+from splatbus_conformance.first_bytes import cut_short, misread, recognised
 from splatbus_conformance.kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.messages import Json
 from splatbus_conformance.recording import Channel
@@ -36,6 +36,8 @@ class Met(NamedTuple):
     """The reason that its `open_failed` gave."""
     process: int | None = None
     """Which process is at the other end, where that is shown."""
+    unfinished: bytes = b""
+    """What came of a payload that is not complete."""
 
 
 def on_client(met: Sequence[Met], wanted: dict[Channel, int], launched: int | None) -> list[str]:
@@ -69,6 +71,8 @@ def _foreign(met: Sequence[Met]) -> list[str]:
             told = f"bytes that are no packet: {it.refused[:8].hex(' ')}"
         elif it.unread and misread(it.unread):
             known, told = misread(it.unread), f"a payload that is no JSON: {it.unread[:12]!r}"
+        elif known := cut_short(it.unfinished):
+            told = f"a payload of which more was announced: {it.unfinished[:12]!r}"
         else:
             continue
         text = f"On the {NAMES[it.channel]} channel came {told}"

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Literal, TypeVar
 
-from splatbus_conformance.packets import Packet, Splitter
+from splatbus_conformance.packets import HEADER, Packet, Splitter
 from splatbus_conformance.recording import Channel, Direction, Entry, Event
 
 T = TypeVar("T")
@@ -68,6 +68,11 @@ class Connection:
     def no_packet(self) -> bytes:
         """What the testee sent from a header on that is none (FRM-2), as far as it is kept."""
         return self._splitter.rest if self._splitter.refused is not None else b""
+
+    @property
+    def unfinished(self) -> bytes:
+        """What has come of a payload that is not complete."""
+        return self._splitter.rest[HEADER:] if self._splitter.refused is None else b""
 
     def push(self, data: bytes) -> int | None:
         """Send what TCP takes at once, off the record; how much, or None if the testee has gone.

@@ -14,6 +14,7 @@ PROBING = """
                 send(it, {"type": "get_viewport_size"})
                 next(packets(it))
             time.sleep(0.12)
+            CONNECTED.clear()
             pair = [threading.Thread(target=once, args=each) for each in ((IPC, ipc), (MSG, msg))]
             for thread in pair:
                 thread.start()
@@ -22,12 +23,20 @@ PROBING = """
         time.sleep(0.12)
 """
 ONCE = """
+CONNECTED = set()
+
+
 def once(port, talk):
     while True:
         with contextlib.suppress(OSError, Bad), socket.create_connection((HOST, port)) as sock:
-            talk(sock, "1.0")
-            return
+            CONNECTED.add(port)
+            try:
+                talk(sock, "1.0")
+            finally:
+                CONNECTED.discard(port)
         time.sleep(0.12)
+        if not CONNECTED:
+            return
 
 
 if __name__"""

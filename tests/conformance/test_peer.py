@@ -35,3 +35,19 @@ def test_a_reset_is_one(pair) -> None:
     connection.reset()
     with pytest.raises(ConnectionResetError):
         testee.recv(100)
+
+
+def test_what_is_held_is_connected_and_accepted_later() -> None:
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.hold("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        testee.sendall(b"before it is accepted")
+        peer.pump(0.05)
+        assert not peer.connections
+        peer.listen("ipc")
+        assert peer.until(lambda: peer.connections, SECONDS)
+        peer.hold("ipc")
+        peer.refuse("ipc")
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS)
+    peer.close()

@@ -3,6 +3,7 @@
 Whatever is not lent is spoilt: a client that reads it shows it.
 """
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -31,7 +32,7 @@ READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
 )
 """Ways in which an image is misread."""
 LINGER_SECONDS = 0.1
-"""A client that reads late has done so after this time."""
+"""A client that reads late has done so after this time, or twice what it takes to read."""
 
 
 def parts(answer: Json, image: Painting) -> list[str]:
@@ -81,13 +82,15 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     """
     lending = Lending(trial)
     for number in range(20 if trial.thorough else 3):
+        began = time.monotonic()
         seq = lending.show(coordinates(number, *lending.size))
+        linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         for slot in range(trial.role.slots):
             lending.paint(coordinates(1000 + number, *lending.size), slot)
-        trial.rest(LINGER_SECONDS)
+        trial.rest(linger)
         _judge(trial, lending, f"was shown after the client had given image {seq} back")
         lending.spoil_everything()
-        trial.rest(LINGER_SECONDS)
+        trial.rest(linger)
         _judge(trial, lending, f"was shown after the client had given image {seq} back")
 
 
@@ -148,14 +151,16 @@ def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> Non
     """
     lending = Lending(trial)
     for lent in (False, True):
+        began = time.monotonic()
         lending.show(coordinates(1 + lent, *lending.size))
+        linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         trial.peer.refuse("ipc")
         if lent:
             lending.lend(coordinates(5, *lending.size))
         lending.connection.close()
         trial.rest(REACTION_SECONDS)
         lending.spoil_everything()
-        trial.rest(LINGER_SECONDS)
+        trial.rest(linger)
         _judge(trial, lending, "is not what the client read while it was connected")
         trial.peer.listen("ipc")
         lending = Lending(trial)

@@ -43,7 +43,7 @@ DISTANCES = (
 OBSERVABLE = "the pose on the wire, against the oracle's for the pose that the engine was given"
 
 
-FIRST = Pose((1.0, 2.0, 3.0), (0.2, 0.4, 0.4, 0.8))
+FIRST = Pose((3.0, -1.0, 2.0), (0.4, -0.2, 0.8, 0.4))
 """Given on each connection before any that is judged."""
 
 
@@ -75,6 +75,8 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Sent
         pose = Pose.of(case)
         p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
         size = trial.role.width, trial.role.height
+        if not off(_on_wire(engine, former), p, q, single=greeting.single, size=size).far:
+            continue  # an engine may take a camera that hardly moved for one at rest
         for came in _arriving(trial, connection, kind, pose, before):
             found = off(came, p, q, single=greeting.single, size=size)
             if not found.far and (came not in before or found.position <= 1.0):
@@ -89,6 +91,11 @@ def _reason(pose: Pose, came: Pose, former: Pose, engine: Engine) -> str:
     known = why(pose, came, engine)
     late = "" if known else why(former, came, engine, right=True)
     return known or (late and f"for the pose that was given before, {late}")
+
+
+def _on_wire(engine: Engine, pose: Pose) -> Pose:
+    p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
+    return Pose(tuple(map(float, p)), tuple(map(float, q)))
 
 
 def _give(trial: ClientTrial, kind: Kind, pose: Pose) -> None:

@@ -1,6 +1,7 @@
 """Checks on the life of the two channels (spec 1.0 chapter 3)."""
 
 import time
+from contextlib import ExitStack
 
 from splatbus_schemas import FRAMING, LIMITS
 
@@ -49,7 +50,7 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
         trial.not_observable("the harness listens on the usual ports")
     for channel in sorted(trial.facts.connects):
         trial.connection(channel)
-        trial.delivered += 1
+        trial.delivered += _goes_on(trial, channel)
     for channel in sorted(set(CHANNELS) - trial.facts.connects):
         elsewhere = Peer(trial.peer.host, usual)
         try:
@@ -100,7 +101,8 @@ def check_either_channel_first(trial: ClientTrial) -> None:
 
 def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
     """Whether the testee says on this channel what it has to say there, on a connection of now."""
-    says = trial.facts.speaks_1_1(channel) or (channel == "msg" and bool(trial.facts.says))
+    facts = trial.facts
+    says = facts.speaks_1_1(channel) or (channel == "msg" and (facts.poses or facts.asks_again))
 
     def goes_on() -> bool:
         now = (it for it in trial.peer.connections if it.channel == channel)
@@ -132,6 +134,13 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     closed = connection is None or trial.ends(connection, seconds)
     outcome = "closes" if closed else trial.fate() or "waits"
     trial.judge(outcome, f"no init packet; it had stayed for {lasted:.2g} s before")
+    if connection is not None and trial.facts.opens:
+        if trial.says_hello(connection):
+            trial.role.offer(connection, trial.role.init_packet(connection))
+            outcome = "waits" if trial.opens(connection) else "hangs"
+            trial.judge(outcome, f"an init packet that came after {seconds:g} s")
+            trial.delivered += 1
+        return
     trial.role.offers_memory = True
     if "ipc" not in trial.facts.returns:
         trial.delivered += 1
@@ -185,7 +194,7 @@ def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
                 former.close()  # it may have been answered
         connection = trial.connection(channel)
         trial.rest(SETTLE_SECONDS)
-        if awaits and channel == "msg" and trial.facts.asks:
+        if awaits and channel == "msg" and trial.facts.asks_again:
             count = role.with_(connection).count
             trial.wait(lambda: any(map(count, trial.facts.asks)) or connection.ended)  # noqa: B023
         connection.end_stream()
@@ -268,25 +277,25 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
     needs=("hello:ipc", "reconnects:ipc"),
 )
 def check_uses_the_new_memory(trial: ClientTrial) -> None:
-    """The server comes back with other memory of another size, and the old is gone."""
-    connection = trial.greeted("ipc")
-    if not trial.opens(connection):
-        trial.not_observable("the testee did not open the memory")
-    width, height = trial.role.width // 2 or 1, trial.role.height // 2 or 1
-    other = HostMemory(ring_bytes(width, height, trial.role.slots))
-    try:
-        trial.role.memory, trial.role.width, trial.role.height = other, width, height
-        connection.close()
-        again = trial.greeted("ipc")
-        dealings = trial.role.with_(again)
-        trial.expect(
-            trial.opens(again), f"memory of {width}x{height} after a reconnect was not opened"
-        )
-        released = trial.wait(lambda: dealings.released or not dealings.frames)
-        trial.expect(released, "no frame of the new memory was released")
-        trial.delivered += 1
-    finally:
-        again_open = [c for c in trial.peer.connections if c.channel == "ipc"]
-        for each in again_open:
-            each.close()
-        other.close()
+    """The connection is closed, and reset; the server comes back with memory of another size."""
+    first = trial.role.width, trial.role.height
+    with ExitStack() as memories:
+        for how, part in trial.each((("close", 2), ("reset", 3)), kind=lambda case: case[0]):
+            connection = trial.greeted("ipc")
+            if not trial.opens(connection):
+                trial.not_observable("the testee did not open the memory")
+            width, height = (max(1, side // part) for side in first)
+            size = ring_bytes(width, height, trial.role.slots)
+            trial.role.memory = memories.enter_context(HostMemory(size))
+            memories.callback(trial.peer.close_all)
+            trial.role.width, trial.role.height = width, height
+            getattr(connection, how)()
+            again = trial.greeted("ipc")
+            trial.expect(
+                trial.opens(again),
+                f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
+            )
+            dealings = trial.role.with_(again)
+            released = trial.wait(lambda: dealings.released or not dealings.frames)  # noqa: B023
+            trial.expect(released, "no frame of the new memory was released")
+            trial.delivered += 1

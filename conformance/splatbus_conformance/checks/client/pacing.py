@@ -18,6 +18,8 @@ LEAST: float = LIMITS["reconnect_min_seconds"]
 MOST: float = LIMITS["reconnect_max_seconds"]
 ENDS = ("close", "reset", "end")
 """How a connection is lost; `end` is a half-close."""
+SLOW_SECONDS = 10 * LEAST
+"""Whoever was away for so long needs no second look: each costs as long."""
 TOMORROW = "a_code_of_tomorrow"
 CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, TOMORROW)
 TIMES = 8
@@ -76,8 +78,13 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
     lost = [lose(trial, connection, how) for connection in met]
     again = []
     for connection, begun in zip(met, lost, strict=True):
-        if not connection.open or connection.ended:
-            again.append((after(trial, connection.channel, begun), begun))
+        if connection.open and not connection.ended:
+            continue
+        back = after(trial, connection.channel, begun)
+        if back.opened - begun < SLOW_SECONDS:
+            again.append((back, begun))
+        else:
+            trial.delivered += 1
     for connection, _ in again:
         if how not in ENDS and not trial.says_hello(connection):
             trial.not_observable("the testee said no hello when it came back")

@@ -1,6 +1,7 @@
 """Mutants that break CHN: the life of the two channels."""
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 from splatbus_client import ipc_protocol, message_protocol, reading, settings
@@ -85,6 +86,23 @@ def gives_up_what_is_accepted_late(patch: Patch) -> None:
 def impatient_for_the_init_packet(patch: Patch) -> None:
     """Closes the IPC connection if no init packet has come within a second."""
     _limit(patch, lambda machine: not machine._slots, 1.0)
+
+
+@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="an init packet that came after")
+def deaf_to_a_late_init_packet(patch: Patch) -> None:
+    """Ignores the first init packet if it comes later than a second after the connection."""
+    begun: dict[IpcProtocol, float] = {}
+
+    def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        begun[self] = time.monotonic()
+
+    def take(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if self._slots or time.monotonic() < begun[self] + 1.0:
+            yield from original(self, packet)
+
+    wrap(patch, IpcProtocol, "__init__", init)
+    wrap(patch, IpcProtocol, "_on_init_packet", take)
 
 
 @mutant("CHN-10", check="check_keeps_the_ipc_connection", reason="while it used the buffers")
@@ -221,9 +239,19 @@ def drops_both_channels_when_one_is_reset(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reconnect was not opened")
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="a reconnect, was not opened")
 def insists_on_the_first_size(patch: Patch) -> None:
     """Opens no memory of another size than the first that it saw."""
+    _insists(patch, lambda reason: False)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reset, and a reconnect")
+def insists_on_the_former_size_when_it_was_reset(patch: Patch) -> None:
+    """Forgets the size of the images when its connection is closed, but not when it is reset."""
+    _insists(patch, lambda reason: "reset" not in reason)
+
+
+def _insists(patch: Patch, forgets: Callable[[str], bool]) -> None:
     seen: list[tuple[int, int]] = []
 
     def images(original: Any, packet: Any) -> Any:
@@ -232,7 +260,13 @@ def insists_on_the_first_size(patch: Patch) -> None:
             raise CannotOpenError(f"the images are not {seen[0]} any more")
         return original(packet)
 
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if forgets(reason):
+            seen.clear()
+        original(self, reason, now)
+
     wrap(patch, reading, "HostImages", images)
+    wrap(patch, Channel, "_lose", lose)
 
 
 @mutant("CHN-6", reason="on the IPC channel, without hello", through="CHN-9")
