@@ -1,6 +1,8 @@
 """The raw peer: how its connections end."""
 
+import contextlib
 import socket
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -35,3 +37,19 @@ def test_a_reset_is_one(pair) -> None:
     connection.reset()
     with pytest.raises(ConnectionResetError):
         testee.recv(100)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere buffers are of other sizes")
+def test_little_is_under_way_on_a_narrow_connection() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        peer = Peer("127.0.0.1", dict.fromkeys(("ipc", "msg"), listener.getsockname()[1]))
+        peer.narrow = True
+        peer.dial("msg").stop_reading()
+        testee, _ = listener.accept()
+        testee.settimeout(0.5)
+        taken = 0
+        with testee, contextlib.suppress(TimeoutError):
+            while taken < 1 << 20:
+                taken += testee.send(bytes(30))
+        assert 0 < taken < 1 << 20
+        peer.close()

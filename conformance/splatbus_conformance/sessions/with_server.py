@@ -267,7 +267,8 @@ class WithServer:
             for seat, connection in seated:
                 replaced = connection.ended and connection.number < newest
                 if replaced and self.knowledge.seats[channel] < SEATS:
-                    self._forget(self._unseat(channel, seat))
+                    self._unseat(channel, seat).close()
+                    self._forget(connection)
 
     def _restart(self) -> None:
         self._restarted = True
