@@ -5,6 +5,7 @@ While an answer is awaited the sockets are served, for the client may need the h
 
 import contextlib
 import json
+import math
 import os
 import queue
 import subprocess
@@ -178,6 +179,10 @@ class Adapted:
     def missed(self, channel: Channel) -> None:
         """The adapter is told to start its client, so there is nothing to say."""
 
+    def asked_to_start(self, what_for: str) -> bool:
+        """The adapter is told to start its client."""
+        return True
+
     def close(self) -> None:
         """End it, and forget what it printed."""
         self.stop()
@@ -198,7 +203,7 @@ class Adapted:
             self._mute = True
             self._ended_instead(what)
         try:
-            said = json.loads(line, parse_constant=_no_json)
+            said = json.loads(line, parse_constant=_no_json, parse_float=_in_range)
         except (ValueError, RecursionError):
             shown = shorten(line.decode("utf-8", "backslashreplace").rstrip())
             raise AdapterBroken(f"on stdout, in place of {what}, is no JSON: {shown}") from None
@@ -234,6 +239,12 @@ def _write(process: subprocess.Popen[bytes], lines: "queue.SimpleQueue[bytes | N
         while (line := lines.get()) is not None:
             stdin.write(line)
             stdin.flush()
+
+
+def _in_range(spelling: str) -> float:
+    if math.isinf(number := float(spelling)):
+        raise ValueError(f"{spelling} is beyond double precision")
+    return number
 
 
 def _no_json(name: str) -> float:

@@ -74,6 +74,29 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
     return plan
 
 
+def as_options(plan: Plan) -> list[str]:
+    """The options with which another command meets the same testee: of what a plan says of that,
+    all that is not as usual.
+    """
+    from splatbus_conformance.cli import parser
+
+    how = ["--wait" if plan.side == "client" else "--connect"]
+    if plan.starts_it:
+        how = ["--adapter", plan.adapter] if plan.adapter else ["--launch", str(plan.launch)]
+    usual = plan_of(plan.side, parser().parse_args([plan.side, *how]))
+    told = {
+        "host": [plan.host],
+        "ports": ["{},{}".format(*plan.ports)],
+        "viewport": ["{}x{}".format(*plan.viewport)],
+        "patience": [f"{plan.patience:.15g}"],
+        "stand_in_cuda": [],
+    }
+    for name, value in told.items():
+        if getattr(plan, name) != getattr(usual, name):
+            how += [f"--{name.replace('_', '-')}", *value]
+    return how
+
+
 def wishes_of(side: Side, arguments: argparse.Namespace) -> Wishes:
     """What is wanted of the run besides. Raises Usage where that cannot be."""
     partial = arguments.select or arguments.deselect

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 from splatbus_schemas.requirements import Requirement, requirements
 
+from splatbus_conformance import guilty
 from splatbus_conformance.conversation import SENDER, Conversation, conversations
-from splatbus_conformance.excerpt import fold
-from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel, Entry
 from splatbus_conformance.rules import Sighting, judge
 from splatbus_conformance.rules.answers import exchanges
@@ -44,7 +43,7 @@ class Breach:
     place: Place
     text: str
     excerpt: str
-    """The bytes, header included, as hexadecimal text and as characters; folded when long."""
+    """The bytes as lines of a transcript, around the member that matters; folded when long."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,9 @@ def results(judged: Audit, peer: str) -> list[Result]:
             Level.PASSIVE,
             finding.verdict,
             _in_words(finding),
-            (str(finding.first.place), finding.first.excerpt) if finding.first else (),
+            (str(finding.first.place), *finding.first.excerpt.splitlines())
+            if finding.first
+            else (),
         )
         for finding in judged.of(peer)
     ]
@@ -151,7 +152,6 @@ def _finding(requirement: Requirement, peer: str, sightings: list[Sighting]) -> 
 
 def _breach(sighting: Sighting) -> Breach:
     message = sighting.message
-    data = sighting.data if message is None else packet(message.packet.payload)
     place = Place(
         sighting.channel,
         sighting.conn,
@@ -160,7 +160,8 @@ def _breach(sighting: Sighting) -> Breach:
         sighting.offset if message is None else message.packet.offset,
         sighting.pointer,
     )
-    return Breach(place, sighting.breach or "", fold(data))
+    _, *lines = guilty.shown(sighting) or [""]
+    return Breach(place, sighting.breach or "", "\n".join(lines))
 
 
 def _in_words(finding: Finding) -> str:

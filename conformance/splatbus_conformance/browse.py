@@ -7,6 +7,7 @@ from rich.text import Text
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.coverage import bound, exclusions, judges
+from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.terminal import words
 
 PEERS = ("client", "server")
@@ -42,8 +43,7 @@ def print_explanation(out: Console, name: str) -> bool:
     """Everything that is known of one requirement; False if there is none of this name."""
     requirement = requirements("1.1").get(name.upper())
     if requirement is None:
-        families = sorted({known.split("-")[0] for known in requirements("1.1")})
-        out.print(f"{name}: no such requirement; the families are {', '.join(families)}")
+        out.print(f"{name}: {_what_there_is(name.upper())}")
         return False
     out.print(f"\n[bold]{requirement.id}[/]  {requirement.level}  [dim]{requirement.chapter}[/]\n")
     grid = Table.grid(padding=(0, 2))
@@ -60,3 +60,14 @@ def print_explanation(out: Console, name: str) -> bool:
             grid.add_row("", Text(why.reason, "dim"))
     out.print(Padding(grid, (0, 0, 1, 2)))
     return True
+
+
+def _what_there_is(name: str) -> str:
+    known = {it: it for it in requirements("1.1")}
+    families: dict[str, list[str]] = {}
+    for each in known:
+        families.setdefault(each.partition("-")[0], []).append(each)
+    if name in families:
+        return f"a clause, with {', '.join(families[name])}"
+    hint = did_you_mean(name, known)
+    return f"no such requirement; {hint}the families are {', '.join(sorted(families))}"

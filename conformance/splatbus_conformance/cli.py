@@ -10,19 +10,33 @@ import traceback
 from collections.abc import Sequence
 from typing import Any
 
+from splatbus_schemas.version import ShowVersion
+
 from splatbus_conformance import commands
 from splatbus_conformance.examples import EXAMPLES
 from splatbus_conformance.options import a_command, format_options, live_options, recording_options
 from splatbus_conformance.plan import NoVerdict, Usage
-from splatbus_conformance.reports.as_json import harness_version
+from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE
 
 HELP_WIDTH = 79
 
 
+class Parser(argparse.ArgumentParser):
+    """One that suggests what is near to a word that it does not know."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            choices = {str(it): it for it in action.choices or ()}
+            hint = did_you_mean(str(value).lower(), choices).strip()
+            raise argparse.ArgumentError(action, f"{error.message} {hint}".strip()) from None
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="splatbus-conformance",
         **_prose(
             "",
@@ -30,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
             "the bytes that show it.",
         ),
     )
-    top.add_argument("--version", action="version", version=f"%(prog)s {harness_version()}")
+    top.add_argument("--version", action=ShowVersion)
     top.add_argument("--plain", action="store_true", help="no colour, no moving lines")
     commands_ = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
 

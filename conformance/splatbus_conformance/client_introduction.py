@@ -6,7 +6,6 @@ Checks ask no more of it than it has shown here.
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from splatbus_conformance import meeting, processes
 from splatbus_conformance.adapter import Greeting
@@ -19,6 +18,7 @@ from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Testee, not_met
 from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
+from splatbus_conformance.values import texts, within
 
 SETTLE_SECONDS = 1.0
 PARTING_SECONDS = 0.5
@@ -66,8 +66,7 @@ class ClientFacts:
 
     def capabilities(self) -> list[str]:
         """What it declared on the IPC channel."""
-        declared: Any = (self.hello["ipc"] or {}).get("capabilities", [])
-        return declared if isinstance(declared, list) else []
+        return texts(within(self.hello["ipc"], "capabilities"))
 
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""

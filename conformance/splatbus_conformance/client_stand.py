@@ -17,7 +17,7 @@ from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.role import Role
 from splatbus_conformance.smoke import smoke
-from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee
+from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee, not_met
 from splatbus_conformance.vital_signs import lost_by_client
 
 SLOTS = 3
@@ -57,6 +57,20 @@ class ClientStand:
                 self.peer, self._role(), self.testee, self.stand_in, self.plan.patience
             )
 
+    def meet_again(self, facts: ClientFacts) -> None:
+        """Meet another instance of a client that was met, as it was then. Raises NoVerdict."""
+        self.facts = facts
+        self.testee.ensure_running()
+        self.peer.until(lambda: self.peer.connections or self.testee.ended(), self.plan.patience)
+        if not self.peer.connections:
+            raise not_met(
+                self.testee,
+                "client",
+                "the ports that it was given",
+                self.plan.host,
+                self.plan.patience,
+            )
+
     def lost(self) -> str:
         """Which vital sign the client has lost since it was met, in words; nothing if none."""
         return lost_by_client(self.peer, self._role(), self.testee, self.facts, self.plan.patience)
@@ -94,7 +108,7 @@ class ClientStand:
         return Awaited("the client that connects", say)
 
     def _role(self) -> Role:
-        return Role(self._memory, *self.plan.viewport, SLOTS)
+        return Role(self._memory, *self.plan.viewport, SLOTS, self.plan.seed)
 
 
 def _listening(plan: Plan) -> Peer:

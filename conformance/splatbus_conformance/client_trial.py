@@ -67,6 +67,8 @@ class ClientTrial(Trial):
         seconds = self.patience if seconds is None else seconds
         if self.testee.ended() or self._takes_a_start(channel):
             self.end_testee()
+            if not self.testee.asked_to_start(self.purpose):
+                self.not_observable("it would take a further start of the client by hand")
         started = self.testee.ensure_running()
         found = self._past_probes(channel, seconds)
         if found is None and not started:
@@ -88,7 +90,7 @@ class ClientTrial(Trial):
         """Only a testee that is started anew connects there: this one has done so, and is gone."""
         came = self.peer.last_opened[channel] > self.testee.started
         comes = channel in self.facts.returns or channel not in self.facts.connects
-        return self.testee.expendable and came and not comes and self._unused(channel) is None
+        return came and not comes and self._unused(channel) is None
 
     def _past_probes(self, channel: Channel, seconds: float) -> Connection | None:
         """A new connection; of a testee that has just been started, one that it means to keep."""
@@ -260,7 +262,7 @@ class ClientTrial(Trial):
             if connection.ended and not self.wait(lambda: self.fate(), 0.05):
                 return "hangs"
         answers = {
-            message.get("type")
+            str(message.get("type"))
             for message in dealings.heard[heard:]
             if message.get("generation") != generation
         }
@@ -355,7 +357,7 @@ class ClientTrial(Trial):
         )
 
     def _takes_further(self, connection: Connection) -> bool:
-        return "reinit" in (self.role.with_(connection).welcome or {}).get("capabilities", [])
+        return "reinit" in self.role.with_(connection).granted
 
     def _takes_another(self, connection: Connection) -> bool:
         dealings = self.role.with_(connection)

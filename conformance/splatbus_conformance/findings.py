@@ -41,6 +41,10 @@ class Traffic:
     """What the meeting with the testee suggests to its author."""
     losses: list[str] = field(default_factory=list)
     """Results, as text: vital signs that the testee lost, charged to the check that took them."""
+    ended: str = ""
+    """How the testee ended by itself, when it last did."""
+    printed: str = ""
+    """The last that it had printed then."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
 
@@ -57,6 +61,8 @@ class Traffic:
         latencies.add(self.latencies, other.latencies)
         self.advice = list(dict.fromkeys([*self.advice, *other.advice]))
         self.losses += other.losses
+        if other.ended:
+            self.ended, self.printed = other.ended, other.printed
         self.scripts = other.scripts | self.scripts
 
     def as_text(self) -> str:
@@ -67,7 +73,10 @@ class Traffic:
     def from_text(cls, text: str) -> "Traffic":
         """The reverse of `as_text`."""
         members = json.loads(text)
-        members["tally"] = {name: Count(*count) for name, count in members["tally"].items()}
+        members["tally"] = {
+            name: Count(*count)._replace(shown=tuple(count[-1]))
+            for name, count in members["tally"].items()
+        }
         members["latencies"] = {
             what: Histogram.from_counts(**it) for what, it in members["latencies"].items()
         }
@@ -123,9 +132,13 @@ class Findings:
     def results(self, plan: Plan) -> list[Result]:
         """Every verdict, in the order of a serial run; the rules have the last word."""
         judged = self.traffic.judged(plan.side)
-        found = [self.placed[place] for place in sorted(self.placed)]
-        found += map(result_from_text, self.traffic.losses)
-        return found + [
+        losses = list(map(result_from_text, self.traffic.losses))
+        harmful = {loss.check: loss for loss in losses}
+        found = [
+            _unproven(self.placed[place], harmful.get(self.placed[place].check))
+            for place in sorted(self.placed)
+        ]
+        return [*found, *losses] + [
             replace(
                 tally.result(name, self.traffic.tally[name], requirement.level),
                 script=self.traffic.scripts.get(name, ""),
@@ -133,6 +146,13 @@ class Findings:
             for name, requirement in judged.items()
             if name in self.traffic.tally and plan.selection.takes(Item(name, RULE, "L0"))
         ]
+
+
+def _unproven(result: Result, loss: Result | None) -> Result:
+    """A pass is none if the testee was not sound afterwards."""
+    if loss is None or result.verdict is not Verdict.PASS:
+        return result
+    return replace(result, verdict=Verdict.SKIP, text=f"{loss.text} ({loss.requirement})")
 
 
 def result_as_text(result: Result) -> str:

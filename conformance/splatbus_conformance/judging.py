@@ -9,9 +9,9 @@ from typing import Any
 from rich.console import Console
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance import expected
+from splatbus_conformance import expected, mistakes
 from splatbus_conformance.asking import Wishes, selectable_on
-from splatbus_conformance.demands import shortfalls
+from splatbus_conformance.demands import observed, shortfalls
 from splatbus_conformance.failures import work_out
 from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan
@@ -26,6 +26,7 @@ from splatbus_conformance.terminal import (
     summary,
 )
 from splatbus_conformance.verdicts import (
+    EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     EXIT_NOT_CONFORMING,
     Level,
@@ -43,13 +44,21 @@ def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
     """
     live = Live(out)
     began = time.monotonic()
+    wishes.files.remove_former()
+
+    def write_why_not(why: str, status: int) -> None:
+        wishes.files.write(_without_verdict(plan, why, status, time.monotonic() - began))
+
     try:
         if plan.profile == "soak":
             findings = soak(plan, 60 * wishes.minutes, live)
         else:
             findings = run_checks(plan, live)
     except NoVerdict as error:
-        wishes.files.write(_not_met(plan, str(error), time.monotonic() - began))
+        write_why_not(str(error), EXIT_NO_VERDICT)
+        raise
+    except KeyboardInterrupt:
+        write_why_not("the run was interrupted", EXIT_INTERRUPTED)
         raise
     finally:
         live.end()
@@ -75,15 +84,15 @@ def soak(plan: Plan, seconds: float, live: Live) -> Findings:
     return findings
 
 
-def _not_met(plan: Plan, why: str, seconds: float) -> dict[str, Any]:
+def _without_verdict(plan: Plan, why: str, status: int, seconds: float) -> dict[str, Any]:
     """The report of a run that came to no verdict, so that a CI job has one to show."""
     return json_report(
         plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
         plan.side,
         f"no verdict: {why.splitlines()[0]}",
-        [Result("", "introduction", Level.WIRE, Verdict.ERROR, why)],
+        [Result("", "run", Level.WIRE, Verdict.ERROR, why)],
         Traffic().judged(plan.side),
-        exit_code=EXIT_NO_VERDICT,
+        exit_code=status,
         traffic=Traffic(),
         seconds=seconds,
         profile=plan.profile,
@@ -97,10 +106,14 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     found = findings.results(plan)
     results, stale = expected.applied(found, wishes.expectations)
     results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print)
+    level = wishes.demands.level
+    ended = "" if observed(results, judged) else traffic.ended
+    if ended:
+        traffic.advice.append(mistakes.ended_by_itself(ended, traffic.printed))
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
-    sentence, verdicts = summary(results, judged, reached(results), wishes.demands.level)
+    sentence, verdicts = summary(results, judged, reached(results), level, ended)
     deselected = left_out(plan)
     if deselected:
         sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
@@ -118,7 +131,7 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
         exit_code=status,
         traffic=traffic,
         seconds=seconds,
-        least=wishes.demands.level,
+        least=level,
         complaints=complaints,
         deselected=deselected,
         profile=plan.profile,

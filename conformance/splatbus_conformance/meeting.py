@@ -126,11 +126,12 @@ def _one_channel(met: Sequence[Met], wanted: dict[Channel, int]) -> list[str]:
 
 
 def _size(met: Sequence[Met]) -> list[str]:
-    """Some clients stop when images are not of their own size."""
+    """Some clients stop when images are not of their own size; others close to begin in earnest."""
+    stayed = {it.channel for it in met if not it.ended}
     for it in met:
         if it.failed:
             return [f"Your client could not open the memory of {it.offered}: it says {it.failed!r}"]
-        if it.ended and it.offered:
+        if it.ended and it.offered and it.channel not in stayed:
             return [
                 f"Your client closed its {NAMES[it.channel]} connection when it was told of "
                 f"{it.offered}. If it insists on the size of its own view, give that: "

@@ -9,13 +9,13 @@ import stat
 import sys
 from multiprocessing import shared_memory
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.messages import Json
-from splatbus_conformance.values import whole
+from splatbus_conformance.values import whole, within
 
 LINUX_FOLDER = Path("/dev/shm")
 MOST_BYTES = 2**34
@@ -126,10 +126,7 @@ def layout_of(init_packet: Json) -> Layout:
 
 
 def _number(init_packet: Json, *path: str) -> int:
-    value: Any = init_packet
-    for name in path:
-        value = value.get(name) if isinstance(value, dict) else None
-    number = whole(value, 0)
+    number = whole(within(init_packet, *path), 0)
     if number is None:
         raise CannotOpen(f"/{'/'.join(path)} is no integer from 0")
     return number

@@ -179,6 +179,19 @@ def absent(it: Absent) -> str:
     return "\n".join([text, *_what_to_try(it)])
 
 
+def ended_by_itself(ended: str, printed: str) -> str:
+    """That a testee which was met ended, where nothing else could be observed of it.
+
+    Args:
+        ended: who ended, and how.
+        printed: the last that it printed.
+    """
+    text = f"Nothing was observed, since {ended} by itself, after it had been met"
+    if printed.strip():
+        return f"{text}; the last that it printed:\n{_indented(printed.strip())}"
+    return f"{text}, and printed nothing."
+
+
 def _indented(text: str) -> str:
     return "\n".join(f"  {line}" for line in text.splitlines())
 

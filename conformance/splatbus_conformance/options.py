@@ -50,8 +50,9 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         "--parallel",
         type=at_least_one,
         metavar="N",
-        default=1,
-        help="start N testees, each on ports of its own, and share the checks out (%(default)s)",
+        default=0,
+        help="start N testees, each on ports of its own, and share the checks out; without it, as "
+        "many as machine and testee allow, and 1 for one after the other",
     )
 
     what = command.add_argument_group("what it is judged by")
@@ -114,7 +115,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         type=float,
         metavar="S",
         default=SHRINK_SECONDS,
-        help="seconds, in all, to make failures small in (%(default)g); 0 leaves them as they are",
+        help="seconds, in all, to deliver failures again and make them small in (%(default)g)",
     )
     written.add_argument(
         "--scripts",

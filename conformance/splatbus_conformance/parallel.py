@@ -5,9 +5,11 @@ environment, which the testee has to find as it was.
 """
 
 import atexit
+import base64
 import contextlib
 import json
 import os
+import pickle
 import signal
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -19,7 +21,7 @@ from splatbus_conformance.data import read_json
 from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.plugin import CheckPlugin, declared
-from splatbus_conformance.stand import Stand, set_up
+from splatbus_conformance.stand import Facts, Stand, set_up
 from splatbus_conformance.trial import THOROUGH
 
 T = TypeVar("T")
@@ -39,11 +41,19 @@ def arguments(workers: int) -> list[str]:
 class Controller:
     """The plugin of the process that starts the workers."""
 
-    def __init__(self, plan: Plan, environment: Mapping[str, str], findings: Findings) -> None:
+    def __init__(
+        self, plan: Plan, environment: Mapping[str, str], facts: Facts, findings: Findings
+    ) -> None:
         self.findings = findings
         self.no_verdict = ""
         """Why a worker could not meet its testee."""
-        self._given = json.dumps({"plan": plan.as_text(), "environment": dict(environment)})
+        self._given = json.dumps(
+            {
+                "plan": plan.as_text(),
+                "environment": dict(environment),
+                "facts": base64.b64encode(pickle.dumps(facts)).decode("ascii"),
+            }
+        )
         self._workers: list[int] = []
 
     @pytest.hookimpl(optionalhook=True)
@@ -74,7 +84,9 @@ class Controller:
 
 
 class Worker:
-    """The plugin of a worker: sets up its stand, meets its testee, and registers the checks."""
+    """The plugin of a worker: sets up its stand, for a testee that was met, and registers the
+    checks.
+    """
 
     def __init__(self, config: pytest.Config, given: str, workers: int) -> None:
         values = json.loads(given)
@@ -82,15 +94,16 @@ class Worker:
         os.environ.update(values["environment"])
         self.config, self.workers = config, workers
         self.plan = Plan.from_text(values["plan"])
+        self.facts: Facts = pickle.loads(base64.b64decode(values["facts"]))
         self.stand: Stand | None = None
         self.checks: CheckPlugin | None = None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self) -> None:
-        """Meet the testee, before the checks are asked for."""
+        """Start the testee, before the checks are asked for."""
         try:
             self.stand = set_up(self.plan)
-            self.stand.introduce()
+            self.stand.meet_again(self.facts)
         except (NoVerdict, Usage) as error:
             self.config.workeroutput[NO_VERDICT] = _printable(str(error))  # type: ignore[attr-defined]
             pytest.exit("the testee was not met")

@@ -45,6 +45,8 @@ class Connection:
         """How the testee ended its stream, if it did."""
         self.open = True
         """The harness has not closed it."""
+        self.sent = 0
+        """Bytes that the harness has sent."""
         self._peer = peer
         self._sock = sock
         self._splitter = Splitter()
@@ -55,6 +57,7 @@ class Connection:
             with contextlib.suppress(OSError):
                 self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
+                self.sent += len(data)
 
     @property
     def gone(self) -> bool:
@@ -191,12 +194,19 @@ class Peer:
 
     def listen(self, channel: Channel) -> None:
         """Accept connections on this channel from now on; OSError if the port is taken."""
-        if channel not in self._listeners:
+        listener = self._listeners.get(channel)
+        if listener is None:
             listener = socket.create_server((self.host, self.ports[channel]), backlog=16)
             self.ports[channel] = listener.getsockname()[1]
             listener.setblocking(False)
             self._listeners[channel] = listener
+        if listener not in self._selector.get_map():
             self._selector.register(listener, selectors.EVENT_READ, channel)
+
+    def hold(self, channel: Channel) -> None:
+        """Leave connections on this channel in the backlog, neither accepted nor refused."""
+        self.listen(channel)
+        self.forget(self._listeners[channel])
 
     def dial(self, channel: Channel, seconds: float = DIAL_SECONDS) -> Connection:
         """Connect to the testee on this channel; OSError if it does not accept in time."""
@@ -206,7 +216,7 @@ class Peer:
     def refuse(self, channel: Channel) -> None:
         """Refuse connections on this channel from now on."""
         if listener := self._listeners.pop(channel, None):
-            self._selector.unregister(listener)
+            self.forget(listener)
             listener.close()
 
     def pump(self, seconds: float = 0.0) -> None:

@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.messages import Json
-from splatbus_conformance.values import is_number, numbers
+from splatbus_conformance.values import finite, finites, whole, within
 
 Reals = NDArray[np.float64]
 ORIGIN: Reals = np.zeros(3)
 IDENTITY: Reals = np.eye(3)
+MIN_NORM = 1e-6
+"""Of a rotation that can be reckoned with; POS-3 wants 1."""
 
 
 class Rigid(NamedTuple):
@@ -94,41 +96,36 @@ def rigid(position: Sequence[float], rotation: Sequence[float]) -> Rigid:
     return Rigid(rotation_matrix(rotation), np.array(position, np.float64))
 
 
+def told_pose(told: object) -> Rigid | None:
+    """The pose that a frame tells of its camera or of an object; None where that is none."""
+    position = finites(within(told, "position"), 3)
+    rotation = finites(within(told, "rotation"), 4)
+    if position is None or rotation is None or not MIN_NORM < math.hypot(*rotation) < 1 / MIN_NORM:
+        return None
+    return rigid(position, rotation)
+
+
 def told_of(frame: Json, name: str) -> Json | None:
     """What a frame says of an object; None if it does not list it."""
     held = frame.get("objects")
-    found = [it for it in held or [] if isinstance(it, dict)] if isinstance(held, list) else []
+    found = [it for it in held if isinstance(it, dict)] if isinstance(held, list) else []
     return next((it for it in found if it.get("object") == name), None)
 
 
 def placed_in(frame: Json, name: str) -> Placed:
     """Where a frame says that an object was; at rest, if it lists it not, or badly (OBJ-7)."""
-    told = told_of(frame, name) or {}
-    position: Any = told.get("position")
-    rotation: Any = told.get("rotation")
-    scale: Any = told.get("scale")
-    if numbers(position, 3) and numbers(rotation, 4) and is_number(scale):
-        return Placed(rigid(position, rotation), float(scale))
-    return STILL
+    told = told_of(frame, name)
+    pose, scale = told_pose(told), finite(within(told, "scale"))
+    return STILL if pose is None or scale is None else Placed(pose, scale)
 
 
 def camera_of(frame: Json) -> Camera | None:
     """The camera that a frame names; None where that is none (IMG-1 says so)."""
-    try:
-        named = frame["camera"]
-        position = [float(number) for number in named["position"]]
-        rotation = [float(number) for number in named["rotation"]]
-        fx, fy, cx, cy = (float(named[name]) for name in ("fx", "fy", "cx", "cy"))
-        near, far = float(named["near"]), float(named["far"])
-        width, height = int(named["width"]), int(named["height"])
-    except (KeyError, TypeError, ValueError, OverflowError):
+    named = within(frame, "camera")
+    pose = told_pose(named)
+    lens = finites([within(named, name) for name in ("fx", "fy", "cx", "cy", "near", "far")], 6)
+    width, height = (whole(within(named, name), 1) for name in ("width", "height"))
+    if pose is None or lens is None or width is None or height is None or min(lens[:2]) <= 0:
         return None
-    numbers = (*position, *rotation, fx, fy, cx, cy, near, far)
-    if (
-        (len(position), len(rotation)) != (3, 4)
-        or not all(map(math.isfinite, numbers))
-        or not any(rotation)
-        or min(width, height, fx, fy) <= 0
-    ):
-        return None
-    return Camera(rigid(position, rotation), fx, fy, cx, cy, width, height, near, far)
+    fx, fy, cx, cy, near, far = lens
+    return Camera(pose, fx, fy, cx, cy, width, height, near, far)

@@ -33,7 +33,7 @@ class Plan:
     stand_in_cuda: bool = False
     """What is launched finds the stand-in CUDA runtime (conformance/STAND_IN_CUDA.md)."""
     parallel: int = 1
-    """How many testees are judged at a time, each on ports of its own."""
+    """How many testees are judged at a time, each on ports of its own; 0 for as many as do well."""
     record: str | None = None
     """The folder that keeps what crosses the wire."""
 

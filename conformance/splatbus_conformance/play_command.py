@@ -47,6 +47,7 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
     given = steps(recorded, plan.side)
     if not given:
         raise Usage(f"{file}: the {PEER[plan.side]} says nothing in it that could be played")
+    files.remove_former()
     stand = set_up(plan)
     try:
         stand.testee.ensure_running()

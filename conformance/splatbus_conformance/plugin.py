@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import pytest
 from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance import latencies, recording
+from splatbus_conformance import guilty, latencies, recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.conversation import conversations
 from splatbus_conformance.coverage import check_functions
@@ -96,6 +96,7 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
+        self._note_end()
 
     def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
         """The modules of checks that hold one which was selected."""
@@ -142,6 +143,8 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         trial = self.trial_now = self.stand.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
+        told = " ".join((request.function.__doc__ or "").split())
+        trial.purpose = f"{check.requirement}: {told}"
         yield trial
         peer = self.stand.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
@@ -150,6 +153,8 @@ class CheckPlugin:
         former, self._latest = self._latest, self._deed(check, request.node.name)
         for loss in trial.losses:
             self._charge(former if loss.before else self._latest, loss.what)
+        if not trial.killed:
+            self._note_end()
         self._keep(request.node.stash[PLACE], request.node.name)
         if testee.ended() is not None and trial.killed:
             trial.end_testee()
@@ -192,6 +197,11 @@ class CheckPlugin:
         )
         self.traffic.losses.append(result_as_text(loss))
 
+    def _note_end(self) -> None:
+        if ended := self.stand.testee.ended():
+            self.traffic.ended = f"the {self.plan.side} {ended}"
+            self.traffic.printed = self.stand.testee.output()
+
     def _nothing_yet(self) -> Traffic:
         facts = self.stand.facts
         return Traffic(
@@ -233,11 +243,13 @@ class CheckPlugin:
         delivered = self.trial_now.delivered if self.trial_now else 0
         if error is None and not delivered:
             verdict, text = Verdict.SKIP, NOTHING_PROVEN
+        elif error is None and not text:
+            text = f"{delivered} delivered; seen of each: {check.observable}"
         evidence: tuple[str, ...] = ()
         script = ""
         if error is not None:
             text = str(error.value)
-            evidence = tuple(excerpt(self.stand.peer.entries, EVIDENCE_LINES))
+            evidence = self._evidence(check.requirement)
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
                 script = self._script(check.requirement, item.name, by_rule=False)
@@ -260,6 +272,11 @@ class CheckPlugin:
             delivered=delivered,
         )
 
+    def _evidence(self, requirement: str) -> tuple[str, ...]:
+        peer, since = self.stand.peer, self.trial_now.before_last_case if self.trial_now else 0
+        marks = guilty.marks(peer.entries, peer.ours, requirement, since)
+        return tuple(excerpt(peer.entries, EVIDENCE_LINES, marks, peer.ours))
+
     def _script(self, requirement: str, check: str, *, by_rule: bool) -> str:
         assert self.trial_now is not None
         return as_text(
@@ -271,6 +288,7 @@ class CheckPlugin:
                 tuple(map(tuple, self.trial_now.went_through)),
                 self.plan.profile,
                 self.plan.viewport,
+                self.plan.seed,
             )
         )
 

@@ -32,6 +32,11 @@ def group(pid: int) -> int | None:
     return None
 
 
+def members(group_: int) -> list[int]:
+    """The processes of a group, as far as is shown."""
+    return [pid for pid in _others() if group(pid) == group_]
+
+
 def listener(port: int) -> str:
     """Which process listens on a TCP port, if that is shown; else nothing."""
     socket = _socket(f":{port:04X}", ":0000")

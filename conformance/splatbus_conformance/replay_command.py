@@ -6,7 +6,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.text import Text
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.coverage import check_functions
@@ -17,7 +16,7 @@ from splatbus_conformance.reports.as_json import json_report
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.script import Script
 from splatbus_conformance.stand import set_up
-from splatbus_conformance.terminal import words
+from splatbus_conformance.terminal import print_evidence, words
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
     EXIT_NO_VERDICT,
@@ -34,6 +33,7 @@ def replay_script(script: Script, plan: Plan, files: Files, out: Console) -> int
     can be said. Raises Usage, NoVerdict.
     """
     began = time.monotonic()
+    files.remove_former()
     stand = set_up(replace(plan, side=script.side, viewport=script.viewport))
     try:
         stand.introduce()
@@ -106,5 +106,4 @@ def _print(script: Script, given: Replay, out: Console) -> None:
     out.print(f"  seen now       {escape(given.broken or 'nothing that breaks it')}")
     if given.skipped:
         out.print(f"  not judged     {escape(given.skipped)}")
-    for line in given.transcript:
-        out.print(Text(f"    {line}", "dim"), no_wrap=True, overflow="ellipsis")
+    print_evidence(out, given.transcript)

@@ -3,20 +3,22 @@
 import contextlib
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from splatbus_schemas.requirements import requirements
 
 import splatbus_conformance.checks
-from splatbus_conformance import parallel
+from splatbus_conformance import parallel, room
 from splatbus_conformance.checks import Check
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.findings import Findings
 from splatbus_conformance.gathering import Gathering, Progress
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict, Plan
-from splatbus_conformance.plugin import CheckPlugin, declared
-from splatbus_conformance.stand import set_up
+from splatbus_conformance.plugin import CheckPlugin, declared, selectable
+from splatbus_conformance.stand import Facts, set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONSAFEPATH": "1"}
@@ -28,6 +30,8 @@ NOT_NEEDED = (
     "warnings",
 )
 """Plugins of pytest that only take time here, in each process anew."""
+FEWEST_CHECKS = 24
+"""Fewer than these are done before further testees have started."""
 FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
 
 
@@ -46,37 +50,67 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     gathering = Gathering(findings, progress, checks)
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
-    if plan.parallel > 1:
-        controller = parallel.Controller(plan, dict(os.environ), findings)
-        status = _pytest(plan, [gathering, controller], *parallel.arguments(plan.parallel))
-        if controller.no_verdict:
-            raise NoVerdict(controller.no_verdict)
-    else:
-        status = _run_here(plan, gathering, progress)
-    _note_what_did_not_run(gathering, status)
-    return findings
-
-
-def _run_here(plan: Plan, gathering: Gathering, progress: Progress) -> int:
-    stand = set_up(plan, progress.say)
-    try:
+    with contextlib.closing(set_up(plan, progress.say)) as stand:
         progress.say(_what_happens(stand.peer, plan))
         stand.introduce()
         progress.say(f"Met the {plan.side}: {stand.facts}.")
         for advice in stand.facts.advice:
             progress.say(advice)
         plugin = CheckPlugin(plan, stand, in_order)
-        status = _pytest(plan, [plugin, gathering])
-        plugin.look_after()
-        gathering.findings.traffic.add(plugin.traffic)
-        return status
-    finally:
-        stand.close()
+        alone = plan.ports != (0, 0) or _selected(plan) < FEWEST_CHECKS
+        workers = plan.parallel or (1 if alone else room.at_a_time(stand))
+        if workers == 1:
+            status = _pytest(plan, [plugin, gathering])
+            plugin.look_after()
+        findings.traffic.add(plugin.traffic)
+        if workers == 1:
+            _note_what_did_not_run(gathering, status)
+            return findings
+        # What the rules see of the introduction; the workers have none of their own.
+        findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
+    try:
+        status = _run_apart(plan, stand.facts, workers, gathering)
+    except NoVerdict as error:
+        if plan.parallel:
+            raise
+        why = str(error).splitlines()[0]
+        progress.say(f"Another beside it could not be met ({why}): going on with one.")
+        return run_checks(replace(plan, parallel=1), progress)
+    _note_what_did_not_run(gathering, status)
+    return findings
+
+
+def _selected(plan: Plan) -> int:
+    """How many checks the plan selects."""
+    return sum(
+        plan.selection.takes(selectable(it.__name__, it.check), plan.profile)
+        for it in check_functions(plan.side)
+    )
+
+
+def _run_apart(plan: Plan, facts: Facts, workers: int, gathering: Gathering) -> int:
+    """Share the checks out among so many testees. Raises NoVerdict if one cannot be met."""
+    gathering.progress.say(
+        f"Judging {workers} of them at a time, each on ports of its own (--parallel 1: one)."
+    )
+    controller = parallel.Controller(plan, dict(os.environ), facts, gathering.findings)
+    status = _pytest(plan, [gathering, controller], *parallel.arguments(workers))
+    if controller.no_verdict:
+        raise NoVerdict(controller.no_verdict)
+    return status
 
 
 def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Checks as they come, those that may crash the testee last."""
-    return sorted(items, key=lambda item: declared(item).may_crash)
+    """Checks of what must be before those of what should be, since a person in front of the testee
+    may not start it for all of them; those that may crash it last.
+    """
+    known = requirements("1.1")
+
+    def rank(item: pytest.Item) -> tuple[bool, bool]:
+        check = declared(item)
+        return check.may_crash, not known[check.requirement].level.startswith("MUST")
+
+    return sorted(items, key=rank)
 
 
 def _what_happens(peer: Peer, plan: Plan) -> str:

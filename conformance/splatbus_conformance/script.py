@@ -40,10 +40,14 @@ class Script:
     cases: Cases
     profile: str = "quick"
     viewport: tuple[int, int] = (64, 48)
+    seed: int = 0
+    """Of what the check draws besides its cases."""
     seen: str = ""
     """What the testee did."""
-    confirmed: bool = False
-    """It was delivered twice more to new testees, and failed both times."""
+    tried: int = 0
+    """How often it was delivered again, each time to a new testee."""
+    again: int = 0
+    """How often of those the testee failed."""
     transcript: tuple[str, ...] = field(default=())
 
 

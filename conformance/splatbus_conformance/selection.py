@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+MUCH_LESS_ALIKE = 0.15
+"""By how much a name may be less like a word than the name that is most like it."""
 LEVELS = ("L0", "L1", "L2", "L3")
 RULE = "rule"
 """The name under which results list what the passive rules found."""
@@ -91,8 +93,11 @@ def spellings(items: Iterable[Item]) -> dict[str, str]:
 
 def did_you_mean(word: str, known: Mapping[str, object]) -> str:
     """The names that are close to a word, as they are spelled; nothing if none is."""
-    near = [known[it] for it in difflib.get_close_matches(word, known, 3)]
-    return f"did you mean {' or '.join(map(str, near))}? " if near else ""
+    near = difflib.get_close_matches(word, known, 3)
+    alike = [difflib.SequenceMatcher(None, it, word).ratio() for it in near]
+    best = max(alike, default=0.0) - MUCH_LESS_ALIKE
+    told = [str(known[it]) for it, ratio in zip(near, alike, strict=True) if ratio > best]
+    return f"did you mean {' or '.join(told)}? " if told else ""
 
 
 def _what_there_is(term: str, known: dict[str, str]) -> str:

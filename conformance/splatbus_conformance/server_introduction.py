@@ -4,7 +4,6 @@ Checks ask no more of it than it has shown here.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from splatbus_conformance import meeting
 from splatbus_conformance.closed_form import Setting
@@ -15,8 +14,9 @@ from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.testee import Testee, not_met
-from splatbus_conformance.values import is_number, numbers
+from splatbus_conformance.values import finite, finites, texts, within
 from splatbus_conformance.viewer import Dealings, Viewer
 
 REPLY_SECONDS = 2.0
@@ -89,19 +89,18 @@ class ServerFacts:
 
     def capabilities(self, channel: Channel = "ipc") -> list[str]:
         """What it granted on a channel to a client that offered everything."""
-        granted = (self.welcome[channel] or {}).get("capabilities", [])
-        return granted if isinstance(granted, list) else []
+        return texts(within(self.welcome[channel], "capabilities"))
 
     def objects(self) -> list[str]:
         """The ids of the objects that `scene` lists; `default` where it tells nothing."""
-        listed = (self.scene or {}).get("objects")
-        named = [it.get("id") for it in listed if isinstance(it, dict)] if listed else []
-        return [name for name in named if isinstance(name, str)] or [DEFAULT]
+        listed = within(self.scene, "objects")
+        ids = [within(it, "id") for it in listed] if isinstance(listed, list) else []
+        return texts(ids) or [DEFAULT]
 
     def time_range(self) -> tuple[float, float] | None:
         """First and last time of the scene, if it is animated."""
-        told = (self.scene or {}).get("timeRange")
-        return (float(told[0]), float(told[1])) if told and numbers(told, 2) else None
+        told = finites(within(self.scene, "timeRange"), 2)
+        return (told[0], told[1]) if told else None
 
     def setting(
         self,
@@ -112,8 +111,7 @@ class ServerFacts:
         """How the known scene is to look in an image with its objects here, or where its frame says
         that they are: whoever moved them last may be gone, and they stay (CTL-5).
         """
-        time: Any = frame.get("time")
-        seconds = float(time) if self.time_range() and is_number(time) else 0.0
+        seconds = (finite(frame.get("time")) if self.time_range() else None) or 0.0
         return Setting(
             default or placed_in(frame, DEFAULT),
             (ball or placed_in(frame, BALL)) if BALL in self.objects() else None,
@@ -203,8 +201,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     facts.advice = meeting.on_server([_met(it, viewer) for it in peer.connections])
-    meta = (facts.init_packet or {}).get("meta", {})
-    facts.size = (meta.get("w", 0), meta.get("h", 0)) if isinstance(meta, dict) else (0, 0)
+    facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()
     peer.pump(GONE_SECONDS)
     pairs = {

@@ -9,9 +9,9 @@ from splatbus_conformance.device_introduction import device_for, stand_in_for, w
 from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.server_introduction import ServerFacts, introduce
+from splatbus_conformance.server_introduction import ServerFacts, introduce, reach
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.testee import Awaited, Launched, Say
+from splatbus_conformance.testee import Awaited, Launched, Say, not_met
 from splatbus_conformance.viewer import Viewer
 from splatbus_conformance.vital_signs import lost_by_server
 
@@ -60,6 +60,15 @@ class ServerStand:
             self.stand_in,
             self.device,
         )
+
+    def meet_again(self, facts: ServerFacts) -> None:
+        """Meet another instance of a server that was met, as it was then. Raises NoVerdict."""
+        self.facts = facts
+        self.testee.ensure_running()
+        where, patience = "the ports that it was given", self.plan.patience
+        if not any(reach(self.peer, self.testee, it, patience) for it in CHANNELS):
+            raise not_met(self.testee, "server", where, self.plan.host, patience)
+        self.peer.close_all()
 
     def lost(self) -> str:
         """Which vital sign the server has lost since it was met, in words; nothing if none."""

@@ -21,7 +21,7 @@ from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, 
 from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Ended, Launched, Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
-from splatbus_conformance.values import numbers
+from splatbus_conformance.values import finites, whole, within
 from splatbus_conformance.viewer import Viewer
 
 VIEWPORT_REQUEST: Json = {"type": "get_viewport_size"}
@@ -248,7 +248,7 @@ class ServerTrial(Trial):
         if answered:
             if len(said) == 1:
                 return "ignores"
-            return "reports" if set(said[:-1]) == {"error"} else "replies"
+            return "reports" if all(kind == "error" for kind in said[:-1]) else "replies"
         return self.end_of(connection)
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
@@ -379,7 +379,9 @@ class ServerTrial(Trial):
         if len(dealings.frames) <= after or dealings.memory is None:
             self.not_observable("the server sent no further frame")
         frame = dealings.frames[after]
-        slot = int(frame["slot"])
+        slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)
+        if slot is None:
+            self.not_observable("the server sent a frame that names no slot of its ring")
         image = Image(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
         self.viewer.release(connection, frame)
         return image
@@ -387,13 +389,10 @@ class ServerTrial(Trial):
 
 def shows(frame: Json, pose: Json) -> bool:
     """Whether a frame says that its camera was where this pose put it."""
-    camera = frame.get("camera")
-    position = camera.get("position") if isinstance(camera, dict) else None
+    position = finites(within(frame, "camera", "position"), 3)
     meant = pose["position"].values()
-    return (
-        isinstance(position, list)
-        and numbers(position, 3)
-        and all(abs(is_ - wanted) < STEP / 4 for is_, wanted in zip(position, meant, strict=True))
+    return position is not None and all(
+        abs(is_ - wanted) < STEP / 4 for is_, wanted in zip(position, meant, strict=True)
     )
 
 

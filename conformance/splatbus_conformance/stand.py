@@ -1,6 +1,6 @@
 """A stand: all that it takes to try one testee, set up once and used by every check."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from splatbus_schemas.requirements import Requirement
 
@@ -44,6 +44,9 @@ class Stand(Protocol):
 
     def introduce(self) -> None:
         """Meet the testee for the first time. Raises NoVerdict."""
+
+    def meet_again(self, facts: Any) -> None:
+        """Meet another instance of a testee that was met, as it was then. Raises NoVerdict."""
 
     def trial(self, requirement: Requirement) -> Trial:
         """A trial by this requirement, with fresh connections."""

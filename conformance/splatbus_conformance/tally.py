@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
+from splatbus_conformance import guilty
 from splatbus_conformance.conversation import Conversation
-from splatbus_conformance.rules import Rule, all_rules
+from splatbus_conformance.rules import Rule, Sighting, all_rules
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 
@@ -16,10 +17,15 @@ class Count(NamedTuple):
     seen: int = 0
     broken: int = 0
     first: str = ""
+    shown: tuple[str, ...] = ()
+    """The bytes of the first breach, as a transcript shows them."""
 
     def plus(self, other: "Count") -> "Count":
         """Both together; this one came first."""
-        return Count(self.seen + other.seen, self.broken + other.broken, self.first or other.first)
+        first = self if self.first else other
+        return Count(
+            self.seen + other.seen, self.broken + other.broken, first.first, tuple(first.shown)
+        )
 
 
 Tally = dict[str, Count]
@@ -35,18 +41,19 @@ def tally(recorded: Iterable[Conversation], side: str, rules: Iterable[Rule]) ->
     """What these rules see of one side in a recording."""
     rules = tuple(rules)
     seen: Counter[str] = Counter()
-    breaches: dict[str, list[str]] = {}
+    breaches: dict[str, list[Sighting]] = {}
     for conversation in recorded:
         for rule in rules:
             for sighting in rule(conversation):
                 if sighting.peer == side:
                     seen[sighting.requirement] += 1
                     if sighting.breach:
-                        breaches.setdefault(sighting.requirement, []).append(sighting.breach)
+                        breaches.setdefault(sighting.requirement, []).append(sighting)
     return {
-        name: Count(count, len(broken), broken[0] if broken else "")
+        name: Count(count, len(broken), broken[0].breach or "", guilty.shown(broken[0]))
+        if (broken := breaches.get(name))
+        else Count(count)
         for name, count in seen.items()
-        for broken in [breaches.get(name, [])]
     }
 
 
@@ -62,4 +69,4 @@ def result(requirement: str, count: Count, level: str) -> Result:
         text = f"held {count.seen} times of {count.seen}"
         return Result(requirement, RULE, Level.PASSIVE, Verdict.PASS, text)
     text = f"broken {count.broken} times of {count.seen}; first: {count.first}"
-    return Result(requirement, RULE, Level.PASSIVE, failing(level), text)
+    return Result(requirement, RULE, Level.PASSIVE, failing(level), text, tuple(count.shown))

@@ -20,7 +20,7 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.audit import Audit
 from splatbus_conformance.demands import observed
-from splatbus_conformance.excerpt import INDENT
+from splatbus_conformance.excerpt import INDENT, MARK
 from splatbus_conformance.roots import in_order, start_with
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import (
@@ -173,7 +173,7 @@ def print_failures(
                 _print_hanging(console, "  it accepts     ", ", ".join(requirement.acceptable))
         _print_hanging(console, "  what came      ", result.text, "bold")
         if place < SHOWN_WITH_BYTES:
-            _print_evidence(console, result.evidence)
+            print_evidence(console, result.evidence)
         if result.replay:
             _print_hanging(console, "  smallest       ", result.smallest)
             console.print("  see it again   ", end="")
@@ -181,10 +181,22 @@ def print_failures(
     console.print()
 
 
-def _print_evidence(console: Console, lines: Iterable[str]) -> None:
+def print_evidence(console: Console, lines: Iterable[str]) -> None:
+    """A transcript, each line cut where the window ends, but for what the failure is about."""
     for line in lines:
+        if line.startswith(MARK):
+            _print_marked(console, line)
+            continue
         style = "dim" if line.startswith(INDENT) else ""
         console.print(Text(f"    {line}", style), no_wrap=True, overflow="ellipsis")
+
+
+def _print_marked(console: Console, line: str) -> None:
+    room = max(console.width - 4, len(INDENT) + LEAST_COLUMNS)
+    while line:
+        console.print(Text(f"    {line[:room]}", STYLE[Verdict.FAIL]), soft_wrap=True)
+        rest = line[room:]
+        line = rest and f"{MARK}{INDENT[1:]}{rest}"
 
 
 def _print_hanging(console: Console, label: str, text: str, style: str = "") -> None:
@@ -209,7 +221,8 @@ def print_what_next(
     """
     results = list(results)
     for text in filter(None, (*advice, start_with(results))):
-        _print_hanging(console, "", text, "bold")
+        for line in text.splitlines():
+            _print_hanging(console, " " * (len(line) - len(line.lstrip())), line.strip(), "bold")
         console.print()
     broken = [
         it.requirement
@@ -250,6 +263,7 @@ def summary(
     judged: Mapping[str, Requirement],
     level: str,
     least: Level = Level.PASSIVE,
+    ended: str = "",
 ) -> tuple[str, dict[str, Verdict]]:
     """One sentence on a run, and the verdict on each requirement that could be judged.
 
@@ -258,6 +272,7 @@ def summary(
         judged: the requirements that the testee could be judged by.
         level: the assurance at which the run takes place.
         least: the least assurance at which something counts as observed.
+        ended: how the testee ended by itself, if it did.
     """
     results = list(results)
     groups = by_requirement(results)
@@ -275,10 +290,10 @@ def summary(
     elif of[Verdict.EXPECTED]:
         opinion = "not conforming, as expected"
     elif not count:
-        opinion = "no verdict: nothing was observed"
+        opinion = f"no verdict: {ended or 'nothing was observed'}"
     else:
         opinion = f"conforming at {level}"
-    mark = ";" if of[Verdict.FAIL] else ":"
+    mark = ";" if of[Verdict.FAIL] or (ended and not count) else ":"
     text = f"{opinion}{mark} {count} of {len(judged)} requirements observed"
     if least > Level.PASSIVE:
         text += f" at {least} or above"

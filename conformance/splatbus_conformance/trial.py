@@ -57,6 +57,8 @@ class Trial:
         self.patience = patience
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
+        self.purpose = requirement.id
+        """What the check does, for whoever has to start the testee for it."""
         self.losses: list[Loss] = []
         self.killed = False
         """The check has ended the testee's process itself, as its scenario demands."""
@@ -72,6 +74,8 @@ class Trial:
         self.simpler: list[Callable[[Any], Iterable[Any]]] = []
         """For each time, what makes a drawn case simpler."""
         self._going_through = False
+        self.before_last_case = 0
+        """How many entries were on record when the last case was begun."""
         peer.clear()
 
     @property
@@ -138,6 +142,7 @@ class Trial:
                 )
             for case, value in chosen:
                 noted.append(case)
+                self.before_last_case = len(self.peer.entries)
                 yield value
         finally:
             self._going_through = False

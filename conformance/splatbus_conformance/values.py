@@ -1,6 +1,7 @@
-"""Questions about JSON values, as the rules ask them.
+"""Questions about JSON values, as the rules ask them, and readers of values to reckon with.
 
-A number that is not finite passes every question: JSN-4 alone says what is wrong with it.
+A number that is not finite passes every question: JSN-4 alone says what is wrong with it. No reader
+gives one: `within`, `whole`, `finite`, `finites` and `texts` take whatever a testee may have sent.
 """
 
 import json
@@ -47,6 +48,36 @@ def integer_in(value: Any, low: int, high: int = SAFE) -> bool:
 def whole(value: Any, low: int = -SAFE, high: int = SAFE) -> int | None:
     """The integer that a value is, for reckoning with; None if it is none within the range."""
     return int(value) if integer_in(value, low, high) and not unspeakable(value) else None
+
+
+def within(value: object, *path: str | int) -> Any:
+    """What a value holds at the end of a path of names and places; None where nothing is."""
+    for step in path:
+        if isinstance(value, dict):
+            value = value.get(step)
+        elif isinstance(value, list) and isinstance(step, int) and -len(value) <= step < len(value):
+            value = value[step]
+        else:
+            return None
+    return value
+
+
+def finite(value: object) -> float | None:
+    """A number to reckon with; None for what is none, or not finite."""
+    number = as_double(value) if is_number(value) else math.inf
+    return number if math.isfinite(number) else None
+
+
+def finites(value: object, count: int) -> tuple[float, ...] | None:
+    """An array of so many numbers to reckon with."""
+    items = [finite(item) for item in value] if isinstance(value, list) else []
+    found = tuple(item for item in items if item is not None)
+    return found if len(found) == len(items) == count else None
+
+
+def texts(value: object) -> list[str]:
+    """The strings in an array; none in what is no array."""
+    return [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
 
 
 def text_of(value: object, low: int, high: int) -> bool:

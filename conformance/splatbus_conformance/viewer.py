@@ -4,7 +4,6 @@ leaves to it.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 from splatbus_conformance import messages
 from splatbus_conformance.device_memory import Device
@@ -15,7 +14,8 @@ from splatbus_conformance.memory_reading import CannotOpen, Opened, open_memory
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.values import whole
+from splatbus_conformance.pinhole import camera_of
+from splatbus_conformance.values import is_number, texts, whole, within
 
 
 @dataclass
@@ -27,9 +27,11 @@ class Dealings:
     heard: list[Json] = field(default_factory=list)
     """Every object that the server sent."""
     init_packets: list[Json] = field(default_factory=list)
+    """All whose numbers are finite; members may be missing, and be anything."""
     frames: list[Json] = field(default_factory=list)
+    """All that are `readable`."""
     held: Json | None = None
-    """The frame that was not given back yet."""
+    """The frame that was not given back yet, readable or not."""
     memory: Opened | None = None
     """What the last init packet announced, mapped."""
     refusal: str = ""
@@ -48,8 +50,14 @@ class Dealings:
     @property
     def granted(self) -> list[str]:
         """Capabilities that both sides have."""
-        listed: Any = (self.welcome or {}).get("capabilities", [])
-        return listed if isinstance(listed, list) else []
+        return texts(within(self.welcome, "capabilities"))
+
+
+def readable(frame: Json) -> bool:
+    """Whether a frame has what is done with frames; what others lack, IMG-1 says."""
+    numbered = all(whole(frame.get(name), 0) is not None for name in ("generation", "seq", "slot"))
+    timed = all(is_number(frame.get(name)) for name in ("time", "renderedAt"))
+    return numbered and timed and camera_of(frame) is not None
 
 
 class Viewer:
@@ -83,23 +91,24 @@ class Viewer:
 
     def on_packet(self, connection: Connection, arrived: Packet) -> None:
         """The server sent a packet."""
-        message = read(arrived.payload).value
+        message, faults = read(arrived.payload)
         if message is None:
             return
         dealings = self.with_(connection)
         dealings.heard.append(message)
-        kind = message.get("type")
+        kind, finite = message.get("type"), all(it.requirement != "JSN-4" for it in faults)
         if kind == "welcome":
             first, dealings.welcome = dealings.welcome is None, dealings.welcome or message
             before = dealings.init_packets[-1:]
             if first and self.opens and before and "version" in before[0]:
                 self.open(connection, before[0])
         elif connection.channel == "ipc" and kind == "frame":
-            dealings.frames.append(message)
+            if finite and readable(message):
+                dealings.frames.append(message)
             dealings.held = message
             if self.releases and not dealings.holds:
                 self.release(connection, message)
-        elif connection.channel == "ipc" and kind is None and "meta" in message:
+        elif connection.channel == "ipc" and kind is None and "meta" in message and finite:
             dealings.init_packets.append(message)
             if self.opens and dealings.welcome is not None:
                 self.open(connection, message)
@@ -115,13 +124,14 @@ class Viewer:
     def open(self, connection: Connection, init_packet: Json) -> None:
         """Open what an init packet announces, close what was open, and answer."""
         dealings = self.with_(connection)
-        former, generation = dealings.memory, init_packet.get("generation")
+        former, generation = dealings.memory, whole(init_packet.get("generation"))
         try:
             dealings.memory = self._opened(init_packet)
         except CannotOpen as error:
             dealings.memory, dealings.refusal = None, str(error)
             failed = {"type": "open_failed", "generation": generation, "reason": str(error)}
-            self.say(connection, failed)
+            if generation is not None:
+                self.say(connection, failed)
         else:
             self.say(connection, {"type": "opened", "generation": generation})
         if former is not None:

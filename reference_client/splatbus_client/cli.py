@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from splatbus_schemas import FRAMING
+from splatbus_schemas.version import ShowVersion
 
 from splatbus_client import telemetry
 from splatbus_client.info import describe
@@ -150,6 +151,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action=ShowVersion)
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     watch = commands.add_parser(

@@ -10,6 +10,8 @@ import sys
 import threading
 from pathlib import Path
 
+from splatbus_schemas.version import ShowVersion
+
 from splatbus_server.api import serve
 from splatbus_server.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 from splatbus_server.settings import read_token
@@ -83,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action=ShowVersion)
     parser.add_argument(
         "--size", type=_size, default=(320, 240), metavar="WxH", help="of the image"
     )

@@ -75,6 +75,11 @@ def test_an_adapter_is_started_again_after_its_end(start):
         ('"precision": "single",', "", "'precision' is a required property"),
         ('["start", "stop",', '["stop",', "/can"),
         ("print(json.dumps(message)", "print('NaN'", "in place of its first line, is no JSON"),
+        (
+            "print(json.dumps(message)",
+            "print('{\"axes\": 1e400}'",
+            "in place of its first line, is no JSON",
+        ),
     ],
 )
 def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):

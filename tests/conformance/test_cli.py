@@ -1,19 +1,23 @@
 """The command line: its examples, and what it refuses before anything is started."""
 
 import io
+import os
 import shlex
+import subprocess
 import sys
-from importlib.metadata import version
+from collections.abc import Callable
+from importlib import metadata
 
 import pytest
+import splatbus_client.cli
+import splatbus_server.cli
 from splatbus_conformance.asking import plan_of
 from splatbus_conformance.cli import main, parser
 from splatbus_conformance.commands import console
 from splatbus_conformance.examples import EXAMPLES
 from splatbus_conformance.options import FORMATS
 from splatbus_conformance.plan import SIDES, Usage
-from splatbus_conformance.reports import as_json
-from splatbus_schemas import LIMITS
+from splatbus_schemas import LIMITS, version
 
 LINES = [
     line.strip()
@@ -101,13 +105,83 @@ def test_a_terminal_that_lacks_a_character_gets_another(
     assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
 
 
-def test_the_version_is_that_of_the_distribution(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="it takes a terminal of POSIX")
+@pytest.mark.parametrize(("terminal", "most"), [(True, 70), (False, 240)])
+def test_plain_lines_fit_the_terminal_if_there_is_one(terminal: bool, most: int) -> None:
+    import fcntl
+    import pty
+    import struct
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 70, 0, 0))
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    done = subprocess.run(
+        [sys.executable, "-m", "splatbus_conformance", "--plain", "explain", "CHN-20"],
+        stdin=theirs if terminal else subprocess.DEVNULL,
+        stdout=theirs if terminal else subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=environment,
+    )
+    os.close(theirs)
+    output = os.read(ours, 1 << 16) if terminal else done.stdout
+    os.close(ours)
+    longest = max(len(line.rstrip()) for line in output.decode().splitlines())
+    assert most / 2 < longest <= most
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("splatbus-conformance", main),
+        ("splatbus-server", splatbus_server.cli.main),
+        ("splatbus-client", splatbus_client.cli.main),
+    ],
+)
+def test_the_version_is_that_of_the_distribution(
+    name: str, command: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as end:
-        main(["--version"])
+        command(["--version"])
     assert end.value.code == 0
-    assert capsys.readouterr().out == f"splatbus-conformance {version('splatbus-protocol')}\n"
+    assert capsys.readouterr().out == f"{name} {metadata.version('splatbus-protocol')}\n"
 
 
 def test_it_runs_where_nothing_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(as_json, "DISTRIBUTION", "no-such-distribution")
-    assert as_json.harness_version() == "unknown"
+    monkeypatch.setattr(version, "DISTRIBUTION", "no-such-distribution")
+    assert version.installed_version() == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["clinet", "--launch", "x"], "did you mean client?"),
+        (["client", "--launch", "x", "--profile", "ful"], "did you mean full?"),
+        (["client", "--launch", "x", "--profile", "QUICK"], "did you mean quick?"),
+        (["audit", "x.jsonl", "--peer", "sever"], "did you mean server?"),
+    ],
+)
+def test_a_word_that_is_not_known_is_answered_with_what_is_near(
+    words: list[str], hint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == 2
+    assert hint in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("FRM3", "did you mean FRM-3?"),
+        ("frm_3", "did you mean FRM-3"),
+        ("FMR-3", "did you mean FRM-3"),
+        ("FRM", "a clause, with FRM-1, FRM-2"),
+        ("zzz", "the families are ACC"),
+    ],
+)
+def test_an_id_that_is_none_is_answered_with_what_is_near(
+    word: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--plain", "explain", word]) == 2
+    assert told in capsys.readouterr().out

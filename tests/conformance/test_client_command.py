@@ -134,13 +134,30 @@ def test_the_users_own_pytest_has_no_part_in_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="SIGINT cannot be sent to one process on Windows")
-def test_an_interrupt_ends_the_run_and_the_testee() -> None:
-    process = start("client", "--launch", GOOD)
+@pytest.mark.parametrize("parallel", ["1", "2"])
+def test_an_interrupt_ends_the_run_and_the_testee_and_leaves_no_report_of_before(
+    parallel: str, tmp_path: Path
+) -> None:
+    reports = {name: tmp_path / f"report.{name}" for name in ("json", "junit", "html", "badge")}
+    for path in reports.values():
+        path.write_text("conforming", "utf-8")
+    files = [word for name, path in reports.items() for word in (f"--{name}", str(path))]
+    process = start("client", "--launch", GOOD, "--parallel", parallel, *files)
     assert process.stdout is not None
     line = process.stdout.readline()
+    assert [path.name for path in reports.values() if path.exists()] == []
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=30)
     assert process.returncode == 130, line + output
+    written = json.loads(reports["json"].read_text("utf-8"))
+    jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(written)
+    assert written["exitCode"] == 130
+    assert written["summary"] == "no verdict: the run was interrupted"
+    assert b"interrupted" in reports["junit"].read_bytes()
+    page = reports["html"].read_text("utf-8")
+    assert "the run was interrupted" in page
+    assert "Not conforming" not in page
+    assert json.loads(reports["badge"].read_text("utf-8"))["message"] == "no verdict"
 
 
 def test_the_same_seed_draws_the_same_cases() -> None:

@@ -1,23 +1,91 @@
 """What people are shown of a recording."""
 
-from splatbus_conformance.excerpt import excerpt, fold
+from collections.abc import Iterable
+
+import pytest
+from splatbus_conformance.excerpt import Mark, excerpt, fold
+from splatbus_conformance.messages import encode
+from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Entry
 
-POSE = b'\x16\x00\x00\x00{"type":"camera_pose"}'
 ERROR = b'\x10\x00\x00\x00{"type":"error"}'
 
 
-def test_poses_do_not_hide_what_tells() -> None:
-    entries = [Entry(0.0, "msg", 1, "s2c", ERROR), *[Entry(1.0, "msg", 1, "c2s", POSE)] * 100]
-    lines = list(excerpt(entries, 12))
-    assert '16 bytes: {"type":"error"}' in lines[1]
-    assert lines[-1].strip() == "and poses of the client, 100 times"
-    assert len(lines) == 4
+def pose(number: int) -> bytes:
+    return packet(encode({"type": "camera_pose", "timestamp": number}))
+
+
+POSES = [Entry(1.0 + number, "msg", 1, "c2s", pose(number)) for number in range(100)]
+
+
+def stripped(lines: Iterable[str]) -> list[str]:
+    return [line.strip() for line in lines]
+
+
+def test_poses_do_not_hide_what_tells_and_the_last_is_shown() -> None:
+    lines = stripped(excerpt([Entry(0.0, "msg", 1, "s2c", ERROR), *POSES], 12))
+    assert lines[1] == '16 bytes: {"type":"error"}'
+    assert lines[-1] == "and poses of the client, 99 times"
+    assert len([line for line in lines if "camera_pose" in line]) == 1
+    assert '"timestamp":99' in lines[4].replace(" ", "")
 
 
 def test_where_there_are_only_poses_they_are_shown() -> None:
-    lines = list(excerpt([Entry(1.0, "msg", 1, "c2s", POSE)] * 100, 5))
+    lines = list(excerpt(POSES, 5))
     assert len([line for line in lines if "client → server" in line]) == 5
+
+
+def test_poses_that_the_harness_sends_are_what_a_check_is_about() -> None:
+    lines = list(excerpt([*POSES, Entry(200.0, "ipc", 1, "s2c", ERROR)], 5, ours="c2s"))
+    assert len([line for line in lines if "client → server" in line]) == 4
+
+
+def test_equal_packets_are_told_once_in_one_write_and_in_many() -> None:
+    flood = [
+        Entry(0.0, "msg", 1, "c2s", ERROR * 8000),
+        *[Entry(1.0, "msg", 1, "s2c", ERROR)] * 8000,
+    ]
+    lines = stripped(excerpt([*flood, Entry(2.5, "msg", 1, "c2s", event="eof")], 12))
+    assert lines[1:3] == ['16 bytes: {"type":"error"}', "… 7,999 more like it"]
+    assert "… 7,999 more like it, until 1.0000 s" in lines
+    assert len(lines) < 12
+
+
+def test_a_flood_of_different_packets_is_cut_in_its_middle_but_for_what_is_marked() -> None:
+    data = b"".join(map(pose, range(1000)))
+    offset = len(b"".join(map(pose, range(500))))
+    entries = [Entry(0.0, "msg", 1, "c2s", data)]
+    lines = list(excerpt(entries, 12, [Mark("msg", 1, "c2s", offset)]))
+    assert len(lines) < 20
+    [marked] = [line for line in lines if line.startswith(">") and "bytes: {" in line]
+    assert '"timestamp":500' in marked.replace(" ", "")
+
+
+def test_what_a_failure_is_about_is_marked_whole_and_shown_though_it_is_long_ago() -> None:
+    message = {"a": "x" * 200, "width": 0, "b": "y" * 500}
+    bad = packet(encode(message))
+    entries = [
+        Entry(0.1, "ipc", 1, "s2c", ERROR),
+        Entry(0.2, "ipc", 1, "s2c", bad),
+        *(Entry(float(t), "ipc", 2, "c2s", packet(encode({"t": t}))) for t in range(1, 50)),
+    ]
+    lines = list(excerpt(entries, 3, [Mark("ipc", 1, "s2c", len(ERROR), "/width")]))
+    marked = [line for line in lines if line.startswith(">")]
+    assert marked[0] == ">  0.2000 s  ipc #1  server → client"
+    assert encode(message).decode() in marked[1], "not folded"
+    at = encode(message).index(b'"width"')
+    assert marked[2].strip("> ").startswith(f"/width, from byte {at}: |")
+    assert b'"width"'.hex(" ") in marked[2]
+    assert any("… 46 more between" in line for line in lines)
+
+
+@pytest.mark.parametrize("before", [0, 5_000, 500_000])
+def test_the_member_that_matters_is_never_folded(before: int) -> None:
+    message = {"a": "x" * before, "memory": {"kind": 7}, "b": "y" * 500_000}
+    entries = [Entry(0.2, "ipc", 1, "s2c", packet(encode(message)))]
+    text = "".join(excerpt(entries, 3, [Mark("ipc", 1, "s2c", 0, "/memory/kind")]))
+    assert text.count('"kind"') == 2
+    assert len(text) < 3000
 
 
 def test_long_data_is_folded_and_its_length_told() -> None:

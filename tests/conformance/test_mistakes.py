@@ -255,3 +255,40 @@ def test_failures_that_cannot_be_written_down_are_told_all_the_same(tmp_path: Pa
     said: list[str] = []
     assert work_out(plan, [failed], tmp_path / "file" / "folder", 0.0, said.append) == [failed]
     assert "--scripts names another folder" in said[0]
+
+
+DIES = {
+    "server": """
+import os, socket
+ports = [int(os.environ[f"SPLATBUS_{name}_PORT"]) for name in ("IPC", "MSG")]
+ipc, msg = (socket.create_server(("127.0.0.1", port)) for port in ports)
+msg.accept()
+raise RuntimeError("no scene in /data")
+""",
+    "client": """
+import os, socket
+socket.create_connection(("127.0.0.1", int(os.environ["SPLATBUS_MSG_PORT"])))
+raise RuntimeError("no scene in /data")
+""",
+}
+
+
+@pytest.mark.parametrize("side", DIES)
+@pytest.mark.parametrize("parallel", ["1", "2"])
+def test_a_testee_that_ends_after_it_was_met_is_quoted(
+    side: str, parallel: str, tmp_path: Path
+) -> None:
+    (tmp_path / "dies.py").write_text(DIES[side], "utf-8")
+    command = f'"{sys.executable}" "{tmp_path / "dies.py"}"'
+    report = tmp_path / "report.json"
+    code, output = run(
+        *(side, "--launch", command, "--select", "BUF", "--patience", "5"),
+        *("--parallel", parallel, "--json", str(report)),
+    )
+    assert code == 3, output
+    assert f"the {side} ended with status 1" in output
+    assert "RuntimeError: no scene in /data" in output
+    assert "no scene in /data" in report.read_text("utf-8")
+    if parallel == "1":
+        last = output.strip().splitlines()[-2]
+        assert last.startswith(f"no verdict: the {side} ended with status 1; 0 of")

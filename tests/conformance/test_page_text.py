@@ -17,6 +17,13 @@ def test_lines_of_a_transcript_are_told_apart() -> None:
     assert lines[1].text == "28 bytes: {}"
 
 
+def test_what_a_failure_is_about_is_told_apart() -> None:
+    lines = transcript([f">{line[1:]}" for line in (EVENT, MORE, BYTES)], 1000)
+    assert [line.kind for line in lines] == ["event guilty", "more guilty", "hex guilty"]
+    assert lines[0].text.startswith(">")
+    assert [line.text for line in lines[1:]] == [MORE.strip(), BYTES.strip()]
+
+
 @given(st.lists(st.text(max_size=30), max_size=200), st.integers(16, 400))
 def test_what_is_shown_of_a_transcript_is_its_ends_and_what_is_not_is_counted(
     evidence: list[str], most: int

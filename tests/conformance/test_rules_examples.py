@@ -102,7 +102,8 @@ def around(example: Example) -> list[Entry]:
             wish = {"type": "subscribe_telemetry", "names": None}
             return talk("msg", *negotiated, client(wish), server(message))
         case "error":
-            return talk("msg", *negotiated, server(message))
+            questions = [client({**ASK_SIZE, **asked})] if asked else []
+            return talk("msg", *negotiated, *questions, server(message))
         case "opened" | "open_failed" | "closed":
             return talk("ipc", *greeting(*ALL), server(memory_for(members)), client(message))
         case "frame":

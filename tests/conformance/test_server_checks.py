@@ -164,7 +164,7 @@ def test_a_reading_before_its_ping_or_after_its_pong_is_found(late: float) -> No
 def test_every_broken_pose_of_an_object_breaks_the_rule_and_the_good_one_does_not() -> None:
     good = placed("default", AT_REST, 0.5)
     assert not any(it.breach for it in judged_object_pose(good))
-    for what, message in broken_object_poses(good):
+    for what, message, _ in broken_object_poses(good):
         assert any(it.breach for it in judged_object_pose(message)), what
 
 

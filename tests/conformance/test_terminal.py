@@ -108,6 +108,21 @@ def test_the_bytes_of_the_first_failures_are_shown_and_the_commands_of_all() -> 
     assert text(out).count("see it again") == len(many)
 
 
+@pytest.mark.parametrize("width", [40, 80])
+def test_what_a_failure_is_about_is_marked_in_the_margin_and_never_cut(width: int) -> None:
+    told = "".join(f"{number:04} " for number in range(200))
+    evidence = ("   1.0000 s  ipc #1  before", f">            {told}", f"             {told}")
+    out = console(width)
+    print_failures(out, [failed("FRM-3", evidence=evidence)], requirements("1.1"))
+    lines = text(out).splitlines()
+    marked = [line[5:].strip() for line in lines if line.startswith("    >")]
+    assert "".join(marked).replace(" ", "") == told.replace(" ", "")
+    assert all(len(line) <= width for line in lines)
+    coloured = console(width, terminal=True, TERM="xterm")
+    print_failures(coloured, [failed("FRM-3", evidence=evidence)], requirements("1.1"))
+    assert "\x1b[1;31m    >" in text(coloured)
+
+
 def test_what_to_start_with_comes_last_but_for_the_verdict() -> None:
     out = console(120)
     results = [failed("CHN-9"), failed("FRM-2", RULE, Level.PASSIVE)]

@@ -6,6 +6,8 @@ import pytest
 from splatbus_conformance.values import (
     as_double,
     ascending,
+    finite,
+    finites,
     integer_in,
     is_handle,
     is_number,
@@ -16,7 +18,9 @@ from splatbus_conformance.values import (
     show,
     strings,
     text_of,
+    texts,
     whole,
+    within,
 )
 
 NOT_NUMBERS = [None, True, False, "1", [], {}]
@@ -111,3 +115,28 @@ def test_numbers_that_ascend() -> None:
 def test_a_number_beyond_double_precision_is_infinite() -> None:
     assert as_double(-(10**400)) == -math.inf
     assert as_double(3) == 3.0
+
+
+def test_what_is_not_there_is_none() -> None:
+    message = {"a": [{"b": 1}], "c": None}
+    assert within(message, "a", 0, "b") == 1
+    assert within(message, "a", -1) == {"b": 1}
+    for path in (("a", 1), ("a", "0"), ("c", "d"), ("b",), ("a", 0, "b", "c"), (0,)):
+        assert within(message, *path) is None
+    assert within("text", 0) is None
+
+
+@pytest.mark.parametrize("value", [*NOT_NUMBERS, math.nan, math.inf, 10**400, -(10**400)])
+def test_what_cannot_be_reckoned_with_is_none(value: object) -> None:
+    assert finite(value) is None
+    assert finites([1.0, value], 2) is None
+
+
+def test_what_can_be_reckoned_with() -> None:
+    assert finite(3) == 3.0
+    assert finites([1, 2.5], 2) == (1.0, 2.5)
+    assert finites([], 0) == ()
+    assert finites([1.0], 2) is None
+    assert finites("12", 2) is None
+    assert texts(["a", 1, None, "b"]) == ["a", "b"]
+    assert texts({"a": "b"}) == []

@@ -1,6 +1,10 @@
 """What the guides show in Python works: the whole client, the tests by vectors, the adapters."""
 
 import ast
+import json
+import os
+import socket
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -118,6 +122,53 @@ def test_the_adapter_for_blender_shows_whether_a_camera_is_right(
     assert found == status, output
     assert "CNV-6" in output
     assert "not conforming" in output if status else "conforming at L2" in output
+
+
+def test_a_long_answer_of_the_adapter_for_blender_comes_whole(tmp_path: Path) -> None:
+    """In each Python that Blender brings: before 3.13 a text file over a socket keeps its end."""
+    (tmp_path / "my_client.py").write_text(
+        "def begin(): pass\ndef end(): pass\n"
+        "def send_camera(position, rotation): return {'text': 'x' * 100_000}\n",
+        "utf-8",
+    )
+    (tmp_path / "my_adapter.py").write_text(BLENDER[1].text, "utf-8")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        engine = subprocess.Popen(
+            [sys.executable, "my_adapter.py"],
+            cwd=tmp_path,
+            env={**os.environ, "SPLATBUS_ADAPTER_PORT": str(listener.getsockname()[1])},
+        )
+        harness = listener.accept()[0]
+    harness.settimeout(20)
+    with engine, harness, harness.makefile("rw", encoding="utf-8") as lines:
+        assert json.loads(lines.readline())["adapter"] == "1"
+        for number, name in enumerate(("send_camera", "stop"), 1):
+            pose = {"position": [0, 0, 0], "rotation": [0, 0, 0, 1]} if number == 1 else {}
+            print(json.dumps({"id": number, "command": name, **pose}), file=lines, flush=True)
+            answer = json.loads(lines.readline())
+            assert answer["id"] == number
+            assert len(answer.get("text", "")) == (100_000 if number == 1 else 0)
+    assert engine.returncode == 0
+
+
+TABLE = (ROOT / "spec" / "1.0" / "07-conventions.md").read_text("utf-8")
+ROWS = [
+    ("test-a-unity-client.md", "Unity, camera and object"),
+    ("test-an-unreal-client.md", "Unreal, camera and object"),
+    ("test-a-blender-client.md", "Blender, object"),
+    ("test-a-blender-client.md", "Blender, camera"),
+]
+
+
+@pytest.mark.parametrize(("page", "row"), ROWS)
+def test_both_directions_of_axes_stand_in_the_guide_as_in_the_specification(
+    page: str, row: str
+) -> None:
+    """Whoever converts a pose has to know which way."""
+    found = next(line for line in TABLE.splitlines() if line.startswith(f"| {row} | "))
+    text = (GUIDES / page).read_text("utf-8")
+    for cell in found.strip("| ").split(" | ")[2:]:
+        assert cell.strip() in text, f"{page} lacks {cell}"
 
 
 def test_an_engine_that_crashes_is_said_to_have_crashed(tmp_path: Path) -> None:

@@ -6,8 +6,10 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-INDENT = " " * 13
-"""Of the lines of a transcript that belong to the line before (`excerpt.INDENT`)."""
+INDENT = " " * 12
+"""Of the lines of a transcript that belong to the line before, behind the margin (`excerpt`)."""
+MARK = ">"
+"""In the margin of what a failure is about."""
 UNUSUAL = re.compile("[^ -~\n\t]+")
 HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
 ID = re.compile("([A-Z]{3}-[0-9]+)")
@@ -19,7 +21,9 @@ class Line(NamedTuple):
 
     text: str
     kind: str
-    """`event`, `more` of the event before, its bytes as `hex`, or a `note` of the page's own."""
+    """`event`, `more` of the event before, its bytes as `hex`, or a `note` of the page's own; with
+    `guilty` behind it, what a failure is about.
+    """
 
 
 class Span(NamedTuple):
@@ -82,10 +86,11 @@ def _seen(match: re.Match[str]) -> str:
 
 
 def _line(text: str) -> Line:
-    if not text.startswith(INDENT):
-        return Line(text, "event")
-    text = text.removeprefix(INDENT)
-    return Line(text, "hex" if HEX.match(text) else "more")
+    guilty = " guilty" if text.startswith(MARK) else ""
+    if not text[1:].startswith(INDENT):
+        return Line(text, f"event{guilty}")
+    told = text[1:].removeprefix(INDENT)
+    return Line(told, f"{'hex' if HEX.match(told) else 'more'}{guilty}")
 
 
 def _ends(evidence: Sequence[str], most: int) -> Sequence[str]:

@@ -15,6 +15,7 @@ from splatbus_conformance.page.text import Span, cut, ids, spans
 from splatbus_conformance.roots import in_order
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
+    EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     Level,
     Result,
@@ -216,7 +217,7 @@ def _sentence(text: str) -> str:
 
 def _opinion(exit_code: int, verdicts: set[str]) -> tuple[str, str]:
     """The verdict on the whole, as a shape and in words."""
-    if exit_code == EXIT_NO_VERDICT:
+    if exit_code in (EXIT_NO_VERDICT, EXIT_INTERRUPTED):
         return Verdict.ERROR, "No verdict"
     if exit_code != EXIT_CONFORMING:
         return Verdict.FAIL, "Not conforming"

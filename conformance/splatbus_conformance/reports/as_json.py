@@ -4,11 +4,11 @@ import platform
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import Any
 
 from splatbus_schemas.requirements import Requirement
+from splatbus_schemas.version import installed_version
 
 from splatbus_conformance import latencies
 from splatbus_conformance.demands import observed
@@ -18,7 +18,6 @@ from splatbus_conformance.roots import start_with
 from splatbus_conformance.verdicts import Level, Result, by_requirement, reached, worst
 
 FORMAT = "1"
-DISTRIBUTION = "splatbus-protocol"
 Report = Mapping[str, Any]
 """What `json_report` gives, or what was read from a file and satisfies the schema."""
 
@@ -80,7 +79,7 @@ def json_report(
         "advice": [*traffic.advice, *filter(None, [start_with(results)])],
         "notJudged": list(not_judged),
         "environment": {
-            "harness": harness_version(),
+            "harness": installed_version(),
             "python": platform.python_version(),
             "platform": sys.platform,
             "machine": platform.machine(),
@@ -108,14 +107,6 @@ def json_report(
     }
 
 
-def harness_version() -> str:
-    """As it was installed; `unknown` where it runs from a folder without that."""
-    try:
-        return version(DISTRIBUTION)
-    except PackageNotFoundError:
-        return "unknown"
-
-
 def _result(result: Result) -> dict[str, Any]:
     return {
         "check": result.check,
@@ -123,6 +114,7 @@ def _result(result: Result) -> dict[str, Any]:
         "verdict": result.verdict,
         "text": result.text,
         "evidence": list(result.evidence),
+        "delivered": result.delivered,
         "seconds": round(result.seconds, 4),
         "measurements": [it.as_json() for it in result.measurements],
         "smallest": result.smallest,

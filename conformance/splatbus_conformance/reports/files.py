@@ -35,6 +35,17 @@ class Files:
         for name, path in self:
             require_writable(f"--{name}", path)
 
+    def remove_former(self) -> None:
+        """Remove what an earlier run wrote, which would be taken for what this one says if it does
+        not come to its end; not what is appended to. Raises Usage.
+        """
+        for name, path in self:
+            if name != "markdown" and path.is_file():
+                try:
+                    path.unlink()
+                except OSError as error:
+                    raise Usage(_unwritable(f"--{name}", path, error)) from None
+
     def write(self, document: Document) -> None:
         """Write each format that is wanted; Markdown is appended. Raises Usage."""
         for name, path in self:
@@ -42,7 +53,7 @@ class Files:
                 with path.open("ab" if name == "markdown" else "wb") as file:
                     file.write(_made(name, document, file.tell()))
             except OSError as error:
-                raise Usage(f"--{name} {path}: it cannot be written: {error.strerror}") from None
+                raise Usage(_unwritable(f"--{name}", path, error)) from None
 
 
 def _made(name: str, document: Document, written: int) -> bytes:
@@ -63,6 +74,10 @@ def _made(name: str, document: Document, written: int) -> bytes:
     raise AssertionError(name)
 
 
+def _unwritable(option: str, path: Path, error: OSError) -> str:
+    return f"{option} {path}: it cannot be written: {error.strerror}"
+
+
 def require_writable(option: str, path: Path) -> None:
     """Raises Usage if a file could not be written, before a run of ten minutes is lost on it."""
     if not path.parent.is_dir():
@@ -71,7 +86,7 @@ def require_writable(option: str, path: Path) -> None:
     try:
         path.open("ab").close()
     except OSError as error:
-        raise Usage(f"{option} {path}: it cannot be written: {error.strerror}") from None
+        raise Usage(_unwritable(option, path, error)) from None
     if not existed:
         path.unlink()
 

@@ -109,9 +109,12 @@ def errors_only_after_hello(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("NEG-23")
 def well_formed_error(conversation: Conversation) -> Iterator[Sighting]:
-    """NEG-23: the members of `error`, and its code."""
+    """NEG-23: the members of `error`, its code, and that its id is of a request that it answers."""
     for message, _ in _errors(conversation):
         yield from judged(conversation, message, _error(message.value or {}))
+    for message in exchanges(conversation).astray:
+        text = f"no request with the id {show((message.value or {}).get('id'))} waits for an answer"
+        yield about(conversation, message, "NEG-23", text, "/id")
 
 
 @rule("NEG-25")

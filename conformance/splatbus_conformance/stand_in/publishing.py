@@ -14,7 +14,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.messages import Json
 from splatbus_conformance.stand_in.device import Named, named_by
 from splatbus_conformance.stand_in.trace import Call
-from splatbus_conformance.values import is_handle, whole
+from splatbus_conformance.values import is_handle, whole, within
 
 MAX_SLOTS: int = LIMITS["max_slots"]
 DEFAULT_STREAM = 0
@@ -38,29 +38,21 @@ def named(handle: object) -> Named | None:
     return named_by(base64.b64decode(handle)) if is_handle(handle) else None  # type: ignore[arg-type]
 
 
-def member(packet: Json, *path: str) -> Any:
-    """A member of a member; None where there is none."""
-    value: Any = packet
-    for name in path:
-        value = value.get(name) if isinstance(value, dict) else None
-    return value
-
-
 def legacy_planes(packet: Json) -> dict[str, Span]:
     """Colour and depth as the members of 1.0 name them; those that cannot be told are left out."""
     places = {}
     for what, (handle, offset, size) in OFFSETS.items():
-        at = member(packet, "meta", offset)
+        at = within(packet, "meta", offset)
         places[what] = (packet.get(handle), 0 if at is None else at, size)
     return _spans(packet, places)
 
 
 def slot_planes(packet: Json, slot: int) -> dict[str, Span]:
     """Colour and depth of a slot of the ring; those that cannot be told are left out."""
-    handle, places = member(packet, "memory", "handle"), {}
+    handle, places = within(packet, "memory", "handle"), {}
     for what, (name, size) in RING.items():
-        begin = whole(member(packet, "ring", f"{name}Offset"), 0)
-        stride = whole(member(packet, "ring", f"{name}Stride"), 0)
+        begin = whole(within(packet, "ring", f"{name}Offset"), 0)
+        stride = whole(within(packet, "ring", f"{name}Stride"), 0)
         at = None if begin is None or stride is None else begin + slot * stride
         places[what] = (handle, at, size)
     return _spans(packet, places)
@@ -68,13 +60,13 @@ def slot_planes(packet: Json, slot: int) -> dict[str, Span]:
 
 def planes_of(packet: Json) -> list[Span]:
     """Every plane that an init packet announces."""
-    slots = whole(member(packet, "ring", "slots"), 0, MAX_SLOTS) or 0
+    slots = whole(within(packet, "ring", "slots"), 0, MAX_SLOTS) or 0
     rings = [span for slot in range(slots) for span in slot_planes(packet, slot).values()]
     return [*legacy_planes(packet).values(), *rings]
 
 
 def _spans(packet: Json, places: Mapping[str, tuple[Any, Any, int]]) -> dict[str, Span]:
-    width, height = (whole(member(packet, "meta", name), 1) for name in "wh")
+    width, height = (whole(within(packet, "meta", name), 1) for name in "wh")
     found = {}
     for what, (handle, offset, size) in places.items():
         of, begin = named(handle), whole(offset, 0)

@@ -3,6 +3,12 @@
 Whatever is not lent is spoilt: a client that reads it shows it.
 """
 
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lending import Lending
@@ -13,6 +19,17 @@ from splatbus_conformance.trial import REACTION_SECONDS
 READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
 SMALL = 1 << 18
 """Pixels of an image that is written and digested in no time."""
+READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
+    ("", lambda image: image),
+    (", rows top-down", lambda image: image[::-1]),
+    (", blue for red", lambda image: image[..., [2, 1, 0, 3]] if image.ndim == 3 else image),
+    (", rounded to 8 bits", lambda image: np.round(np.clip(image, 0, 1) * 255) / np.float32(255)),
+    (
+        ", opaque",
+        lambda image: np.where([0, 0, 0, 1], np.float32(1), image) if image.ndim == 3 else image,
+    ),
+)
+"""Ways in which an image is misread."""
 LINGER_SECONDS = 0.1
 """A client that reads late has done so after this time."""
 
@@ -28,11 +45,12 @@ def described(answer: Json, names: list[str], lending: Lending) -> str:
     """What is known of wrong colour or depth."""
     bad = spoilt(*lending.size)
     for name in names:
-        if answer[name] == sha256(bad.color if name == "color" else bad.depth):
+        if answer[name] == sha256(getattr(bad, name)):
             return f"its {name} is what the slot held only while nobody was to read it"
         for seq, other in lending.shown.items():
-            if answer[name] == sha256(other.color if name == "color" else other.depth):
-                return f"its {name} is that of image {seq}"
+            for words, read in READINGS:
+                if answer[name] == sha256(read(getattr(other, name))):
+                    return f"its {name} is that of image {seq}{words}"
     return f"its {' and '.join(names)} is of no image whole"
 
 

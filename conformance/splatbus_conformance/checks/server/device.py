@@ -13,6 +13,7 @@ from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.stand_in import publishing
 from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.trial import EFFECT_SECONDS, JITTER_SECONDS
+from splatbus_conformance.values import texts, within
 
 SHOWN = ("cuda", "stand-in")
 EVENT_FLAGS = {4: "cudaEventInterprocess", 2: "cudaEventDisableTiming"}
@@ -42,10 +43,10 @@ def announced(trial: ServerTrial, connection: Connection | None = None) -> Annou
     if not dealings.init_packets:
         trial.not_observable("the server sent no init packet")
     packet = dealings.init_packets[0]
-    ring = publishing.member(packet, "ring", "events")
+    ring = texts(within(packet, "ring", "events"))
     handles = {name: packet.get(name) for name in ("mem_color", "mem_depth", "evt_done")}
-    handles |= {"memory.handle": publishing.member(packet, "memory", "handle")}
-    handles |= {f"ring.events[{i}]": event for i, event in enumerate(ring or ())}
+    handles |= {"memory.handle": within(packet, "memory", "handle")}
+    handles |= {f"ring.events[{i}]": event for i, event in enumerate(ring)}
     known = {place: publishing.named(handle) for place, handle in handles.items()}
     processes = {of.process for of in known.values() if of}
     names = {place: of.name for place, of in known.items() if of}

@@ -16,8 +16,8 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.photographs import LEGACY_EMPTY
 from splatbus_conformance.rules.init_packets import layout
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.stand_in import publishing
 from splatbus_conformance.trial import EFFECT_SECONDS
+from splatbus_conformance.values import within
 
 IMAGES, PAUSE_SECONDS = 8, 0.05
 SMALLEST = float(np.finfo(np.float32).tiny)
@@ -90,7 +90,7 @@ def init_packet_of(trial: ServerTrial) -> Json:
 def device_of(trial: ServerTrial, packet: Json) -> Device:
     """Where its images lie: the server's count of devices need not be that of the harness."""
     assert trial.device is not None, "a check of device memory needs a device"
-    uuid = publishing.member(packet, "memory", "deviceUuid")
+    uuid = within(packet, "memory", "deviceUuid")
     try:
         return trial.device if uuid is None else trial.device.named(uuid)
     except ValueError as error:
@@ -128,7 +128,7 @@ def sensible(color: Pixels) -> float:
 def check_colours_in_device_memory_are_from_0_to_1(trial: ServerTrial) -> None:
     """Every number of every pixel."""
     for color, _ in stored(trial):
-        wrong = ~within(color)
+        wrong = ~in_range(color)
         if wrong.any():
             trial.violated(f"colours that are not from 0 to 1: {first_of(wrong, color)}")
 
@@ -156,7 +156,7 @@ def check_depths_in_device_memory_are_positive(trial: ServerTrial) -> None:
             trial.violated(f"depths that are neither positive nor +∞: {first_of(wrong, depth)}")
 
 
-def within(color: Pixels) -> NDArray[np.bool_]:
+def in_range(color: Pixels) -> NDArray[np.bool_]:
     """(h, w, 4): from 0 to 1."""
     with np.errstate(invalid="ignore"):
         found: NDArray[np.bool_] = (color >= 0.0) & (color <= 1.0)

@@ -13,7 +13,7 @@ from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.trial import REACTION_SECONDS
-from splatbus_conformance.values import show, strings
+from splatbus_conformance.values import show, strings, within
 
 VERSIONS = ("1.1", "1.0")
 ON_IPC, ON_MSG = CAPABILITIES["ipc"], CAPABILITIES["msg"]
@@ -203,7 +203,7 @@ def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
     greeted = trial.viewer.with_(trial.greeted("ipc", capabilities=list(ON_IPC)))
     trial.wait(lambda: greeted.init_packets)
     memory = (greeted.init_packets or [trial.facts.init_packet or {}])[0].get("memory")
-    if not (trial.facts.at_once or (isinstance(memory, dict) and memory["kind"] == "cuda_ipc")):
+    if not (trial.facts.at_once or within(memory, "kind") == "cuda_ipc"):
         trial.not_observable("the server announces no CUDA memory")
     silent = trial.viewer.with_(trial.before_hello("ipc"))
     trial.wait(lambda: silent.heard)

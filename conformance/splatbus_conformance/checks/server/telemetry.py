@@ -13,7 +13,7 @@ from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.studio import answers
 from splatbus_conformance.trial import EFFECT_SECONDS
-from splatbus_conformance.values import is_number, show, whole
+from splatbus_conformance.values import is_number, show, texts, whole, within
 
 TELLS = ("1.1", "capability:telemetry")
 MOVE_SECONDS = 0.05
@@ -74,8 +74,7 @@ def telemetry_on(trial: ServerTrial, connection: Connection) -> list[Json]:
 def names_in(message: Json) -> list[str]:
     """The names of the series in a message."""
     held: Any = message.get("series")
-    found = [it.get("name") for it in held if isinstance(it, dict)] if held else []
-    return [name for name in found if isinstance(name, str)]
+    return texts([within(it, "name") for it in held]) if isinstance(held, list) else []
 
 
 @check("TEL-2", observable="the numbers and the times of telemetry", needs=TELLS)

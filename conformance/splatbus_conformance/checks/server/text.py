@@ -366,7 +366,7 @@ def shown(payload: bytes) -> str:
     return shorten(repr(payload)[1:], 300)
 
 
-def kind_of(text: BrokenText) -> tuple[str, str]:
+def kind_of(text: BrokenText) -> str:
     """What a broken text is one of."""
     return text.kind
 

@@ -49,6 +49,12 @@ def version_as_a_number(patch: Patch) -> None:
     messages(patch, of_type("hello", lambda hello: hello | {"versions": [1.1, 1.0]}))
 
 
+@mutant("NEG-2", reason="capabilities is null", through="CHN-17")
+def capabilities_of_null(patch: Patch) -> None:
+    """Says that it has no capabilities by null."""
+    messages(patch, of_type("hello", lambda hello: hello | {"capabilities": None}))
+
+
 @mutant("NEG-2", reason="listed twice", through="CHN-17")
 def capability_twice(patch: Patch) -> None:
     """Declares a capability twice."""

@@ -8,6 +8,7 @@ from splatbus_conformance.selftest.surgery import in_poses, payloads
 
 DEPTH = 70
 NUMBER = re.compile(rb"(?<=:)-?[0-9][0-9.e-]*")
+ID = re.compile(rb'(?<="id":)[0-9]+')
 
 
 @mutant("JSN-1", reason="is a list, no object")
@@ -80,6 +81,12 @@ def minus_infinity(patch: Patch) -> None:
 def number_that_overflows(patch: Patch) -> None:
     """Sends a number beyond double precision."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":1e400}'))
+
+
+@mutant("JSN-4", reason="overflows double precision")
+def id_that_overflows(patch: Patch) -> None:
+    """Numbers its requests beyond double precision."""
+    payloads(patch, lambda payload: ID.sub(b"1e400", payload))
 
 
 @mutant("JSN-5", reason=f"nested {DEPTH} deep")

@@ -55,6 +55,17 @@ def server_reports_at_length(patch: Patch) -> None:
     messages(patch, of_type("error", lambda error: error | {"message": "wrong! " * 200}))
 
 
+@mutant("NEG-23", reason="waits for an answer", through="NEG-29")
+def server_reports_what_it_answers_twice(patch: Patch) -> None:
+    """Says twice what is wrong with a request."""
+
+    def send_error(original: Any, self: Connection, code: str, *more: Any, **named: Any) -> None:
+        for _ in range(2 if code not in CLOSING_ERRORS else 1):
+            original(self, code, *more, **named)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
 @mutant("NEG-25", check="check_closes_after_an_error_that_ends", reason="the testee waited")
 def server_reads_on_after_a_bad_header(patch: Patch) -> None:
     """Reports a bad header, drops it and what was read with it, and goes on."""

@@ -1,6 +1,7 @@
 """Mutants that break JSN: they write no strict JSON, or do not read it so."""
 
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +15,7 @@ from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, payloads, wrap
 
 MARK = b"\xef\xbb\xbf"
+GENERATION = re.compile(rb'(?<="generation":)[0-9]+')
 KNOWN = {
     *("type", "cam_idx", "timestamp", "position", "rotation", "x", "y", "z", "w"),
     *("versions", "client", "name", "version", "capabilities", "token"),
@@ -52,6 +54,12 @@ def server_writes_numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of positions as strings."""
     zeros = b'"position":[0.0,0.0,0.0]'
     payloads(patch, lambda payload: payload.replace(zeros, zeros.replace(b"0.0", b'"0.0"')))
+
+
+@mutant("JSN-4", reason="overflows double precision", through="CHN-12")
+def server_counts_generations_too_far(patch: Patch) -> None:
+    """Numbers its memory beyond double precision."""
+    payloads(patch, lambda payload: GENERATION.sub(b"1e400", payload))
 
 
 @mutant("JSN-5", reason="nested 65 deep")
