@@ -263,11 +263,13 @@ class WithServer:
         """
         for channel in CHANNELS:
             seated = [(seat, it.connection) for seat, it in self._seated(channel).items()]
-            newest = max((connection.number for _, connection in seated), default=0)
+            came = (it.number for it in self.trial.peer.connections if it.channel == channel)
+            newest = max(came, default=0)
             for seat, connection in seated:
                 replaced = connection.ended and connection.number < newest
                 if replaced and self.knowledge.seats[channel] < SEATS:
-                    self._forget(self._unseat(channel, seat))
+                    self._unseat(channel, seat).close()
+                    self._forget(connection)
 
     def _restart(self) -> None:
         self._restarted = True

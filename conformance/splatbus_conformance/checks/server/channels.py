@@ -277,6 +277,8 @@ class Others:
 
     def _asking(self, steering: Steering | None) -> Connection:
         if self._witness is None or self._witness.gone:
+            if self._witness is not None:
+                self._witness.close()
             self._trial.rest(GONE_SECONDS)
             self._witness = self._trial.dial("msg")
             answered = self._trial.answers(self._witness)
@@ -291,6 +293,8 @@ class Others:
         if not facts.renders or (self._channel == "ipc" and facts.alone["ipc"]):
             return None
         if self._steering is None or self._steering.reader.gone:
+            if self._steering is not None:
+                self._steering.reader.close()
             self._steering = Steering(self._trial)
         return self._steering
 

@@ -83,13 +83,13 @@ def check_bad_length_closes(trial: ServerTrial) -> None:
         connection.send(bad.before + bad.length.to_bytes(4, "little") + bad.after)
         most = bool(bad.before)
 
-        def is_told() -> bool:
-            return bool(connection.ended) or len(trial.replies(connection)) > most  # noqa: B023
+        def answered() -> bool:
+            replies = trial.replies(connection) if bad.channel == "msg" else ()  # noqa: B023
+            return len(replies) > most  # noqa: B023
 
-        trial.wait(is_told)
+        trial.wait(lambda: answered() or connection.ended)  # noqa: B023
         slowest[bad.channel] = max(slowest.get(bad.channel, 0.0), time.monotonic() - began)
-        answered = len(trial.replies(connection)) > most
-        outcome = "replies" if answered else trial.end_of(connection, 0.0)
+        outcome = "replies" if answered() else trial.end_of(connection, 0.0)
         connection.close()
         trial.judge(outcome, f"{bad} on the {bad.channel} channel")
         trial.delivered += 1
@@ -285,6 +285,8 @@ def check_half_packet_is_discarded(trial: ServerTrial) -> None:
         following = trial.dial("msg")
         outcome = trial.outcome_on_msg(following)
         following.close()
+        if end == "reset" and outcome in ("hangs", "dies", "exits"):
+            continue  # that is no matter of packets, but of CHN-14
         what = f"a connection that ends ({end}) after {kept} bytes of a request, and then another"
         trial.judge(outcome, what)
 

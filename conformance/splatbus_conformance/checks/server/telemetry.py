@@ -113,6 +113,7 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     trial.viewer.say(stranger, {"type": "subscribe_telemetry", "names": None})
     answers(trial, stranger)
     witness = Listener(trial, trial.greeted("msg"))
+    trial.require_all(listener.connection, stranger, witness.connection)
     known = witness.names()
     witness.hear()
     trial.expect(not listener.told(), "a telemetry came before anything was subscribed to")

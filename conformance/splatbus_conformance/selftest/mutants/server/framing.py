@@ -14,6 +14,8 @@ from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import packets, wrap
 
+LONGEST = framing._MAX_PAYLOAD_BYTES
+
 
 @mutant("FRM-1", reason="bytes into a packet", through="FRM-3")
 def server_ends_within_a_packet(patch: Patch) -> None:
@@ -37,16 +39,18 @@ def server_sends_empty_packets(patch: Patch) -> None:
 @mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
 def server_waits_on_after_a_bad_length(patch: Patch) -> None:
     """Reads nothing more after a bad header, and keeps the connection."""
-    _waits_after_a_bad_length(patch, math.inf)
+    _waits_after_a_bad_length(patch, math.inf, "ipc", "message")
 
 
-def _waits_after_a_bad_length(patch: Patch, seconds: float) -> None:
+def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> None:
     def next_event(original: Any, self: Connection, now: float) -> Any:
         ending = self.ending
         event = original(self, now)
         try:
             self._decoder.next_packet()
         except FramingError:
+            if self.channel not in channels:
+                return event
             if ending is None:
                 self.ending, self._packet_by = None, min(self._packet_by, now + seconds)
             return None
@@ -57,14 +61,24 @@ def _waits_after_a_bad_length(patch: Patch, seconds: float) -> None:
 
 @mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
 def server_waits_for_any_length(patch: Patch) -> None:
-    """Waits for as many bytes as a header announces, as long as for any packet."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 33)
+    """Waits on the message channel for as many bytes as a header announces, as long as for any
+    packet.
+    """
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        most = 1 << 33 if self.channel == "message" else LONGEST
+        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", most)
+        original(self, data, now)
+
+    wrap(patch, Connection, "receive", receive)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", reason="closes no later for a packet that stays")
 def server_waits_briefly_for_any_length(patch: Patch) -> None:
-    """Knows a bad length, and gives up the packet when it gives up any, after two seconds."""
-    _waits_after_a_bad_length(patch, 2.0)
+    """Knows a bad length on the message channel, and gives up the packet when it gives up any,
+    after two seconds.
+    """
+    _waits_after_a_bad_length(patch, 2.0, "message")
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         original(self, data, now)
