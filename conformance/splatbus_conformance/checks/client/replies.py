@@ -13,19 +13,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.trial import JITTER_SECONDS, REACTION_SECONDS
 
-BAD_REPLIES: tuple[Json, ...] = (
-    {},
-    {"viewport_size": None},
-    {"viewport_size": [64]},
-    {"viewport_size": [64, 48, 1]},
-    {"viewport_size": [-64, 48]},
-    {"viewport_size": [64.0, 48.0]},
-    {"viewport_size": [64.5, 48]},
-    {"viewport_size": [1e300, 1e300]},
-    {"viewport_size": ["64", "48"]},
-    {"viewport_size": "64x48"},
-    {"viewport_size": {"w": 64, "h": 48}},
-    {"viewport_size": [2**63, 2**64]},
+BAD_CAMERAS: tuple[Json, ...] = (
     {"position": [0, 0, 0]},
     {"rotation": [0, 0, 0, 1]},
     {"position": [0, 0], "rotation": [0, 0, 0, 1]},
@@ -37,6 +25,18 @@ BAD_REPLIES: tuple[Json, ...] = (
     {"position": [0, 0, 0], "rotation": [0.5, 0.5, 0, 0]},
     {"position": [0, 0, 0], "rotation": [0, 0, 0, 1, 0]},
 )
+
+
+def bad_replies(width: int, height: int) -> list[Json]:
+    """Replies that break REQ-3 or REQ-5. Some clients stop when a size is not their own: what can
+    be read of a broken one is.
+    """
+    sizes: list[object] = [
+        *(None, [width], [width, height, 1], [-width, height], [width + 0.5, height]),
+        *([float(width), float(height)], [1e300, 1e300], [str(width), str(height)]),
+        *(f"{width}x{height}", {"w": width, "h": height}, [2**63, 2**64]),
+    ]
+    return [{}, *({"viewport_size": size} for size in sizes), *BAD_CAMERAS]
 
 
 def requests(trial: ClientTrial, connection: Connection) -> list[Json]:
@@ -139,7 +139,7 @@ def check_survives_bad_replies(trial: ClientTrial) -> None:
     """A request is answered with a reply that breaks its form, one way after another; of the size
     or of the camera, where the testee asks for both.
     """
-    for bad in trial.each(BAD_REPLIES, kind=_broken_where):
+    for bad in trial.each(bad_replies(trial.role.width, trial.role.height), kind=_broken_where):
         about = "position" if {"position", "rotation"} & bad.keys() else "viewport_size"
         request = "get_camera_pose" if about == "position" else "get_viewport_size"
         replied: list[Json] = []

@@ -295,7 +295,8 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
 )
 def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
     """Broken texts in place of a reply and after it, and messages that miss or mistype members."""
-    payloads = [*broken_texts({"viewport_size": [64, 48]}), *_odd_messages()]
+    size = [trial.role.width, trial.role.height]
+    payloads = [*broken_texts({"viewport_size": size}), *_odd_messages()]
     chosen = list(trial.each(payloads, kind=lambda broken: broken.kind))
     outcome = outcome_of_row(trial, chosen)
     if outcome not in trial.requirement.acceptable:
