@@ -51,6 +51,8 @@ class ClientFacts:
     """Channels that it connects to again after its connection was closed."""
     expendable: bool = False
     """The harness can start it anew, which makes new connections of one that does not return."""
+    leaves: bool = False
+    """Its process ends, in an orderly way, once its server has gone."""
     asks_again: bool = False
     """It asks on each new connection, not only on the first of its process."""
     probes: dict[Channel, int] = field(default_factory=dict)
@@ -213,6 +215,8 @@ def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFact
 
     peer.until(lambda: back() == facts.connects or testee.ended(), RETURN_SECONDS)
     facts.returns = back()
+    ended = testee.ended()
+    facts.leaves = ended is not None and not ended.crashed
 
     def asks_again() -> bool:
         later = _shown([c for c in peer.connections if c not in met], role)

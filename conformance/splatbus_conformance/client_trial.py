@@ -5,7 +5,7 @@ from typing import Any
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.adapter import Adapted, ClientCrashed, Greeting
-from splatbus_conformance.client_introduction import ClientFacts
+from splatbus_conformance.client_introduction import RETURN_SECONDS, ClientFacts
 from splatbus_conformance.device_memory import Device
 from splatbus_conformance.meeting import NAMES, does_not_come
 from splatbus_conformance.messages import Json, encode
@@ -55,6 +55,12 @@ class ClientTrial(Trial):
         """
         return self.thorough or len(self.peer.connections) < MANY_CONNECTIONS
 
+    def judge(self, outcome: str, what: str) -> None:
+        """As of every trial; one that ends once its server has gone does no less than wait."""
+        if outcome == "exits" and self.facts.leaves and "waits" in self.requirement.acceptable:
+            outcome = "waits"
+        super().judge(outcome, what)
+
     # Meeting the testee
 
     def connection(self, channel: Channel, seconds: float | None = None) -> Connection:
@@ -71,6 +77,9 @@ class ClientTrial(Trial):
                 self.not_observable("it would take a further start of the client by hand")
         started = self.testee.ensure_running()
         found = self._past_probes(channel, seconds)
+        if found is None and not started:
+            self.peer.close_all()  # some come back to both channels or to none
+            found = self._past_probes(channel, min(seconds, RETURN_SECONDS))
         if found is None and not started:
             if channel in self.facts.returns:
                 self._note_loss(does_not_come(channel, self.testee))
@@ -344,6 +353,9 @@ class ClientTrial(Trial):
 
     def _end_of(self, connection: Connection, channel: Channel) -> str:
         self.wait(lambda: self.fate(), 0.05)
+        if self.fate() == "exits" and self.facts.leaves and connection.ended:
+            self.delivered += 1
+            return "closes"
         if fate := self.fate():
             return fate
         if not connection.ended:

@@ -95,7 +95,7 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
         requirement = "NEG-29" if pair.asked_after_hello and negotiated else "REQ-7"
         late = f"this answers a request after {pair.late} that had no answer yet"
         yield about(conversation, pair.answer, requirement, late if pair.late else None)
-    for extra in found.extra:
+    for extra in _caused(conversation):
         if _blame(extra, negotiated=negotiated) == "REQ-7":
             yield about(conversation, extra.answer, "REQ-7", "a reply that nothing asked for")
     if found.unanswered and _left_by_the_server(conversation):
@@ -109,11 +109,11 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("CHN-11", "POS-10", "REQ-8", "REQ-9")
 def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
-    """CHN-11, POS-10, REQ-8, REQ-9: what has no reply, by what the client had sent last."""
+    """CHN-11, POS-10, REQ-8, REQ-9: what has no reply, by what the client had sent before it."""
     found = exchanges(conversation)
     negotiated = conversation.welcome is not None
     causes = set()
-    for answer, cause in found.extra:
+    for answer, cause in _caused(conversation):
         requirement = _blame(Extra(answer, cause), negotiated=negotiated)
         if requirement != "REQ-7":
             what = "unasked" if cause is None else f"after a message of type {show(cause.type)}"
@@ -256,6 +256,43 @@ def _rendered(recording: Conversation) -> float:
     conversations = recording.beside or [recording]
     frames = (message.packet.ended for each in conversations for message in each.of("frame"))
     return min(frames, default=math.inf)
+
+
+@lru_cache(maxsize=1)  # two rules ask for the same
+def _caused(conversation: Conversation) -> tuple[Extra, ...]:
+    """What answers nothing, each with the message that it was sent for, as far as that shows.
+
+    A server answers in order. What comes between the answers to two requests is about something
+    that the client sent between these two; else it is one more answer to the former.
+    """
+    found = exchanges(conversation)
+    told: list[Extra] = []
+    taken: set[int] = set()
+    for extra in found.extra:
+        at = extra.answer.packet.offset
+        former = [p.question.packet.offset for p in found.pairs if p.answer.packet.offset < at]
+        latter = [p.question.packet.offset for p in found.pairs if p.answer.packet.offset > at]
+        begin, end = max(former, default=-1), min(latter, default=math.inf)
+        silent = [
+            message
+            for message in conversation.sent_by("client")
+            if begin < message.packet.offset < end
+            and message.packet.ended <= extra.answer.packet.ended
+            and message.packet.offset not in taken
+            and (message.value is None or message.faults or _without_reply(message))
+        ]
+        fits = [m for m in silent if _may_be_for(extra.answer, m)]
+        cause = fits[0] if fits else extra.cause
+        if cause is not None:
+            taken.add(cause.packet.offset)
+        told.append(Extra(extra.answer, cause))
+    return tuple(told)
+
+
+def _may_be_for(answer: Message, message: Message) -> bool:
+    """Whether an answer is of a kind that this message, which has none, could have been given."""
+    unread = message.value is None or bool(message.faults)
+    return unread or answer.kind is None or REPLY_TO.get(message.kind or "") == answer.kind
 
 
 def _blame(extra: Extra, *, negotiated: bool) -> str:

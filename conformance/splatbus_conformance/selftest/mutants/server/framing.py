@@ -73,20 +73,6 @@ def server_waits_for_any_length(patch: Patch) -> None:
     wrap(patch, Connection, "receive", receive)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="closes no later for a packet that stays")
-def server_waits_briefly_for_any_length(patch: Patch) -> None:
-    """Knows a bad length on the message channel, and gives up the packet when it gives up any,
-    after two seconds.
-    """
-    _waits_after_a_bad_length(patch, 2.0, "message")
-
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        original(self, data, now)
-        self._packet_by = min(self._packet_by, now + 2.0)
-
-    wrap(patch, Connection, "receive", receive)
-
-
 @mutant("FRM-3", check="check_bad_length_closes", reason="announces 1,048,577 bytes")
 def server_takes_a_byte_too_many(patch: Patch) -> None:
     """Takes payloads that are a byte longer than any may be."""
