@@ -106,7 +106,7 @@ def shows_the_scene(photograph: Photograph, setting: Setting = AT_REST) -> bool:
     So is one that is drawn beside its place, from another camera than the frame names.
     """
     exact = render(photograph.camera, setting)
-    something = photograph.covered() | (exact.what != NOTHING)
+    something = photograph.covered() | (exact.what != NOTHING) | photograph.color.any(axis=-1)
     if min(photograph.covered().mean(), (exact.what != NOTHING).mean()) < LEAST_SEEN:
         return False
     right = exact.depth_is_right(photograph.planar())
