@@ -112,7 +112,7 @@ def shows_the_scene(photograph: Photograph, setting: Setting = AT_REST) -> bool:
 
 
 def _shows(photograph: Photograph, exact: Exact) -> bool:
-    something = photograph.covered() | (exact.what != NOTHING)
+    something = photograph.covered() | (exact.what != NOTHING) | photograph.color.any(axis=-1)
     if min(photograph.covered().mean(), (exact.what != NOTHING).mean()) < LEAST_SEEN:
         return False
     right = exact.depth_is_right(photograph.planar())

@@ -80,6 +80,12 @@ def test_a_scene_whose_edges_are_blended_is_another_one() -> None:
     assert not shows_the_scene(shown(*quarters))
 
 
+def test_a_scene_before_a_sky_is_another_one() -> None:
+    it = shown()
+    sky = np.where(it.covered()[..., None], it.color, np.float32([0.4, 0.6, 0.9, 1.0]))
+    assert not shows_the_scene(it._replace(color=sky))
+
+
 def test_an_image_that_is_empty_where_the_scene_cannot_be_seen_is_not_of_it() -> None:
     """A few splats in an otherwise empty image, of a camera that looks away from the scene."""
     it = shown()

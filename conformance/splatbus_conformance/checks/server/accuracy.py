@@ -68,13 +68,13 @@ def shown(
     """Cameras and scenes up to so far from the origin, and the image that came of each; it is a
     frame's, unless something else is to take it, and then it takes longer.
     """
-    spare = None if take is None else 0
+    kind = None if take is None else _norm
     take = take or Photographer(trial).take
     salt, (width, height) = trial.requirement.id, trial.facts.size
     quick = max(2, min(quick, quick * SMALL // (width * height)))  # the first one is simple
     listed, drawn = hardest(salt, farthest), stages(salt, farthest)
     for camera, scene_ in trial.each(
-        listed, drawn, kind=_norm, spare=spare, quick=quick, full=full, search=salt
+        listed, drawn, kind=kind, spare=0, quick=quick, full=full, search=salt
     ):
         stage = Stage(Pose(*map(tuple, camera)), Pose(*map(tuple, scene_)))
         photograph, scene = take(*stage), rigid(*stage.scene)

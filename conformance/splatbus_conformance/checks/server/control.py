@@ -326,6 +326,8 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
         if has_lens and (wrong := in_force(sets.frame, scaled(lens, size))):
             trial.not_observable(f"intrinsics were sent, and of the frame's camera {wrong} (CAM-5)")
         heir = trial.dial("msg") if speaks == "1.0" else further(trial, it.poser)
+        if not trial.answers(heir) or it.poser.ended:
+            trial.not_observable("the server serves one message connection at a time")
         if moment == POSED:
             trial.viewer.say(heir, camera_pose((0.5, 0.25, -1.5)))
             trial.answers(heir)

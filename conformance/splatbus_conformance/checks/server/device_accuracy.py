@@ -36,6 +36,8 @@ GLANCE_SECONDS = 0.02
 SETTLED_SECONDS, TIMES = 0.1, 3.0
 """An image is taken for the one of a pose that has not changed for so long, and for so many times
 as long as it took to change."""
+RESTLESS = 20
+"""Images that change so often after a pose change by themselves."""
 
 
 class LegacyPhotographer:
@@ -67,8 +69,8 @@ class LegacyPhotographer:
         does. Skips the check where images change all the time.
         """
         began = changed = time.monotonic()
-        sent, former, now = 0.0, self._last, self._read()
-        while time.monotonic() - began < EFFECT_SECONDS and not self.trial.fate():
+        changes, sent, former, now = 0, 0.0, self._last, self._read()
+        while time.monotonic() - began < EFFECT_SECONDS and changes < RESTLESS:
             if time.monotonic() - sent >= AGAIN_SECONDS:
                 self.trial.move(camera_pose(*scene, kind="point_cloud_pose"))
                 self.trial.move(camera_pose(*camera))
@@ -76,7 +78,7 @@ class LegacyPhotographer:
             self.trial.rest(GLANCE_SECONDS)
             before, now = now, self._read()
             if not _same(before, now):
-                changed = time.monotonic()
+                changes, changed = changes + 1, time.monotonic()
                 self._pace = max(self._pace, changed - began)
             settled = time.monotonic() - changed > max(SETTLED_SECONDS, TIMES * self._pace)
             if settled and (former is None or not _same(former, now)):

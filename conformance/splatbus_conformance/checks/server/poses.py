@@ -93,10 +93,10 @@ def check_one_connection_has_control(trial: ServerTrial) -> None:
     """
     steering = Steering(trial)
     first, second = _served(trial), _served(trial)
-    if first.ended:
+    if first.ended or second.ended:
         trial.not_observable("the server serves one connection at a time on the message channel")
     early: Connection | None = _served(trial)
-    if first.ended:  # in favour of a third (CHN-13)
+    if first.ended or (early and early.ended):  # it serves two, and may close either (CHN-13)
         trial.peer.close_all()
         steering, early = Steering(trial), None
         first, second = _served(trial), _served(trial)
