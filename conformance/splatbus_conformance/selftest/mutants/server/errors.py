@@ -31,7 +31,7 @@ def server_reports_to_clients_of_1_0(patch: Patch) -> None:
     reports_to_all(patch)
 
 
-@mutant("NEG-22", reason="has not said hello", through="NEG-22")
+@mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
 def server_reports_before_hello(patch: Patch) -> None:
     """Tells everybody what was wrong."""
     reports_to_all(patch)
