@@ -151,12 +151,6 @@ BROKEN = {
         "check_opens_what_follows_other_objects",
         "the testee took it as valid",
     ),
-    "takes what has a type that is null for an init packet": (
-        'and "type" not in packet ',
-        'and packet.get("type") is None ',
-        "check_opens_what_follows_other_objects",
-        "the testee took it as valid",
-    ),
     "handles one packet a read": (
         "                    yield message\n",
         "                    yield message\n            break\n",

@@ -23,7 +23,7 @@ from splatbus_conformance.checks.client.framing import (
     inside,
     send_cut,
 )
-from splatbus_conformance.checks.client.init_packets import OTHERS
+from splatbus_conformance.checks.client.init_packets import OTHERS, TYPES
 from splatbus_conformance.checks.client.text import (
     Writer,
     odd_spelling,
@@ -178,7 +178,7 @@ def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
     with ExitStack() as held:
         listening = Listening(trial, held)
         bait = listening.image()
-        typed = [bait.init_packet() | {"type": kind} for kind in ("init_packet", "", None, 5)]
+        typed = [bait.init_packet() | {"type": kind} for kind in TYPES]
         rows = [typed, [*OTHERS], *([it] for it in (*typed, *OTHERS))]
         for row in trial.each(rows, kind=lambda row: (len(row), row[0] in typed)):
             connection, good = listening.fresh(), listening.image()

@@ -175,7 +175,7 @@ def check_any_segmentation_of_welcome(trial: ClientTrial) -> None:
     """
     trial.role.welcomes = trial.role.replies = False
     data = in_utf_8(welcome("msg", [], "9.9"))
-    cases = trial.each(NAMED[1:], SOMEWHERE, quick=2, full=30, simpler=fewer_cuts)
+    cases = trial.each(NAMED[1:], SOMEWHERE, quick=2, full=10, simpler=fewer_cuts)
     for cuts in itertools.chain(NAMED[:1], cases):
         connection = trial.connection("msg")
         trial.says_hello(connection)

@@ -10,7 +10,7 @@ from splatbus_conformance.broken_packets import breaches_of_1_0, changed
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.client.framing import BAD_HEADERS, ENDS, closed_by, inside
-from splatbus_conformance.checks.client.init_packets import OTHERS
+from splatbus_conformance.checks.client.init_packets import OTHERS, TYPES
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import encode, init_packet_1_0
 from splatbus_conformance.packets import packet
@@ -103,7 +103,7 @@ def check_ignores_what_is_no_init_packet_unheard(trial: ClientTrial) -> None:
     that it has read what came before.
     """
     good = init_packet_1_0(trial.role.width, trial.role.height)
-    typed = [good | {"type": kind} for kind in ("init_packet", "", None, 5)]
+    typed = [good | {"type": kind} for kind in TYPES]
     rows = [[other] for other in (*typed, *OTHERS)]
     for row in trial.each([[*typed, *OTHERS], *rows], kind=len):
         connection = silent_connection(trial)

@@ -172,12 +172,6 @@ def takes_what_has_meta_for_an_init_packet(patch: Patch) -> None:
     _takes(patch, lambda kind: True)
 
 
-@mutant("INI-11", check=STRANGERS, reason='{"type":null,"version"')
-def takes_a_type_of_null_for_none(patch: Patch) -> None:
-    """Takes a `type` that is null for one that is absent."""
-    _takes(patch, lambda kind: kind is None)
-
-
 @mutant("INI-11", check=STRANGERS, reason="on the IPC channel: the testee took")
 def takes_a_type_that_is_no_string_for_none(patch: Patch) -> None:
     """Looks at a `type` only if it is a string."""
