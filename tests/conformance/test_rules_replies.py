@@ -258,3 +258,20 @@ def test_an_error_in_answer_to_a_pose_is_no_reply_to_it() -> None:
 
 def test_a_welcome_that_nobody_asked_for_breaks_chn_11() -> None:
     assert breaches(msg(server({"type": "welcome"}))) == {("server", "CHN-11"): 1}
+
+
+BROKEN = b'{"type":"get_viewport_size",}'
+NO_INDEX = {"type": "get_camera_pose"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "beside", "reply", "requirement"),
+    [(BROKEN, ASK_SIZE, SIZE, "JSN-8"), (NO_INDEX, ASK_CAMERA, CAMERA, "REQ-9")],
+)
+def test_what_answers_nothing_is_about_what_was_sent_before_it(
+    asked: object, beside: object, reply: object, requirement: str
+) -> None:
+    """Also where valid requests had followed before it came."""
+    pipelined = msg(*map(client, (beside, asked, beside)), *map(server, (reply, reply, reply)))
+    found = breaches(pipelined)
+    assert {name: n for (peer, name), n in found.items() if peer == "server"} == {requirement: 1}

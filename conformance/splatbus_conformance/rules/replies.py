@@ -107,9 +107,9 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
             yield about(conversation, question, requirement, text, peer="server")
 
 
-@rule("CHN-11", "POS-10", "REQ-8", "REQ-9")
+@rule("CHN-11", "JSN-8", "POS-10", "REQ-8", "REQ-9")
 def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
-    """CHN-11, POS-10, REQ-8, REQ-9: what has no reply, by what the client had sent before it."""
+    """CHN-11, JSN-8, POS-10, REQ-8, REQ-9: what has no reply, by what was sent before it."""
     found = exchanges(conversation)
     negotiated = conversation.welcome is not None
     causes = set()
@@ -262,30 +262,32 @@ def _rendered(recording: Conversation) -> float:
 def _caused(conversation: Conversation) -> tuple[Extra, ...]:
     """What answers nothing, each with the message that it was sent for, as far as that shows.
 
-    A server answers in order. What comes between the answers to two requests is about something
-    that the client sent between these two; else it is one more answer to the former.
+    A server answers in order. What comes when each request has its answer is about something that
+    the client had sent since it last knew that; else it is one more answer to the last.
     """
     found = exchanges(conversation)
+    waits = {pair.answer.packet.offset: pair.question.packet.offset for pair in found.pairs}
+    asked = {*waits.values(), *(message.packet.offset for message in found.unanswered)}
+    extra = {it.answer.packet.offset: it.cause for it in found.extra}
     told: list[Extra] = []
-    taken: set[int] = set()
-    for extra in found.extra:
-        at = extra.answer.packet.offset
-        former = [p.question.packet.offset for p in found.pairs if p.answer.packet.offset < at]
-        latter = [p.question.packet.offset for p in found.pairs if p.answer.packet.offset > at]
-        begin, end = max(former, default=-1), min(latter, default=math.inf)
-        silent = [
-            message
-            for message in conversation.sent_by("client")
-            if begin < message.packet.offset < end
-            and message.packet.ended <= extra.answer.packet.ended
-            and message.packet.offset not in taken
-            and (message.value is None or message.faults or _without_reply(message))
-        ]
-        fits = [m for m in silent if _may_be_for(extra.answer, m)]
-        cause = fits[0] if fits else extra.cause
-        if cause is not None:
-            taken.add(cause.packet.offset)
-        told.append(Extra(extra.answer, cause))
+    silent: list[Message] = []
+    waiting, all_answered = 0, False
+    for message in sorted(conversation.messages, key=lambda it: it.packet.ended):
+        at = message.packet.offset
+        if message.sender == "client":
+            if all_answered:
+                silent, all_answered = [], False
+            waiting += at in asked
+            if message.value is None or message.faults or _without_reply(message):
+                silent.append(message)
+        elif at in waits:
+            waiting -= 1
+            all_answered = waiting == 0
+        elif at in extra:
+            cause = next((it for it in silent if _may_be_for(message, it)), None)
+            if cause is not None:
+                silent.remove(cause)
+            told.append(Extra(message, cause or extra[at]))
     return tuple(told)
 
 
@@ -297,12 +299,12 @@ def _may_be_for(answer: Message, message: Message) -> bool:
 
 def _blame(extra: Extra, *, negotiated: bool) -> str:
     cause = extra.cause
-    if cause is None or cause.value is None:
+    if cause is None:
         return "CHN-11"
+    if cause.value is None or cause.faults:
+        return "JSN-8"
     if cause.kind in POSES:
         return "POS-10"
-    if cause.faults and not negotiated:
-        return "CHN-11"
     if cause.kind in REQUESTS_1_0:
         return "REQ-7" if valid_request(cause) else "REQ-9"
     return "REQ-7" if negotiated else "REQ-8"

@@ -80,7 +80,11 @@ class Server
         var packet = new byte[4 + payload.Length];
         for (int i = 0; i < 4; i++) packet[i] = (byte)(payload.Length >> 8 * i);
         payload.CopyTo(packet, 4);
-        for (int sent = 0; sent < packet.Length;) sent += socket.Send(packet, sent, packet.Length - sent, SocketFlags.None);
+        for (int sent = 0; sent < packet.Length;)
+        {
+            if (!socket.Poll(5000000, SelectMode.SelectWrite)) throw new SocketException((int)SocketError.TimedOut);
+            sent += socket.Send(packet, sent, Math.Min(4096, packet.Length - sent), SocketFlags.None);
+        }
     }
 
     void Fail(string code, string pointer, Members request)
