@@ -102,6 +102,7 @@ class CheckPlugin:
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
         if stand.testee.ended() is not None:
+            self._note_end()
             self.look_after()
         self._note_end()
 

@@ -29,7 +29,7 @@ def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> N
     verdicts = {entry["id"]: entry["verdict"] for entry in written["requirements"]}
     assert verdicts["FRM-4"] == verdicts["NEG-8"] == verdicts["FRM-1"] == "pass"
     assert b"FRM-4" in junit.read_bytes()
-    assert len(list((tmp_path / "sessions").glob("*.jsonl"))) == 4, "introduction, three checks"
+    assert len(list((tmp_path / "sessions").glob("*.jsonl"))) == 6, "introduction, five checks"
 
 
 def test_a_client_without_a_limit_on_lengths_does_not_conform(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def judged(*wires: Wire) -> None:
     assert list(judge(found))
     for side in ("client", "server"):
         latencies.of(found, side)
-    assert list(excerpt(entries, 100, to_the_end=True))
+    assert list(excerpt(entries, 100))
 
 
 class Nowhere:

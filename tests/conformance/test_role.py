@@ -221,18 +221,3 @@ def test_the_lens_of_a_reply_is_that_of_the_frames(stage):
     steering, reader = stage.steering(), stage.reading()
     (answer,) = steering.hear({**ASK_CAMERA, "id": 1})
     assert answer["intrinsics"].items() <= reader.said[-1]["camera"].items()
-
-
-def test_what_is_said_at_once_is_cut_and_joined_by_the_seed():
-    cut, joined = set(), set()
-    with HostMemory(ring_bytes(128, 96, 3)) as memory:
-        for seed in range(30):
-            wire = Stage(memory, seed).steering()
-            before = len(wire.sent)
-            answers = wire.hear({**ASK_CAMERA, "id": 1}, {"type": "get_scene", "id": 2})
-            assert [it["id"] for it in answers] == [1, 2]
-            lengths = [int.from_bytes(data[:4], "little") + 4 for data in wire.sent[before:]]
-            whole = [len(data) for data in wire.sent[before:]]
-            joined.add(len(whole) == 1)
-            cut.add(whole[0] < lengths[0])
-    assert cut == joined == {True, False}

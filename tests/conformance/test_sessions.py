@@ -67,7 +67,7 @@ FIRE = [("open",), ("empty",), ("close",), ("open",)]
 
 def trial(seed: int = 1) -> Trial:
     """A trial with nobody."""
-    peer: Any = SimpleNamespace(clear=lambda: None)
+    peer: Any = SimpleNamespace(clear=lambda: None, entries=[])
     testee: Any = SimpleNamespace(ended=lambda: None, stop=lambda: None, expendable=False)
     made = Trial(requirements("1.1")[JUDGED], peer, testee, 1.0)
     made.seed = seed

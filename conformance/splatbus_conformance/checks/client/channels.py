@@ -265,7 +265,8 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
     for lost, other, how in trial.each(pairs, kind=lambda it: it[2]):
         kept = trial.connection(other)
         getattr(trial.connection(lost), how)()
-        trial.connection(lost)
+        if trial.next_connection(lost) is None:
+            trial.not_observable(f"the testee did not come back to {lost}")
         trial.rest(0.05)
         trial.expect(not kept.ended, f"it closed the {other} channel when {lost} was lost ({how})")
         trial.delivered += 1
