@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.client.device import image_of
 from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.conversation import conversations
 from splatbus_conformance.kinds import POSES
 
 
@@ -15,7 +16,7 @@ from splatbus_conformance.kinds import POSES
 )
 def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
     """The harness plays a server of 1.0 whose init packet is good, and listens for poses: some
-    clients send none before they have images. A rule judges their numbers.
+    clients send none before they have images.
     """
     trial.role.speaks = "1.0"
     size = trial.role.width, trial.role.height
@@ -26,4 +27,8 @@ def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
         dealings = trial.role.with_(trial.connection("msg"))
         if not trial.wait(lambda: any(map(dealings.count, POSES))):
             trial.not_observable("the testee sent no pose after an init packet of 1.0")
+        heard = (m for it in conversations(trial.peer.entries) for m in it.sent_by("client"))
+        faults = [it for m in heard if m.kind in POSES for it in m.faults]
+        wrong = next((it for it in faults if it.requirement == trial.requirement.id), None)
+        trial.expect(wrong is None, f"in a pose after an init packet: {wrong and wrong.text}")
         trial.delivered += 1

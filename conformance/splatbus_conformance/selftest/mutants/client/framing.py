@@ -14,7 +14,7 @@ from splatbus_wire.framing import PacketDecoder
 from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
-from splatbus_conformance.selftest.surgery import packets, wrap
+from splatbus_conformance.selftest.surgery import crash, packets, wrap
 
 NEVER = 600.0
 
@@ -223,6 +223,23 @@ def half_a_reply_continues(patch: Patch) -> None:
     """Keeps half a reply when the connection ends, and goes on with it on the next one."""
     kept = incoming.Incoming()
     patch.setattr(message_protocol, "Incoming", lambda: kept)
+
+
+@mutant(
+    "FRM-6", check="check_half_packet_is_discarded_unheard", reason="a connection that ends after"
+)
+def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and crashes when it connects again after half a packet."""
+    speaks_1_0(patch)
+    former: list[IpcProtocol] = []
+
+    def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
+        original(self, *arguments, **named)
+        if any(it._incoming._decoder._unfinished for it in former):
+            crash()
+        former[:] = [self]
+
+    wrap(patch, IpcProtocol, "__init__", init)
 
 
 @mutant("FRM-7", reason="the header arrived alone")

@@ -2,6 +2,7 @@
 
 import re
 
+from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import in_poses, payloads
@@ -94,6 +95,13 @@ def deep_nesting(patch: Patch) -> None:
     """Nests arrays too deep, in a member that nobody knows."""
     nested = b"[" * (DEPTH - 1) + b"]" * (DEPTH - 1)
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"tree":' + nested + b"}"))
+
+
+@mutant("JSN-4", check="check_writes_numbers_once_it_has_images", reason="written as strings")
+def numbers_as_strings_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and writes the numbers of a pose as strings."""
+    speaks_1_0(patch)
+    numbers_as_strings(patch)
 
 
 @mutant("JSN-4", reason="numbers written as strings")
