@@ -2,6 +2,7 @@
 
 import pytest
 from splatbus_conformance.recording import Direction, Entry
+from splatbus_conformance.rules import sightings
 
 from tests.conformance.talk import (
     ASK_SIZE,
@@ -89,3 +90,13 @@ def test_a_packet_cut_elsewhere_is_not_two_writes() -> None:
     for cut in (3, 5, len(whole) - 1):
         halves = (raw("s2c", whole[:cut]), raw("s2c", whole[cut:]))
         assert breaches(talk("msg", client(ASK_SIZE), *halves)) == {}
+
+
+@pytest.mark.parametrize("following", [b"", b"\x20\x00\x00\x00"])
+def test_a_length_that_counts_the_header_is_named(following: bytes) -> None:
+    payload = b'{"type":"get_viewport_size"}'
+    sent = (len(payload) + 4).to_bytes(4, "little") + payload + following
+    found = list(sightings(talk("msg", raw("c2s", sent))))
+    (named,) = [it.breach for it in found if it.requirement == "FRM-1"]
+    assert named is not None
+    assert "counts the four bytes of the header" in named

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 
 from splatbus_conformance.conversation import SENDER, Conversation
 from splatbus_conformance.first_bytes import recognised
+from splatbus_conformance.lenient_json import read
+from splatbus_conformance.packets import HEADER
 from splatbus_conformance.recording import Direction
 from splatbus_conformance.rules import Rule, Sighting, about, rule
 
@@ -25,12 +27,16 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("FRM-1")
 def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
-    """FRM-1: a stream that its sender ended holds whole packets.
+    """FRM-1: lengths are those of payloads, and a stream that its sender ended holds whole packets.
 
     A peer whose connection was ended by the other side could not finish its packet.
     """
     ended = conversation.ended
     for direction, stream in conversation.streams.items():
+        if _counts_its_header(conversation, direction):
+            text = "the length counts the four bytes of the header, too"
+            yield _of_stream(conversation, direction, "FRM-1", stream.began, text)
+            continue
         if stream.refused is not None:
             continue
         other: Direction = "s2c" if direction == "c2s" else "c2s"
@@ -40,6 +46,16 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
             yield _of_stream(conversation, direction, "FRM-1", ended[direction], text)
         elif stream.offset:
             yield _of_stream(conversation, direction, "FRM-1", stream.began)
+
+
+def _counts_its_header(conversation: Conversation, direction: Direction) -> bool:
+    """Whether the first message is an object if its length is taken for four bytes less."""
+    first = next(iter(conversation.sent_by(SENDER[direction])), None)
+    if first is not None:
+        return first.value is None and read(first.packet.payload[:-HEADER]).value is not None
+    rest = conversation.streams[direction].rest
+    length = int.from_bytes(rest[:HEADER], "little")
+    return len(rest) == length and read(rest[HEADER:]).value is not None
 
 
 def _of_stream(
