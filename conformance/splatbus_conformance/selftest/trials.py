@@ -200,7 +200,7 @@ def run_harness(
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
-        line += ["--shrink", "0", "--scripts", folder, *more]
+        line += ["--parallel", "1", "--shrink", "0", "--scripts", folder, *more]
         status, output = harnesses.run(line, seconds, TOLD.get(name, {}))
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()
