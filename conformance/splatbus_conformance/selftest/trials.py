@@ -4,7 +4,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -182,7 +182,13 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str, side: Side, select: str, seconds: float, axes: str = "", more: Sequence[str] = ()
+    name: str,
+    side: Side,
+    select: str,
+    seconds: float,
+    axes: str = "",
+    more: Sequence[str] = (),
+    environment: Mapping[str, str] | None = None,
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -198,6 +204,6 @@ def run_harness(
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
         line += ["--shrink", "0", "--scripts", folder, *more]
-        status, output = harnesses.run(line, seconds)
+        status, output = harnesses.run(line, seconds, environment)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

@@ -1,0 +1,189 @@
+"""`splatbus-conformance selftest --machine`."""
+
+import argparse
+import json
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from splatbus_conformance.plan import SIDES, Side
+from splatbus_conformance.selftest import harnesses
+from splatbus_conformance.selftest.machine import lines, modules, specimens
+from splatbus_conformance.selftest.machine.lines import Lines
+from splatbus_conformance.selftest.machine.modules import Drawn
+from splatbus_conformance.selftest.machine.trials import PHASES, ROOT, Fate, Judged, Tested, judge
+from splatbus_conformance.selftest.trials import run_harness
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
+
+WORKERS = 4
+WATCHED_SECONDS = 900.0
+
+
+@dataclass
+class Result:
+    """What is stored: more is added until all that were drawn are judged."""
+
+    seed: int
+    commit: str
+    lines: dict[Side, Lines]
+    judged: dict[str, Judged] = field(default_factory=dict)
+
+    def save(self, path: Path) -> None:
+        """Write it, so that an interruption leaves the former or this."""
+        found = list(self.judged.values())
+        members = {
+            "format": "1",
+            "summary": sentences(found),
+            "seed": self.seed,
+            "commit": self.commit,
+            "lines": {side: _folded(executed) for side, executed in self.lines.items()},
+            "judged": [it.as_json() for it in found],
+        }
+        beside = path.with_suffix(".new")
+        beside.write_text(json.dumps(members, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        beside.replace(path)
+
+    @classmethod
+    def read(cls, path: Path) -> "Result":
+        """What was saved."""
+        members = json.loads(path.read_text("utf-8"))
+        executed = {side: _unfolded(it) for side, it in members["lines"].items()}
+        judged = {it["name"]: Judged.from_json(it) for it in members["judged"]}
+        return cls(members["seed"], members["commit"], executed, judged)
+
+
+def machine(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge mutants that are drawn, or again those that a result says were killed."""
+    if arguments.again:
+        return judge_again(Result.read(Path(arguments.again)), out)
+    drawn = modules.draw(arguments.count, arguments.seed)
+    path = Path(arguments.json) if arguments.json else None
+    if arguments.resume and path and path.exists():
+        result = Result.read(path)
+    else:
+        out.print("which lines does a run execute?", markup=False)
+        result = Result(arguments.seed, _commit(), executed_lines())
+    left = [it for it in drawn if it.change.name not in result.judged]
+    for judged in run(left, result.lines, out):
+        result.judged[judged.name] = judged
+        if path:
+            result.save(path)
+    in_order = [result.judged[it.change.name] for it in drawn]
+    for survivor in in_order:
+        if survivor.fate is not Fate.KILLED and survivor.tested is Tested.KILLED:
+            _tell(survivor, out)
+    for sentence in sentences(in_order):
+        out.print(sentence, markup=False)
+    return EXIT_CONFORMING
+
+
+def judge_again(former: Result, out: Console) -> int:
+    """Whether what was killed is killed; 1 if not. What is not there any more is counted."""
+    killed = [name for name, it in former.judged.items() if it.fate is Fate.KILLED]
+    drawn = modules.named(killed)
+    executed: dict[Side, Lines] = dict.fromkeys(
+        SIDES, frozenset((it.change.module, it.change.lines[0]) for it in drawn)
+    )
+    found = list(run(drawn, executed, out, test=False))
+    for survivor in (alive := [it for it in found if it.fate is not Fate.KILLED]):
+        _tell(survivor, out)
+    gone = len(killed) - len(drawn)
+    out.print(
+        f"{len(found) - len(alive)} of {len(found)} are killed again"
+        + (f"; {gone} are not there any more" if gone else ""),
+        markup=False,
+    )
+    return EXIT_NOT_CONFORMING if alive else EXIT_CONFORMING
+
+
+def run(
+    drawn: Sequence[Drawn], executed: Mapping[Side, Lines], out: Console, *, test: bool = True
+) -> Iterator[Judged]:
+    """Judge mutants, some at a time, and say what became of each."""
+    pool = ThreadPoolExecutor(WORKERS)
+    try:
+        running = [pool.submit(partial(judge, it, executed, test=test)) for it in drawn]
+        for done, future in enumerate(as_completed(running), 1):
+            it = future.result()
+            tests = f", by the tests {it.tested}" if test else ""
+            out.print(f"{done:4}/{len(drawn)}  {it.fate}{tests}  {it.name}", markup=False)
+            yield it
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        harnesses.stop_all()
+        pool.shutdown()
+
+
+def executed_lines() -> dict[Side, Lines]:
+    """Watch the reference through the runs that mutants are judged by."""
+    with ThreadPoolExecutor() as pool, tempfile.TemporaryDirectory() as folder:
+        files = {
+            (side, number): Path(folder, f"{side}-{number}")
+            for side in SIDES
+            for number in range(len(PHASES[side]))
+        }
+
+        def watched(side: Side, number: int) -> Lines:
+            phase, path = PHASES[side][number], files[side, number]
+            name = specimens.named(specimens.WATCHED, side, phase.axes, str(path))
+            more = ("--profile", phase.profile, "--parallel", "1")
+            run_harness(name, side, "", WATCHED_SECONDS, phase.axes, more, phase.environment)
+            return lines.noted(path.read_text("utf-8"))
+
+        found = {key: pool.submit(watched, *key) for key in files}
+        return {
+            side: frozenset().union(*(it.result() for key, it in found.items() if key[0] == side))
+            for side in SIDES
+        }
+
+
+def sentences(judged: Iterable[Judged]) -> list[str]:
+    """The two figures, and what is left out of them."""
+    every = list(judged)
+    executed = [it for it in every if it.fate not in (Fate.UNTOUCHED, Fate.UNMET)]
+    tested = [it for it in every if it.tested is Tested.KILLED and it.fate is not Fate.UNMET]
+    counts = {fate: sum(it.fate is fate for it in every) for fate in Fate}
+    return [
+        f"{_share(executed)} in lines that a run executes die by the harness",
+        f"{_share(tested)} that a test kills die by the harness",
+        "; ".join(f"{fate}: {count}" for fate, count in counts.items() if count),
+    ]
+
+
+def _share(judged: Sequence[Judged]) -> str:
+    killed = sum(it.fate is Fate.KILLED for it in judged)
+    return f"{killed} of {len(judged)} ({killed / max(1, len(judged)):.1%})"
+
+
+def _tell(it: Judged, out: Console) -> None:
+    out.print(f"\n{it.fate}  {it.name}, line {it.line}", markup=False)
+    out.print(f"  {it.before}  →  {it.after}", markup=False)
+    if it.by or it.test:
+        out.print(f"  {it.by or it.test}", markup=False)
+
+
+def _folded(executed: Lines) -> dict[str, list[int]]:
+    found: dict[str, list[int]] = {}
+    for module, line in sorted(executed):
+        found.setdefault(module, []).append(line)
+    return found
+
+
+def _unfolded(members: dict[str, Any]) -> Lines:
+    return frozenset((module, line) for module, found in members.items() for line in found)
+
+
+def _commit() -> str:
+    """Of the checkout; nothing where there is no git."""
+    line = ["git", "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(line, cwd=ROOT, capture_output=True, text=True).stdout.strip()
+    except OSError:
+        return ""
