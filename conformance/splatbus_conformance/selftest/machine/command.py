@@ -1,10 +1,11 @@
 """`splatbus-conformance selftest --machine`."""
 
 import argparse
+import contextlib
 import json
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,8 +18,15 @@ from splatbus_conformance.plan import SIDES, Side
 from splatbus_conformance.selftest import harnesses
 from splatbus_conformance.selftest.machine import lines, modules, specimens
 from splatbus_conformance.selftest.machine.lines import Lines
-from splatbus_conformance.selftest.machine.modules import Drawn
-from splatbus_conformance.selftest.machine.trials import PHASES, ROOT, Fate, Judged, Tested, judge
+from splatbus_conformance.selftest.machine.trials import (
+    PHASES,
+    ROOT,
+    Fate,
+    Judged,
+    Phase,
+    Tested,
+    judge,
+)
 from splatbus_conformance.selftest.trials import run_harness
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
 
@@ -44,10 +52,11 @@ class Result:
             "seed": self.seed,
             "commit": self.commit,
             "lines": {side: _folded(executed) for side, executed in self.lines.items()},
-            "judged": [it.as_json() for it in found],
         }
+        head = json.dumps(members, ensure_ascii=False)
+        rows = ",\n".join(json.dumps(it.as_json(), ensure_ascii=False) for it in found)
         beside = path.with_suffix(".new")
-        beside.write_text(json.dumps(members, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        beside.write_text(f'{head[:-1]},\n"judged": [\n{rows}\n]}}\n', "utf-8")
         beside.replace(path)
 
     @classmethod
@@ -62,7 +71,7 @@ class Result:
 def machine(arguments: argparse.Namespace, out: Console) -> int:
     """Judge mutants that are drawn, or again those that a result says were killed."""
     if arguments.again:
-        return judge_again(Result.read(Path(arguments.again)), out)
+        return judge_again(Result.read(Path(arguments.again)), arguments.count, out)
     drawn = modules.draw(arguments.count, arguments.seed)
     path = Path(arguments.json) if arguments.json else None
     if arguments.resume and path and path.exists():
@@ -71,7 +80,7 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
         out.print("which lines does a run execute?", markup=False)
         result = Result(arguments.seed, _commit(), executed_lines())
     left = [it for it in drawn if it.change.name not in result.judged]
-    for judged in run(left, result.lines, out):
+    for judged in run([partial(judge, it, result.lines) for it in left], out):
         result.judged[judged.name] = judged
         if path:
             result.save(path)
@@ -84,14 +93,12 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
     return EXIT_CONFORMING
 
 
-def judge_again(former: Result, out: Console) -> int:
+def judge_again(former: Result, count: int, out: Console) -> int:
     """Whether what was killed is killed; 1 if not. What is not there any more is counted."""
-    killed = [name for name, it in former.judged.items() if it.fate is Fate.KILLED]
-    drawn = modules.named(killed)
-    executed: dict[Side, Lines] = dict.fromkeys(
-        SIDES, frozenset((it.change.module, it.change.lines[0]) for it in drawn)
-    )
-    found = list(run(drawn, executed, out, test=False))
+    killed = [it for it in former.judged.values() if it.fate is Fate.KILLED][:count]
+    drawn = modules.named(it.name for it in killed)
+    by = {it.name: it.by for it in killed}
+    found = list(run([partial(judge, it, None, by[it.change.name]) for it in drawn], out))
     for survivor in (alive := [it for it in found if it.fate is not Fate.KILLED]):
         _tell(survivor, out)
     gone = len(killed) - len(drawn)
@@ -103,18 +110,23 @@ def judge_again(former: Result, out: Console) -> int:
     return EXIT_NOT_CONFORMING if alive else EXIT_CONFORMING
 
 
-def run(
-    drawn: Sequence[Drawn], executed: Mapping[Side, Lines], out: Console, *, test: bool = True
-) -> Iterator[Judged]:
+def run(trials: Sequence[Callable[[], Judged]], out: Console) -> Iterator[Judged]:
     """Judge mutants, some at a time, and say what became of each."""
-    pool = ThreadPoolExecutor(WORKERS)
-    try:
-        running = [pool.submit(partial(judge, it, executed, test=test)) for it in drawn]
+    with _pool(WORKERS) as pool:
+        running = [pool.submit(trial) for trial in trials]
         for done, future in enumerate(as_completed(running), 1):
             it = future.result()
-            tests = f", by the tests {it.tested}" if test else ""
-            out.print(f"{done:4}/{len(drawn)}  {it.fate}{tests}  {it.name}", markup=False)
+            tests = "" if it.tested is Tested.UNKNOWN else f", by the tests {it.tested}"
+            out.print(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}", markup=False)
             yield it
+
+
+@contextlib.contextmanager
+def _pool(workers: int) -> Iterator[ThreadPoolExecutor]:
+    """Whatever runs in it ends with it."""
+    pool = ThreadPoolExecutor(workers)
+    try:
+        yield pool
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         harnesses.stop_all()
@@ -123,25 +135,30 @@ def run(
 
 def executed_lines() -> dict[Side, Lines]:
     """Watch the reference through the runs that mutants are judged by."""
-    with ThreadPoolExecutor() as pool, tempfile.TemporaryDirectory() as folder:
-        files = {
-            (side, number): Path(folder, f"{side}-{number}")
-            for side in SIDES
-            for number in range(len(PHASES[side]))
-        }
+    runs = [(side, phase) for side in SIDES for phase in PHASES[side]]
+    with _pool(len(runs)) as pool, tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder, str(number)) for number in range(len(runs))]
+        running = [
+            pool.submit(_watched, *each, path) for each, path in zip(runs, paths, strict=True)
+        ]
+        found = [future.result() for future in running]
+    return {
+        side: frozenset().union(
+            *(it for it, (of, _) in zip(found, runs, strict=True) if of == side)
+        )
+        for side in SIDES
+    }
 
-        def watched(side: Side, number: int) -> Lines:
-            phase, path = PHASES[side][number], files[side, number]
-            name = specimens.named(specimens.WATCHED, side, phase.axes, str(path))
-            more = ("--profile", phase.profile, "--parallel", "1")
-            run_harness(name, side, "", WATCHED_SECONDS, phase.axes, more, phase.environment)
-            return lines.noted(path.read_text("utf-8"))
 
-        found = {key: pool.submit(watched, *key) for key in files}
-        return {
-            side: frozenset().union(*(it.result() for key, it in found.items() if key[0] == side))
-            for side in SIDES
-        }
+def _watched(side: Side, phase: Phase, path: Path) -> Lines:
+    name = specimens.named(specimens.WATCHED, side, phase.axes, str(path))
+    more = ("--profile", phase.profile, "--parallel", "1")
+    _, status, last_words = run_harness(
+        name, side, "", WATCHED_SECONDS, phase.axes, more, phase.environment
+    )
+    if status not in (EXIT_CONFORMING, EXIT_NOT_CONFORMING):
+        raise RuntimeError(f"the reference was not judged while watched: {last_words}")
+    return lines.noted(path.read_text("utf-8"))
 
 
 def sentences(judged: Iterable[Judged]) -> list[str]:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -26,6 +26,8 @@ RUN_SECONDS = 400.0
 TESTS_SECONDS = 900.0
 TEST_SECONDS = 60
 """A single test that takes so long hangs: usually the slowest takes four."""
+Executed = Mapping[Side, Lines]
+HANGS = "they hang"
 PARTNER = "unity"
 """Whose axes the client's adapter uses."""
 
@@ -70,6 +72,8 @@ class Tested(StrEnum):
 
     KILLED = "killed"
     SURVIVED = "survived"
+    UNKNOWN = "unknown"
+    """They were not asked, or fail on what is unchanged too."""
 
 
 @dataclass(frozen=True)
@@ -106,13 +110,17 @@ class Opinion(NamedTuple):
     by: str = ""
 
 
-def judge(drawn: Drawn, executed: Mapping[Side, Lines], *, test: bool = True) -> Judged:
-    """By the harness on each side that executes what was changed, and by the tests."""
+def judge(drawn: Drawn, executed: Executed | None = None, former: str = "") -> Judged:
+    """By the harness on each side that executes what was changed, and by the tests.
+
+    Where nobody looked what is executed, by the harness only, and first by the run that killed it
+    formerly.
+    """
     began = time.monotonic()
-    opinion = by_harness(drawn, executed)
+    opinion = by_harness(drawn, executed, former)
     judged_at = time.monotonic()
     it = drawn.change
-    tested, first = by_tests(it.name) if test else (Tested.SURVIVED, "")
+    tested, first = by_tests(it.name) if executed else (Tested.UNKNOWN, "")
     seconds = {
         "harness": round(judged_at - began, 1),
         "tests": round(time.monotonic() - judged_at, 1),
@@ -122,21 +130,31 @@ def judge(drawn: Drawn, executed: Mapping[Side, Lines], *, test: bool = True) ->
     )
 
 
-def by_harness(drawn: Drawn, executed: Mapping[Side, Lines]) -> Opinion:
+def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opinion:
     """The worst that is found, one run after the other until one breaks a MUST."""
-    sides = [side for side in drawn.sides if lines.executes(executed[side], drawn.change)]
+    sides = [
+        side
+        for side in drawn.sides
+        if executed is None or lines.executes(executed[side], drawn.change)
+    ]
+    every = max(map(len, PHASES.values()))
+    runs = [(side, PHASES[side][number]) for number in range(every) for side in sides]
+    runs.sort(key=lambda run: not former.startswith(f"{_words(*run)}: "))
     found = [Opinion(Fate.UNTOUCHED)]
     unmet: set[Side] = set()
-    for number in range(max(map(len, PHASES.values()))):
-        for side in sides:
-            if side not in unmet:
-                found.append(_by_run(drawn.change.name, side, PHASES[side][number]))
-                if found[-1].fate is Fate.KILLED:
-                    return found[-1]
-                if found[-1].fate is Fate.UNMET:
-                    unmet.add(side)
+    for side, phase in runs:
+        if side not in unmet:
+            found.append(_by_run(drawn.change.name, side, phase))
+            if found[-1].fate is Fate.KILLED:
+                return found[-1]
+            if found[-1].fate is Fate.UNMET:
+                unmet.add(side)
     order = list(Fate)
     return min(found, key=lambda opinion: order.index(opinion.fate))
+
+
+def _words(side: Side, phase: Phase) -> str:
+    return " ".join(filter(None, (side, phase.profile, phase.axes, *phase.environment)))
 
 
 def _by_run(change: str, side: Side, phase: Phase) -> Opinion:
@@ -149,7 +167,7 @@ def _by_run(change: str, side: Side, phase: Phase) -> Opinion:
         Cell(it["requirement"], it["check"], it["verdict"], it["text"])
         for it in (report or {}).get("others", [])
     ]
-    run = " ".join(filter(None, (side, phase.profile, phase.axes, *phase.environment)))
+    run = _words(side, phase)
     if report is None:
         return Opinion(Fate.NO_VERDICT, f"{run}: {last_words}")
     for verdict, fate in (
@@ -162,7 +180,7 @@ def _by_run(change: str, side: Side, phase: Phase) -> Opinion:
     ):
         if told := [cell for cell in cells if cell.verdict == verdict]:
             it = told[0]
-            return Opinion(fate, f"{run}: {it.requirement} {it.check}: {it.text}"[:400])
+            return Opinion(fate, f"{run}: {it.requirement} {it.check}: {it.text}"[:300])
     return Opinion(Fate.SURVIVED)
 
 
@@ -171,13 +189,26 @@ def _unmet(cells: list[Cell]) -> bool:
 
 
 def by_tests(change: str) -> tuple[Tested, str]:
-    """Run the tests of the changed module's package, and of those that stand upon it."""
+    """Run the tests of the changed module's package, and of those that stand upon it.
+
+    The one that fails has to pass on what is unchanged, else it says nothing.
+    """
+    failed = _failing(tests_of(change.partition(":")[0]), change)
+    if failed is None:
+        return Tested.SURVIVED, ""
+    if failed and failed != HANGS and _failing([failed]) is not None:
+        return Tested.UNKNOWN, f"{failed} fails on what is unchanged too"
+    return Tested.KILLED, failed
+
+
+def _failing(tests: Iterable[Path | str], change: str = "") -> str | None:
+    """The first test that fails, the empty text where they cannot even be read, or None."""
     with tempfile.TemporaryDirectory(prefix="splatbus-tests-") as folder:
         line = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no"]
-        line += ["-p", f"{__package__}.under_test", "-p", "no:cacheprovider"]
-        line += ["-o", f"timeout={TEST_SECONDS}", *map(str, tests_of(change.partition(":")[0]))]
-        environment = {**os.environ, CHANGE: change, "HYPOTHESIS_STORAGE_DIRECTORY": folder}
-        environment |= {"OPENBLAS_NUM_THREADS": "1", "TMPDIR": folder}
+        line += ["-p", "no:cacheprovider", "-o", f"timeout={TEST_SECONDS}", *map(str, tests)]
+        line += ["-p", f"{__package__}.under_test"] if change else []
+        environment = {**os.environ, CHANGE: change, "OPENBLAS_NUM_THREADS": "1"}
+        environment |= {"HYPOTHESIS_STORAGE_DIRECTORY": folder, "TMPDIR": folder}
         process = subprocess.Popen(
             line,
             cwd=ROOT,
@@ -190,13 +221,14 @@ def by_tests(change: str) -> tuple[Tested, str]:
         try:
             output, _ = process.communicate(timeout=TESTS_SECONDS)
         except subprocess.TimeoutExpired:
+            return HANGS
+        finally:
             process.kill()
-            process.communicate()
-            return Tested.KILLED, "it hangs"
+            process.wait()
     if process.returncode == 0:
-        return Tested.SURVIVED, ""
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
-    return Tested.KILLED, failed[1] if failed else output[-200:].strip()
+        return None
+    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output, re.MULTILINE)
+    return failed[1] if failed else ""
 
 
 def tests_of(module: str) -> Iterator[Path]:
