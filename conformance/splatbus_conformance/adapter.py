@@ -179,6 +179,10 @@ class Adapted:
     def missed(self, channel: Channel) -> None:
         """The adapter is told to start its client, so there is nothing to say."""
 
+    def asked_to_start(self, what_for: str) -> bool:
+        """The adapter is told to start its client."""
+        return True
+
     def close(self) -> None:
         """End it, and forget what it printed."""
         self.stop()

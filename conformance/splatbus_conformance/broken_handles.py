@@ -2,8 +2,9 @@
 
 import base64
 from collections.abc import Iterator, Mapping
+from typing import Any
 
-from splatbus_conformance.broken_packets import NO_STRINGS, Breach
+from splatbus_conformance.broken_packets import ABSENT, NO_STRINGS, Breach
 from splatbus_conformance.messages import EXAMPLE_HANDLE
 
 UNKNOWN_HANDLE = EXAMPLE_HANDLE.decode()
@@ -16,17 +17,15 @@ def breaches_of_handles(handles: Mapping[str, str]) -> Iterator[Breach]:
     """
     for member, text in handles.items():
         raw = base64.b64decode(text)
-        spoilt = (
-            *NO_STRINGS,
-            "",
-            text.rstrip("="),
-            f"{text}\n",
-            f" {text}",
-            f"{text[:44]}\r\n{text[44:]}",
-            f"{text[:10]}!{text[10:]}",
-            f"data:;base64,{text}",
-            raw.hex(),
-            *(base64.b64encode(other).decode() for other in (raw[:-1], raw + b"\0", raw[:32])),
-        )
-        for value in spoilt:
-            yield Breach("INI-1" if value is NO_STRINGS[0] else "INI-7", {member: value})
+        others = (raw[:-1], raw + b"\0", raw[:32])
+        spoilt: dict[str, tuple[Any, ...]] = {
+            "no string": NO_STRINGS[1:],
+            "length": ("", raw.hex(), *(base64.b64encode(it).decode() for it in others)),
+            "padding": (text.rstrip("="),),
+            "white space": (f"{text}\n", f" {text}", f"{text[:44]}\r\n{text[44:]}"),
+            "alphabet": (f"{text[:10]}!{text[10:]}", f"data:;base64,{text}"),
+        }
+        yield Breach("INI-1", {member: ABSENT})
+        for how, values in spoilt.items():
+            for value in values:
+                yield Breach("INI-7", {member: value}, how=how)

@@ -30,6 +30,18 @@ class Breach(NamedTuple):
     width: int = WIDTH
     height: int = HEIGHT
     slots: int = SLOTS
+    how: str = ""
+    """How it is broken, where that says more than which member is."""
+
+    @property
+    def kind(self) -> tuple[str, str, bool]:
+        """The rule and the member that are broken; extremes are kinds of their own."""
+        path, value = next(iter(self.changes.items()))
+        if self.how:
+            return self.requirement, self.how, False
+        odd_size = (self.width, self.height, self.slots) != (WIDTH, HEIGHT, SLOTS)
+        extreme = value is None or (type(value) is int and abs(value) >= 1 << 31)
+        return self.requirement, path, extreme or odd_size
 
     @property
     def what(self) -> str:

@@ -11,12 +11,20 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode
 
-BEYOND = 3.4028236e38
+MOST: float = LIMITS["max_position"]
+BEYOND = math.nextafter(MOST, math.inf)
+"""Rounds to the greatest number of single precision, and is no valid one."""
 NO_NUMBERS: tuple[Any, ...] = (
     *(None, True, False, "", " ", "one", "nan", "Infinity", "0x1", "1_0", " 1 ", "1,5", "+1", ".5"),
     *([], [1.5], {}, {"x": 1.5}),
 )
-NORMS = (0.0, 1e-200, 1e-30, 0.5, 0.9899, 1.0101, 2.0, 1e30, 1e200)
+BESIDE = 1e-9
+"""How far a norm is from its limit that is next to it: well beyond what double precision rounds, in
+which numbers are read (ACC-14), and well within what a limit is rounded to by mistake."""
+TOLERANCE: float = LIMITS["rotation_norm_tolerance"]
+BEYOND_NORMS = (1.0 - TOLERANCE - BESIDE, 1.0 + TOLERANCE + BESIDE)
+WITHIN_NORMS = (1.0 - TOLERANCE + BESIDE, 1.0 + TOLERANCE - BESIDE)
+NORMS = (0.0, 1e-200, 1e-30, 0.5, *BEYOND_NORMS, 2.0, 1e30, 1e200)
 
 
 class BrokenPose(NamedTuple):
@@ -25,6 +33,8 @@ class BrokenPose(NamedTuple):
     requirement: str
     what: str
     message: Json
+    kind: str
+    """What it is an example of; the values next to a limit are one each."""
 
     @property
     def payload(self) -> bytes:
@@ -45,15 +55,16 @@ def _changed(good: Json, part: str, member: str, value: Any) -> Json:
 def _without(good: Json) -> Iterator[BrokenPose]:
     for part in ("position", "rotation"):
         absent = {name: value for name, value in good.items() if name != part}
-        yield BrokenPose("POS-1", f"no {part}", absent)
+        yield BrokenPose("POS-1", f"no {part}", absent, f"no {part}")
         for member in good[part]:
             less = {name: value for name, value in good[part].items() if name != member}
-            yield BrokenPose("POS-1", f"no {member} in {part}", good | {part: less})
+            lacks = f"no {member} in {part}"
+            yield BrokenPose("POS-1", lacks, good | {part: less}, f"no member of {part}")
             renamed = {
                 name.upper() if name == member else name: v for name, v in good[part].items()
             }
             what = f"{member.upper()} for {member} in {part}"
-            yield BrokenPose("POS-1", what, good | {part: renamed})
+            yield BrokenPose("POS-1", what, good | {part: renamed}, f"capitals in {part}")
 
 
 def _mistyped(good: Json) -> Iterator[BrokenPose]:
@@ -62,18 +73,20 @@ def _mistyped(good: Json) -> Iterator[BrokenPose]:
         strange: tuple[Any, ...] = (None, True, 0, "x", [], {}, *lists)
         for value in strange:
             what = f"{part} {shorten(repr(value))}"
-            yield BrokenPose("POS-1", what, good | {part: value})
+            yield BrokenPose("POS-1", what, good | {part: value}, f"{type(value)} for {part}")
         for number, value in enumerate(NO_NUMBERS):
             member = list(good[part])[number % len(good[part])]
             what = f"{value!r} for {member} of {part}"
-            yield BrokenPose("POS-1", what, _changed(good, part, member, value))
+            kind = f"{type(value)} in {part}"
+            yield BrokenPose("POS-1", what, _changed(good, part, member, value), kind)
 
 
 def _too_far(good: Json) -> Iterator[BrokenPose]:
     for member in "xyz":
         for value in (BEYOND, -BEYOND, 1e39, -1e300, 10**39):
-            what = f"{value:g} for {member} of position"
-            yield BrokenPose("POS-2", what, _changed(good, "position", member, value))
+            what = f"{value:.17g} for {member} of position"
+            kind = f"{value:g}" if abs(value) == BEYOND else "too far"
+            yield BrokenPose("POS-2", what, _changed(good, "position", member, value), kind)
 
 
 def _no_rotation(good: Json) -> Iterator[BrokenPose]:
@@ -81,8 +94,9 @@ def _no_rotation(good: Json) -> Iterator[BrokenPose]:
     norm = math.hypot(*numbers.values())
     for wanted in NORMS:
         scaled = {name: value * wanted / norm for name, value in numbers.items()}
-        tolerance = LIMITS["rotation_norm_tolerance"]
-        what = f"a rotation of norm {wanted:g}, which is further than {tolerance} from 1"
-        yield BrokenPose("POS-3", what, good | {"rotation": scaled})
+        what = f"a rotation of norm {wanted:.10g}, which is further than {TOLERANCE} from 1"
+        kind = f"norm {wanted}" if wanted in (0.0, *BEYOND_NORMS) else "another norm"
+        yield BrokenPose("POS-3", what, good | {"rotation": scaled}, kind)
     halves = {"x": 0.5, "y": 0.5, "z": 0.0, "w": 0.0}
-    yield BrokenPose("POS-3", "the rotation (½, ½, 0, 0)", good | {"rotation": halves})
+    told = "the rotation (½, ½, 0, 0)"
+    yield BrokenPose("POS-3", told, good | {"rotation": halves}, "another norm")

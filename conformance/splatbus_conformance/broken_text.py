@@ -12,6 +12,8 @@ from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.unknown_members import nested
 
 HOPELESSLY_DEEP = 100_000
+MANY = 2000
+"""Bytes of a payload that is extreme."""
 
 
 class BrokenText(NamedTuple):
@@ -20,12 +22,15 @@ class BrokenText(NamedTuple):
     requirement: str
     what: str
     payload: bytes
+    kind: str = ""
+    """What parsers do alike with; they part company at extremes, which are kinds of their own."""
 
 
 def broken_texts(good: Json) -> list[BrokenText]:
     """Every way to break the text of the message `good`."""
     families = (_not_utf8, _no_object, _no_json, _marked, _twice, _not_finite, _too_deep)
-    return [broken for family in families for broken in family(good)]
+    texts = [(family.__name__, broken) for family in families for broken in family(good)]
+    return [broken._replace(kind=f"{name} {broken.kind}") for name, broken in texts]
 
 
 def _with(good: Json, name: str, value: bytes) -> bytes:
@@ -46,7 +51,8 @@ def _not_utf8(good: Json) -> Iterator[BrokenText]:
         yield BrokenText("JSN-1", f"{what} in a string", _with(good, "x", b'"' + part + b'"'))
     text = encode(good).decode()
     for encoding in ("utf-16", "utf-16-le", "utf-16-be", "utf-32-le"):
-        yield BrokenText("JSN-1", f"the message in {encoding.upper()}", text.encode(encoding))
+        what = f"the message in {encoding.upper()}"
+        yield BrokenText("JSN-1", what, text.encode(encoding), "another encoding")
 
 
 def _no_object(good: Json) -> Iterator[BrokenText]:
@@ -91,7 +97,8 @@ def _no_json(good: Json) -> Iterator[BrokenText]:
     }
     for what, whole in wholes.items():
         yield BrokenText("JSN-1", what, whole)
-    yield BrokenText("JSN-1", "half a pair of surrogates as a name", _with(good, "\ud800", b"1"))
+    half_a_name = _with(good, "\ud800", b"1")
+    yield BrokenText("JSN-1", "half a pair of surrogates as a name", half_a_name, "half a name")
     values = "+1 .5 5. 01 0x40 1e 1_000 -01 True None nan -NaN inf undefined nul 'x'".split()
     strings = ("\n", "\t", "\x00", "\x1f", "\\x41", "\\'", "\\u12", "\\u12G4", "\\")
     halves = (
@@ -102,8 +109,11 @@ def _no_json(good: Json) -> Iterator[BrokenText]:
         "\\udc00\\ud800",
         "\\ud83d\\ud83d\\ude42",
     )
-    for value in (*values, *(f'"{string}"' for string in (*strings, *halves))):
-        yield BrokenText("JSN-1", f"the value {value!r}", _with(good, "x", value.encode()))
+    for kind, texts in (("value", values), ("string", strings), ("surrogate", halves)):
+        for text in texts:
+            value = text if kind == "value" else f'"{text}"'
+            what = f"the value {value!r}"
+            yield BrokenText("JSN-1", what, _with(good, "x", value.encode()), kind)
 
 
 def _marked(good: Json) -> Iterator[BrokenText]:
@@ -123,7 +133,7 @@ def _twice(good: Json) -> Iterator[BrokenText]:
             f"{name!r} twice, once escaped": payload[:-1] + b"," + escaped + b"}",
         }
         for what, whole in wholes.items():
-            yield BrokenText("JSN-3", what, whole)
+            yield BrokenText("JSN-3", what, whole, what.removeprefix(repr(name)))
         if isinstance(value, dict):
             inner = next(iter(value))
             doubled = encode(value)[:-1] + b"," + encode({inner: value[inner]})[1:]
@@ -146,14 +156,15 @@ def _not_finite(good: Json) -> Iterator[BrokenText]:
     ):
         if old in payload:
             what = f"{new.decode()} for {old.decode()}"
-            yield BrokenText("JSN-4", what, payload.replace(old, new, 1))
+            yield BrokenText(
+                "JSN-4", what, payload.replace(old, new, 1), "in a member that is known"
+            )
     spellings = "NaN Infinity -Infinity 1e400 -1e400 1e999999999".split()
     for spelling in (*spellings, "9" * 400, "9" * 5000):
         what = spelling if len(spelling) < 20 else f"an integer of {len(spelling)} digits"
-        yield BrokenText("JSN-4", what, _with(good, "x", spelling.encode()))
-        yield BrokenText(
-            "JSN-4", f"{what} in an array", _with(good, "x", b"[%b]" % spelling.encode())
-        )
+        for where, value in (("", spelling), (" in an array", f"[{spelling}]")):
+            broken = _with(good, "x", value.encode())
+            yield BrokenText("JSN-4", what + where, broken, what.strip("-"))
 
 
 def _too_deep(good: Json) -> Iterator[BrokenText]:
@@ -169,4 +180,4 @@ def _too_deep(good: Json) -> Iterator[BrokenText]:
         "10,000 objects that are never closed": b'{"":' * 10_000,
     }
     for what, whole in wholes.items():
-        yield BrokenText("JSN-5", what, whole)
+        yield BrokenText("JSN-5", what, whole, "levels" if len(whole) < MANY else what)

@@ -271,6 +271,7 @@ def _met(connection: Connection, role: Role, testee: Testee) -> meeting.Met:
         _offered(role, connection),
         next((str(it.get("reason")) for it in dealings.heard if _declines(it)), ""),
         _process(connection, testee),
+        connection.unfinished,
     )
 
 

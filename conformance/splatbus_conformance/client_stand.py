@@ -108,7 +108,7 @@ class ClientStand:
         return Awaited("the client that connects", say)
 
     def _role(self) -> Role:
-        return Role(self._memory, *self.plan.viewport, SLOTS)
+        return Role(self._memory, *self.plan.viewport, SLOTS, self.plan.seed)
 
 
 def _listening(plan: Plan) -> Peer:

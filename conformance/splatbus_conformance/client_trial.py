@@ -67,6 +67,8 @@ class ClientTrial(Trial):
         seconds = self.patience if seconds is None else seconds
         if self.testee.ended() or self._takes_a_start(channel):
             self.end_testee()
+            if not self.testee.asked_to_start(self.purpose):
+                self.not_observable("it would take a further start of the client by hand")
         started = self.testee.ensure_running()
         found = self._past_probes(channel, seconds)
         if found is None and not started:
@@ -88,16 +90,30 @@ class ClientTrial(Trial):
         """Only a testee that is started anew connects there: this one has done so, and is gone."""
         came = self.peer.last_opened[channel] > self.testee.started
         comes = channel in self.facts.returns or channel not in self.facts.connects
-        return self.testee.expendable and came and not comes and self._unused(channel) is None
+        return came and not comes and self._unused(channel) is None
 
     def _past_probes(self, channel: Channel, seconds: float) -> Connection | None:
         """A new connection; of a testee that has just been started, one that it means to keep."""
         found = self.next_connection(channel, seconds)
         probes = self.facts.probes.get(channel, 0)
         while found is not None and self._since_start(channel) <= probes:
-            self.ends(found)
+            self._answer_until_it_ends(found)
             found = self.next_connection(channel, seconds)
         return found
+
+    def _answer_until_it_ends(self, probe: Connection) -> None:
+        """Whatever the check withholds from the testee's other connections."""
+        heard, answered = self.role.with_(probe).heard, 0
+
+        def ends() -> bool:
+            nonlocal answered
+            for request in heard[answered:] if not self.role.replies else ():
+                if answer := self.role.answer(probe, request):
+                    self.role.say(probe, answer)
+            answered = len(heard)
+            return probe.ended is not None
+
+        self.wait(ends)
 
     def _since_start(self, channel: Channel) -> int:
         """How many connections the testee has made on a channel since it was started."""

@@ -33,7 +33,7 @@ def console(plain: bool) -> Console:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows → and ✓
     out = Console(highlight=False, no_color=plain or None, force_terminal=False if plain else None)
-    if not out.is_terminal:
+    if not (out.is_terminal or sys.stdout.isatty()):
         out.width = PLAIN_WIDTH
     return out
 

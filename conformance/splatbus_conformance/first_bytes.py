@@ -57,6 +57,11 @@ def misread(payload: bytes) -> str:
     return ""
 
 
+def cut_short(begun: bytes) -> str:
+    """What a payload is whose end never came, as above."""
+    return "it is whole: the length does not count the header" if _is_json(begun) else ""
+
+
 def _is_json(text: bytes) -> bool:
     try:
         return isinstance(json.loads(text), dict)

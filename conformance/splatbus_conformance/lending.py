@@ -9,6 +9,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet
 from splatbus_conformance.painting import Painting, spoilt
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.role import Coming
 from splatbus_conformance.trial import EFFECT_SECONDS
 
 GLANCE_SECONDS = 0.02
@@ -24,6 +25,7 @@ class Lending:
 
     def __init__(self, trial: ClientTrial, connection: Connection | None = None) -> None:
         self.shown: dict[int, Painting] = {}
+        self._slots: dict[int, int] = {}
         self._trial, self._role = trial, trial.role
         self.spoil_everything()
         self.connection = connection or reading(trial)
@@ -35,17 +37,22 @@ class Lending:
         """Width and height in pixels."""
         return self._role.width, self._role.height
 
+    @property
+    def lens(self) -> Json:
+        """What each image is said to be seen through."""
+        return self._role.lens
+
     def lend(self, image: Painting) -> int:
         """Lend an image, and do not wait; its number."""
-        seq = self.announced(image)
-        self.paint(image, seq)
+        _, slot = self.announced(image)
+        self.paint(image, slot)
         return self._role.lend(self.connection)
 
-    def announced(self, image: Painting) -> int:
-        """Know an image as the one to be lent next; its number."""
-        seq = self._role.with_(self.connection).frames + 1
-        self.shown[seq] = image
-        return seq
+    def announced(self, image: Painting) -> Coming:
+        """Know an image as the one to be lent next; its number and its slot."""
+        coming = self._role.coming(self.connection)
+        self.shown[coming.seq], self._slots[coming.seq] = image, coming.slot
+        return coming
 
     def show(self, image: Painting) -> int:
         """Lend an image, and wait until the client has read it; its number.
@@ -61,7 +68,7 @@ class Lending:
 
     def newest(self) -> Json:
         """The client's digest of its newest image: the last that was lent, if it comes in time."""
-        trial, last = self._trial, max(self.shown, default=0)
+        trial, last = self._trial, max(self.shown, default=None)
         answer = trial.ask("digest")
         deadline = time.monotonic() + EFFECT_SECONDS
         while answer["seq"] != last and time.monotonic() < deadline:
@@ -69,9 +76,9 @@ class Lending:
             answer = trial.ask("digest")
         return answer
 
-    def paint(self, image: Painting, seq: int) -> None:
-        """Write an image where that number lies, whether or not it is lent."""
-        painting.write(self._role.memory, image, seq % self._role.slots, self._role.slots)
+    def paint(self, image: Painting, slot: int) -> None:
+        """Write an image to a slot, whether or not it is lent."""
+        painting.write(self._role.memory, image, slot, self._role.slots)
 
     def spoil_everything(self) -> None:
         """Write over every slot."""
@@ -82,5 +89,5 @@ class Lending:
         released = self._role.with_(connection).released
         before = len(released)
         self._former(connection, arrived)
-        for seq in released[before:]:
-            self.paint(spoilt(*self.size), seq)
+        for seq in self.shown.keys() & released[before:]:
+            self.paint(spoilt(*self.size), self._slots[seq])

@@ -6,7 +6,7 @@ Functions from what was seen to sentences.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from splatbus_conformance.first_bytes import misread, recognised
+from splatbus_conformance.first_bytes import cut_short, misread, recognised
 from splatbus_conformance.kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.messages import Json
 from splatbus_conformance.recording import Channel
@@ -36,6 +36,8 @@ class Met(NamedTuple):
     """The reason that its `open_failed` gave."""
     process: int | None = None
     """Which process is at the other end, where that is shown."""
+    unfinished: bytes = b""
+    """What came of a payload that is not complete."""
 
 
 def on_client(met: Sequence[Met], wanted: dict[Channel, int], launched: int | None) -> list[str]:
@@ -69,6 +71,8 @@ def _foreign(met: Sequence[Met]) -> list[str]:
             told = f"bytes that are no packet: {it.refused[:8].hex(' ')}"
         elif it.unread and misread(it.unread):
             known, told = misread(it.unread), f"a payload that is no JSON: {it.unread[:12]!r}"
+        elif known := cut_short(it.unfinished):
+            told = f"a payload of which more was announced: {it.unfinished[:12]!r}"
         else:
             continue
         text = f"On the {NAMES[it.channel]} channel came {told}"
@@ -126,11 +130,12 @@ def _one_channel(met: Sequence[Met], wanted: dict[Channel, int]) -> list[str]:
 
 
 def _size(met: Sequence[Met]) -> list[str]:
-    """Some clients stop when images are not of their own size."""
+    """Some clients stop when images are not of their own size; others close to begin in earnest."""
+    stayed = {it.channel for it in met if not it.ended}
     for it in met:
         if it.failed:
             return [f"Your client could not open the memory of {it.offered}: it says {it.failed!r}"]
-        if it.ended and it.offered:
+        if it.ended and it.offered and it.channel not in stayed:
             return [
                 f"Your client closed its {NAMES[it.channel]} connection when it was told of "
                 f"{it.offered}. If it insists on the size of its own view, give that: "

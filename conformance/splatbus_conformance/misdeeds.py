@@ -16,8 +16,9 @@ PASSERS_BY = 40
 PACE_SECONDS = 0.001
 """Between connections, so that a server comes to accept them: a backlog that overflows costs its
 client a second."""
-UNREAD = 4000
-"""Requests whose replies fit into the buffers of the system."""
+UNREAD = 10_000
+"""Requests whose replies do not fit into the buffers of the systems, where these are narrow."""
+TRIES, TRY_SECONDS = 10, 0.02
 REQUEST = packet(encode(VIEWPORT_REQUEST))
 LONGEST = LIMITS["max_payload_bytes"]
 
@@ -27,6 +28,7 @@ class Misdeed(NamedTuple):
 
     what: str
     commit: Callable[[ServerTrial, Connection], object]
+    begins: Callable[[ServerTrial, Channel], Connection] = ServerTrial.dial
 
 
 def sends(what: str, data: bytes) -> Misdeed:
@@ -44,11 +46,34 @@ def sends_and_resets(what: str, data: bytes) -> Misdeed:
     return Misdeed(what, commit)
 
 
+def sends_and_closes(what: str, data: bytes) -> Misdeed:
+    """The same, and then the connection is closed at once."""
+
+    def commit(trial: ServerTrial, connection: Connection) -> None:
+        connection.send(data)
+        connection.close()
+
+    return Misdeed(what, commit)
+
+
 def _never_reads(trial: ServerTrial, connection: Connection) -> None:
+    """Ask until the server has so many requests, or takes none for a while."""
     connection.stop_reading()
-    for _ in range(UNREAD):
-        if connection.push(REQUEST) != len(REQUEST):
+    sent, tries = 0, 0
+    while sent < UNREAD * len(REQUEST) and tries < TRIES:
+        taken = connection.push((REQUEST * 100)[sent % len(REQUEST) :])
+        if taken is None:
             break
+        sent, tries = sent + taken, 0 if taken else tries + 1
+        trial.rest(0.0 if taken else TRY_SECONDS)
+
+
+def _reads(trial: ServerTrial, connection: Connection) -> None:
+    """Be a good reader, if the server has any."""
+    if trial.facts.welcome["ipc"] is not None:
+        dealings = trial.viewer.with_(connection)
+        trial.viewer.greet(connection)
+        trial.wait(lambda: dealings.heard or connection.ended)
 
 
 def _half_closes(trial: ServerTrial, connection: Connection) -> None:
@@ -69,6 +94,10 @@ def _resets_with_a_lease(trial: ServerTrial, connection: Connection) -> None:
     connection.reset()
 
 
+HARMLESS: dict[Channel, Misdeed] = {
+    "msg": sends("asks", REQUEST),
+    "ipc": Misdeed("reads", _reads, ServerTrial.before_hello),
+}
 MISDEEDS = (
     sends("says nothing", b""),
     sends("sends one byte", b"\x1c"),
@@ -82,25 +111,29 @@ MISDEEDS = (
     sends("sends a thousand packets of noise", 1000 * packet(b"\xff{[")),
     sends("sends a thousand unknown messages", 1000 * packet(b'{"type":"weather_report"}')),
     sends("sends deep text", packet(b"[" * 100_000)),
-    Misdeed("never reads its replies", _never_reads),
+    sends("sends a bad length and much more", bytes(4) + b" " * (4 * LONGEST)),
+    sends("sends twenty thousand poses", 20_000 * packet(encode(camera_pose()))),
+    Misdeed("never reads its replies", _never_reads, ServerTrial.dial_narrowly),
     Misdeed("ends its stream in the middle of a packet", _half_closes),
     sends_and_resets("resets at once", b""),
     sends_and_resets("resets in the middle of a packet", REQUEST[:16]),
     sends_and_resets("resets before its replies come", 100 * REQUEST),
+    sends_and_closes("closes before its reply comes", REQUEST),
+    sends_and_closes("closes before its replies come", 100 * REQUEST),
     sends_and_resets("sends a broken pose and resets", packet(encode(camera_pose())[:-1])),
     Misdeed("closes at once", lambda trial, connection: connection.close()),
 )
 MISDEEDS_OF_READERS = (
-    Misdeed("never gives a frame back", _holds_a_lease),
-    Misdeed("resets while it holds a frame", _resets_with_a_lease),
+    Misdeed("never gives a frame back", _holds_a_lease, ServerTrial.before_hello),
+    Misdeed("resets while it holds a frame", _resets_with_a_lease, ServerTrial.before_hello),
 )
 
 
 def crowd(trial: ServerTrial, channel: Channel) -> None:
     """Passers-by who come and go at once, then clients that stay and say nothing."""
     for _ in range(PASSERS_BY):
-        trial.dial(channel).close()
+        trial.before_hello(channel).close()
         trial.rest(PACE_SECONDS)
     for _ in range(CROWD):
-        trial.dial(channel)
+        trial.before_hello(channel)
         trial.rest(PACE_SECONDS)

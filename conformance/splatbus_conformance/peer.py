@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Literal, TypeVar
 
-from splatbus_conformance.packets import Packet, Splitter
+from splatbus_conformance.packets import HEADER, Packet, Splitter
 from splatbus_conformance.recording import Channel, Direction, Entry, Event
 
 T = TypeVar("T")
@@ -21,6 +21,7 @@ READ_BYTES = 1 << 16
 MOST_LEFT_READS = 64
 SEND_SECONDS = 5.0
 DIAL_SECONDS = 5.0
+NARROW_BYTES, NARROW_SEGMENT = 4096, 536
 TICK_SECONDS = 0.02
 """How often a condition is looked at while nothing happens on the wire."""
 RESET_ON_CLOSE = (
@@ -44,6 +45,8 @@ class Connection:
         """How the testee ended its stream, if it did."""
         self.open = True
         """The harness has not closed it."""
+        self.sent = 0
+        """Bytes that the harness has sent."""
         self._peer = peer
         self._sock = sock
         self._splitter = Splitter()
@@ -54,11 +57,22 @@ class Connection:
             with contextlib.suppress(OSError):
                 self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
+                self.sent += len(data)
+
+    @property
+    def gone(self) -> bool:
+        """One of both has closed it."""
+        return self.ended is not None or not self.open
 
     @property
     def no_packet(self) -> bytes:
         """What the testee sent from a header on that is none (FRM-2), as far as it is kept."""
         return self._splitter.rest if self._splitter.refused is not None else b""
+
+    @property
+    def unfinished(self) -> bytes:
+        """What has come of a payload that is not complete."""
+        return self._splitter.rest[HEADER:] if self._splitter.refused is None else b""
 
     def push(self, data: bytes) -> int | None:
         """Send what TCP takes at once, off the record; how much, or None if the testee has gone.
@@ -130,6 +144,26 @@ class Connection:
         return packets
 
 
+def _connect_narrowly(address: tuple[str, int], seconds: float) -> socket.socket:
+    """As `socket.create_connection`; small segments keep the buffer of the other end small too."""
+    failed = OSError("no address")
+    for family, kind, protocol, _, each in socket.getaddrinfo(*address, type=socket.SOCK_STREAM):
+        sock = socket.socket(family, kind, protocol)
+        sock.settimeout(seconds)
+        for buffer in (socket.SO_RCVBUF, socket.SO_SNDBUF):
+            sock.setsockopt(socket.SOL_SOCKET, buffer, NARROW_BYTES)
+        with contextlib.suppress(AttributeError, OSError):  # not on every system
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, NARROW_SEGMENT)
+        try:
+            sock.connect(each)
+        except OSError as error:
+            sock.close()
+            failed = error
+        else:
+            return sock
+    raise failed
+
+
 class Peer:
     """Listens to clients or dials a server; tells `on_open` of connections, `on_packet` of packets.
 
@@ -141,6 +175,8 @@ class Peer:
         self.theirs: Direction = "c2s" if plays == "server" else "s2c"
         self.host = host
         self.ports = dict(ports)
+        self.narrow = False
+        """Little of what the testee sends on new connections fits into the systems' buffers."""
         self.connections: list[Connection] = []
         self.entries: list[Entry] = []
         """What crossed the wire since `clear`."""
@@ -163,23 +199,29 @@ class Peer:
 
     def listen(self, channel: Channel) -> None:
         """Accept connections on this channel from now on; OSError if the port is taken."""
-        if channel not in self._listeners:
+        listener = self._listeners.get(channel)
+        if listener is None:
             listener = socket.create_server((self.host, self.ports[channel]), backlog=16)
             self.ports[channel] = listener.getsockname()[1]
             listener.setblocking(False)
             self._listeners[channel] = listener
+        if listener not in self._selector.get_map():
             self._selector.register(listener, selectors.EVENT_READ, channel)
+
+    def hold(self, channel: Channel) -> None:
+        """Leave connections on this channel in the backlog, neither accepted nor refused."""
+        self.listen(channel)
+        self.forget(self._listeners[channel])
 
     def dial(self, channel: Channel, seconds: float = DIAL_SECONDS) -> Connection:
         """Connect to the testee on this channel; OSError if it does not accept in time."""
-        return self._adopt(
-            socket.create_connection((self.host, self.ports[channel]), seconds), channel
-        )
+        connect = _connect_narrowly if self.narrow else socket.create_connection
+        return self._adopt(connect((self.host, self.ports[channel]), seconds), channel)
 
     def refuse(self, channel: Channel) -> None:
         """Refuse connections on this channel from now on."""
         if listener := self._listeners.pop(channel, None):
-            self._selector.unregister(listener)
+            self.forget(listener)
             listener.close()
 
     def pump(self, seconds: float = 0.0) -> None:

@@ -4,14 +4,14 @@ import time
 from typing import Any
 
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.nudging import AGAIN_SECONDS
 from splatbus_conformance.photographs import Photograph, photograph_of
 from splatbus_conformance.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.stress import Pose
 from splatbus_conformance.trial import EFFECT_SECONDS
+from splatbus_conformance.watching import fell_silent
 
-AGAIN_SECONDS = 0.5
-"""After which poses are sent again, as viewers do: a connection that held control may linger."""
 MISTAKEN_SECONDS = 1.0
 """How long a frame with the right camera may take to follow one that could be a mistaken one."""
 ASIDE = 0.01
@@ -42,8 +42,8 @@ class Photographer:
         While no such image comes, both poses are sent again, as viewers do; or, if it does not
         insist, the Gaussians are moved a little, so that an image is due.
 
-        Where no frame names that camera, it is the last one that came; skips the check if there is
-        none.
+        Where no frame names that camera, it is the last one that came; the requirement is violated
+        if there is none.
         """
         if self._last and named(self._last.camera.pose, camera) is AS_SPECIFIED:
             self.take(aside(camera), scene)
@@ -64,7 +64,8 @@ class Photographer:
                 patience = EFFECT_SECONDS if meant is None else MISTAKEN_SECONDS
                 until = min(until, time.monotonic() + patience)
         if last is None:
-            self.trial.not_observable("the server sent no frame after the camera had been moved")
+            what = "the server sent no frame after the camera had been moved"
+            fell_silent(self.trial, self.reader, what)
         return last
 
     @property
@@ -77,10 +78,10 @@ class Photographer:
         self.trial.move(camera_pose(*camera) | members)
 
     def hold(self) -> Photograph:
-        """The next image, not given back; skips the check if none comes."""
+        """The next image, not given back; the requirement is violated if none comes."""
         self.trial.wait(lambda: self._came() or self.reader.ended)
         if not self._came():
-            self.trial.not_observable("the server sent no further frame")
+            fell_silent(self.trial, self.reader, "the server sent no further frame")
         photograph = self._copy(self.dealings.frames[self._seen])
         self._seen += 1
         if photograph is None:

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.closed_form import AT_REST, COLOR_BUDGET, KNOWN, Setting, render
+from splatbus_conformance.closed_form import (
+    AT_REST,
+    COLOR_BUDGET,
+    FLOOR,
+    KNOWN,
+    NOTHING,
+    Exact,
+    Setting,
+    render,
+)
 from splatbus_conformance.memory_reading import Opened, Pixels
 from splatbus_conformance.messages import Json
 from splatbus_conformance.pinhole import Camera, Reals, camera_of
@@ -15,6 +24,15 @@ from splatbus_conformance.stress import Pose
 from splatbus_conformance.values import finite, whole, within
 
 LEGACY_EMPTY: float = LIMITS["legacy_empty_depth"]
+
+LEAST_SEEN = 0.05
+"""The share of pixels that show something, from which an image tells whether it is of a scene."""
+BESIDE, BESIDE_DEPTH, BESIDE_COLOR = 0.95, 0.02, 0.04
+"""The share of pixels that hold what belongs there or next to it, from which a scene is drawn
+beside its place; and by how much, relative, that may be something else still."""
+JUST, UNEXPLAINED = 1e-4, 0.5
+"""Inverse depths that are off by less, of the greatest, are as good as right; and the share of the
+squares of what they are off by that no move of the image explains, up to which it was moved."""
 
 
 class Photograph(NamedTuple):
@@ -86,10 +104,55 @@ def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph 
 def shows_the_scene(photograph: Photograph, setting: Setting = AT_REST) -> bool:
     """Whether this is the scene of `conformance/SCENE.md`: by its depths, and by its colours in
     whatever order, so that a wrong order of them is found.
+
+    So is one that is drawn beside its place, from another camera than the frame names.
     """
     with np.errstate(all="ignore"):  # a camera may be anywhere
-        exact = render(photograph.camera, setting)
-        right = exact.depth_is_right(photograph.planar())
-        off = np.abs(np.sort(photograph.color, axis=-1) - np.sort(exact.color, axis=-1))
-        right &= (off <= COLOR_BUDGET).all(axis=-1)
-    return bool(photograph.covered().any() and right[exact.certain].mean() >= KNOWN)
+        return _shows(photograph, render(photograph.camera, setting))
+
+
+def _shows(photograph: Photograph, exact: Exact) -> bool:
+    something = photograph.covered() | (exact.what != NOTHING)
+    if min(photograph.covered().mean(), (exact.what != NOTHING).mean()) < LEAST_SEEN:
+        return False
+    right = exact.depth_is_right(photograph.planar())
+    color, wanted = np.sort(photograph.color, axis=-1), np.sort(exact.color, axis=-1)
+    with np.errstate(invalid="ignore"):
+        right &= (np.abs(color - wanted) <= COLOR_BUDGET).all(axis=-1)
+    if right[exact.certain & something].mean() >= KNOWN:
+        return True
+    near = _is_around(photograph.planar()[..., None], exact.depth[..., None], BESIDE_DEPTH)
+    near &= _is_around(color, wanted, BESIDE_COLOR)
+    return bool(near[something].mean() >= BESIDE) and _is_moved(photograph, exact)
+
+
+def _is_around(some: Reals | Pixels, others: Reals, slack: float) -> NDArray[np.bool_]:
+    """(h, w): numbers that lie among those of the others at the pixel and around it, nearly."""
+    wide = np.pad(others, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(wide, (3, 3), axis=(0, 1))
+    with np.errstate(invalid="ignore"):
+        least, most = around.min(axis=(-2, -1)), around.max(axis=(-2, -1))
+        within = (some >= least - slack * least) & (some <= most + slack * most)
+    found: NDArray[np.bool_] = within.all(axis=-1)
+    return found
+
+
+def _is_moved(photograph: Photograph, exact: Exact) -> bool:
+    """Depths within surfaces are those of pixels a little aside, all in one direction or turned
+    about one point. Those of a renderer that blends what lies within a pixel are not.
+    """
+    surface = np.minimum(exact.what, FLOOR)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(surface, 1, mode="edge"), (3, 3))
+    inner = (around == surface[..., None, None]).all(axis=(-2, -1))
+    inner &= (surface != NOTHING) & photograph.covered()
+    # The inverse depth of a plane is linear in the image.
+    with np.errstate(divide="ignore"):
+        wanted, given = 1.0 / exact.depth, 1.0 / photograph.planar()
+    down, right = np.gradient(wanted)
+    x, y = np.moveaxis(photograph.camera.rays()[..., :2], -1, 0)
+    moves = np.stack((right, down, right * y - down * x), axis=-1)[inner]
+    off = (given - wanted)[inner]
+    if len(off) < moves.shape[-1] or np.abs(off).max() <= JUST * np.abs(wanted[inner]).max():
+        return False
+    unexplained = off - moves @ np.linalg.lstsq(moves, off, rcond=None)[0]
+    return bool((unexplained**2).sum() <= UNEXPLAINED * (off**2).sum())

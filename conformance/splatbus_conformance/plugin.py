@@ -8,6 +8,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +25,7 @@ from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.recording import Entry
-from splatbus_conformance.script import Script, as_text
+from splatbus_conformance.script import Script, as_text, from_text
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
 from splatbus_conformance.tally import add, rules_on, tally
@@ -48,11 +49,15 @@ class Deed(NamedTuple):
     name: str
     check: Check
     script: str
-    """As text, for the sentence that forbids to lose a vital sign."""
+    """What it delivered, as text."""
     entries: list[Entry]
     """What crossed the wire."""
     failed: bool
     """Its own verdict says that something is broken."""
+
+
+MEETING = Check("CHN-19", "what the testee does when it is left alone", (), False, "quick")
+"""The first meeting, as if it were a check."""
 
 
 class Modules(pytest.Directory):
@@ -90,12 +95,14 @@ class CheckPlugin:
         )
         self.traffic = self._nothing_yet()
         self.trial_now: Trial | None = None
-        self._latest: Deed | None = None
-        """The check that ran last."""
+        self._latest = Deed("introduction", MEETING, "", list(stand.peer.entries), failed=False)
+        """The check that ran last; at first, when the testee was met."""
         self._last_verdict = Verdict.SKIP
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
+        if stand.testee.ended() is not None:
+            self.look_after()
         self._note_end()
 
     def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
@@ -143,6 +150,8 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         trial = self.trial_now = self.stand.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
+        told = " ".join((request.function.__doc__ or "").split())
+        trial.purpose = f"{check.requirement}: {told}"
         yield trial
         peer = self.stand.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
@@ -165,8 +174,6 @@ class CheckPlugin:
         """Look for the testee's vital signs; what it has lost is charged to the latest check, and
         one that the harness can start is started anew.
         """
-        if self._latest is None:
-            return
         if lost := self.stand.lost():
             self._charge(self._latest, lost)
         if lost or self.stand.testee.ended() is not None:
@@ -178,19 +185,20 @@ class CheckPlugin:
         return bool(musts or self.traffic.losses) or self._last_verdict is Verdict.FAIL
 
     def _deed(self, check: Check, name: str) -> "Deed":
-        script = self._script(forbids_loss(self.plan.side, check.requirement), name, by_rule=False)
+        script = self._script(check.requirement, name, by_rule=False)
         failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
         return Deed(name, check, script, list(self.stand.peer.entries), failed)
 
-    def _charge(self, deed: "Deed | None", what: str) -> None:
+    def _charge(self, deed: "Deed", what: str) -> None:
         """A sign that was lost is the failure of the sentence that forbids it; where the check has
         failed already, that says it.
         """
-        if deed is None or deed.failed:
+        if deed.failed:
             return
         printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
         told = f"; the last that it printed: {' | '.join(printed)}" if printed else ""
-        requirement = forbids_loss(self.plan.side, deed.check.requirement)
+        requirement = forbids_loss(self.plan.side, deed.entries)
+        script = deed.script and as_text(replace(from_text(deed.script), requirement=requirement))
         loss = Result(
             requirement,
             deed.name,
@@ -198,7 +206,7 @@ class CheckPlugin:
             failing(self.known[requirement].level),
             f"after this check the {self.plan.side} is not what it was: {what}{told}",
             tuple(excerpt(deed.entries, EVIDENCE_LINES)),
-            script=deed.script,
+            script=script,
         )
         self.traffic.losses.append(result_as_text(loss))
 

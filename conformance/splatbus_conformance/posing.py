@@ -49,6 +49,11 @@ class Off(NamedTuple):
         """It is another pose, not the same one with fewer digits."""
         return not (self.angle <= FAR and self.distance <= FAR)
 
+    @property
+    def away_by(self) -> str:
+        """How far, in words."""
+        return f"{self.angle:.3g} rad and {self.distance:.3g} of its distance"
+
 
 def engine_of(greeting: Greeting, kind: Kind) -> Engine:
     """The row of the table in section 7.2 that this client's cameras, or objects, go by."""
@@ -167,33 +172,73 @@ def _matrix(q: Sequence[float]) -> tuple[tuple[float, ...], ...]:
 
 
 ORDER = "its quaternion's members are in another order, or signed otherwise"
+Direction = Literal["out", "in"]
+"""From the engine to the wire, or from the wire to the engine."""
 
 
-def why(sent: Pose, got: Pose, engine: Engine) -> str:
-    """What would explain the pose that came, of the mistakes that are often made; else nothing."""
-    for words, position, rotation in _mistakes(sent, engine):
+def why(
+    given: Pose, got: Pose, engine: Engine, direction: Direction = "out", *, right: bool = False
+) -> str:
+    """What would explain the pose that came, of the mistakes that are often made; else nothing.
+
+    Args:
+        given: what was to be converted.
+        got: what came of it.
+        engine: the right row of the table.
+        direction: in which it was to be converted.
+        right: that it is as it should be explains it too.
+    """
+    fine = [("it is right", *_converted(given, engine, direction))] if right else []
+    for words, position, rotation in (*fine, *_mistakes(given, engine, direction)):
         length = math.hypot(*map(float, position)) or 1.0
         apart = math.dist(got.position, [float(number) for number in position])
         if apart <= FAR * length and angle(got.rotation, rotation) <= FAR:
             return words
+    p, q = _converted(given, engine, direction)
+    times = math.hypot(*got.position) / (math.hypot(*map(float, p)) or 1.0)
+    scaled = [times * float(number) for number in p]
+    if math.dist(got.position, scaled) <= FAR * math.hypot(*scaled):
+        turned = "" if angle(got.rotation, q) <= FAR else ", and its rotation is another"
+        if abs(times - 1.0) > FAR:
+            return f"its position is {times:.4g} times what it should be{turned}"
     return ""
 
 
-def _mistakes(sent: Pose, engine: Engine) -> Iterator[tuple[str, Exact, Exact]]:
-    p, q = engine.position_to_wire(sent.position), engine.quaternion_to_wire(sent.rotation)
+def _mistakes(
+    given: Pose, engine: Engine, direction: Direction
+) -> Iterator[tuple[str, Exact, Exact]]:
+    p, q = _converted(given, engine, direction)
     x, y, z, w = q
-    for order in ((w, x, y, z), (-x, -y, -z, w), (w, z, y, x)):
+    for order in ((w, x, y, z), (y, z, w, x), (-x, -y, -z, w), (w, z, y, x)):
         yield ORDER, p, order
+    i, j, k, r = given.rotation
+    for given_order in ((r, i, j, k), (j, k, r, i)):
+        yield ORDER, p, _converted(given._replace(rotation=given_order), engine, direction)[1]
     inverse = tuple(Fraction(n) for n in _turned(p, (-x, -y, -z, w)))
     yield "it is world-to-camera", inverse, (-x, -y, -z, w)
-    as_it_is = exact(sent.position), exact(sent.rotation)
-    yield "it is in the engine's axes", *as_it_is
+    as_it_is = exact(given.position), exact(given.rotation)
+    yield f"it is in the {'engine' if direction == 'out' else 'wire'}'s axes", *as_it_is
     yield "only its position was converted", p, as_it_is[1]
     yield "only its rotation was converted", as_it_is[0], q
-    yield "its position is in the engine's units", tuple(engine.scale * n for n in p), q
+    metres = engine.scale if direction == "out" else 1 / Fraction(engine.scale)
+    units = "the engine's units" if direction == "out" else "scene units"
+    yield f"its position is in {units}", tuple(metres * n for n in p), q
+    other_way: Direction = "in" if direction == "out" else "out"
+    yield (
+        "it was converted in the other direction of the table",
+        *_converted(given, engine, other_way),
+    )
     for name, other in ENGINES.items():
-        back = other.position_to_wire(sent.position), other.quaternion_to_wire(sent.rotation)
-        yield f"it was converted by the row {name}", *back
+        yield f"it was converted by the row {name}", *_converted(given, other, direction)
+    for name, other in ENGINES.items():
+        words = f"it was converted by the row {name}, in the other direction"
+        yield words, *_converted(given, other, other_way)
+
+
+def _converted(pose: Pose, engine: Engine, direction: Direction) -> tuple[Exact, Exact]:
+    if direction == "out":
+        return engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
+    return engine.position_from_wire(pose.position), engine.quaternion_from_wire(pose.rotation)
 
 
 def _turned(p: Exact, q: Exact) -> list[float]:

@@ -25,6 +25,8 @@ SMOOTH = 1.15
 MOST_POINTS = 6000
 LEAST_LANDED = 0.25
 """Of the points, so many count at least: a reading that sees nothing at all explains nothing."""
+LEAST_POINTS = 50
+"""Points from which an image tells anything; fewer agree by chance."""
 FITS = 0.75
 """The share of points that agree, from which a reading explains the images."""
 APART = 0.25
@@ -67,7 +69,7 @@ def agreement(pair: Pair, reading: Reading) -> float:
     """The share of points at which the second image holds the depth that the first one promises.
 
     Points that leave the image, or land beside an edge of it, do not count; if few are left, as
-    many are taken to disagree as LEAST_LANDED has it.
+    many are taken to disagree as LEAST_LANDED and LEAST_POINTS have it.
     """
     before, after, moved = pair
     rays, depth = before.camera.rays(), reading.depth(before)
@@ -76,7 +78,7 @@ def agreement(pair: Pair, reading: Reading) -> float:
     world = reading.scene(moved).place(reading.pose(before).place(points))
     arrived = reading.pose(before if reading.still else after).sees(world)
     counted, right = _compare(arrived, after.camera, reading.depth(after))
-    return right / max(counted, LEAST_LANDED * len(points), 1.0)
+    return right / max(counted, LEAST_LANDED * len(points), LEAST_POINTS)
 
 
 def _compare(points: Reals, camera: Camera, depth: Reals) -> tuple[int, int]:

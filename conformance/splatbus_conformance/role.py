@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from random import Random
+from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 
@@ -18,6 +20,19 @@ from splatbus_conformance.values import strings, texts, whole, within
 from splatbus_conformance.viewpoint import Viewpoint, viewpoint
 
 MAX_SIZE: int = LIMITS["max_image_size"]
+FIRST_NUMBERS = (0, 1, 1, 1, 2**16 - 1, 2**31 - 1, 2**32 - 1)
+STEPS = (1, 1, 1, 1, 1, 2, 255, 2**16, 2**32)
+"""From the number of a frame to that of the next."""
+
+LENS = {"fx": (0.7, 1.0), "fy": (0.7, 1.0), "cx": (0.3, 0.45), "cy": (0.55, 0.7)}
+"""From where to where each number of the lens is drawn, as parts of a side of the image."""
+
+
+class Coming(NamedTuple):
+    """What the next frame on a connection will be called, and where it will lie."""
+
+    seq: int
+    slot: int
 
 
 @dataclass
@@ -34,8 +49,13 @@ class Dealings:
     failed: set[int] = field(default_factory=set)
     closed: set[int] = field(default_factory=set)
     released: list[int] = field(default_factory=list)
-    frames: int = 0
-    """`seq` of the last frame that was sent."""
+    frames: list[int] = field(default_factory=list)
+    """`seq` of each frame that was sent."""
+    coming: Coming | None = None
+    slots: list[int] = field(default_factory=list)
+    """Those that were not lent yet since all were."""
+    drawn: Random = field(default_factory=Random)
+    """What numbers and slots are drawn from."""
     lent_of: int = 0
     """Its generation."""
     shown: Viewpoint | None = None
@@ -51,8 +71,9 @@ class Dealings:
     @property
     def lends(self) -> bool:
         """A frame has been lent, and not been given back, nor its memory (OPN-14)."""
-        given_back = self.frames in self.released or self.lent_of in self.closed | self.failed
-        return bool(self.frames) and not given_back
+        if not self.frames or self.lent_of in self.closed | self.failed:
+            return False
+        return self.frames[-1] not in self.released
 
     def count(self, kind: str) -> int:
         """How many messages of this type were heard."""
@@ -62,10 +83,16 @@ class Dealings:
 class Role:
     """Answers `hello`, offers memory, lends frames, replies to requests and tells telemetry.
 
-    A check sets the switches before the testee connects, to leave out what it does itself.
+    A check sets the switches before the testee connects, to leave out what it does itself. What a
+    client has to read and could guess is drawn: numbers and slots of frames, the lens, and how the
+    bytes are cut and joined.
     """
 
-    def __init__(self, memory: HostMemory, width: int, height: int, slots: int = 3) -> None:
+    def __init__(
+        self, memory: HostMemory, width: int, height: int, slots: int = 3, seed: int = 0
+    ) -> None:
+        self._seed = seed
+        self._random = Random(f"role {seed}")
         self.memory: HostMemory | Allocation = memory
         self.ring: DeviceRing | None = None
         """What is offered in place of memory of the host: see `offer_on_device`."""
@@ -88,10 +115,20 @@ class Role:
         )
         """Writes the payloads of each channel; a check may spell them otherwise."""
         self.dealings: dict[Connection, Dealings] = {}
+        self._lens = {name: self._random.uniform(*of) for name, of in LENS.items()}
+
+    @property
+    def lens(self) -> Json:
+        """The lens of the images, whose principal point is not in the middle."""
+        sides = {"fx": self.width, "fy": self.width, "cx": self.width, "cy": self.height}
+        drawn = {name: part * sides[name] for name, part in self._lens.items()}
+        return messages.intrinsics(self.width, self.height) | drawn
 
     def with_(self, connection: Connection) -> Dealings:
-        """What was said on this connection."""
-        return self.dealings.setdefault(connection, Dealings())
+        """What was said on this connection; on each, frames have the same numbers and slots."""
+        if connection not in self.dealings:
+            self.dealings[connection] = Dealings(drawn=Random(f"frames {self._seed}"))
+        return self.dealings[connection]
 
     def on_open(self, connection: Connection) -> None:
         """A testee connected."""
@@ -155,19 +192,39 @@ class Role:
         """Send an init packet."""
         self.say(connection, init_packet)
 
+    def coming(self, connection: Connection) -> Coming:
+        """What is lent next on this connection; of so many frames as there are slots, one in each.
+
+        Numbers have gaps, and pass what 16 and 32 bits hold.
+        """
+        dealings = self.with_(connection)
+        if dealings.coming is None:
+            drawn = dealings.drawn
+            dealings.slots = dealings.slots or drawn.sample(range(self.slots), self.slots)
+            step, first = drawn.choice(STEPS), drawn.choice(FIRST_NUMBERS)
+            seq = dealings.frames[-1] + step if dealings.frames else first
+            dealings.coming = Coming(seq, dealings.slots.pop())
+        return dealings.coming
+
     def lend(self, connection: Connection, **changes: object) -> int:
         """Send a `frame`, with members changed as named; its `seq`."""
+        self.say(connection, self.next_frame(connection) | changes)
+        return self.with_(connection).frames[-1]
+
+    def next_frame(self, connection: Connection) -> Json:
+        """The `frame` that lends the next image, for who sends it."""
         dealings = self.with_(connection)
-        dealings.frames += 1
-        seq, dealings.lent_of = dealings.frames, dealings.generation
-        frame = messages.frame(dealings.generation, seq, seq % self.slots, self.width, self.height)
+        seq, slot = self.coming(connection)
+        dealings.coming, dealings.lent_of = None, dealings.generation
+        dealings.frames.append(seq)
+        frame = messages.frame(dealings.generation, seq, slot, self.width, self.height)
+        frame["camera"] |= self.lens
         if self.viewpoint:
             frame["camera"] |= self.viewpoint.camera(self.width, self.height)
         if self.viewpoint and self.viewpoint.tag and self.viewpoint is not dealings.shown:
             frame["camera"]["tag"] = self.viewpoint.tag
         dealings.shown = self.viewpoint
-        self.say(connection, frame | changes)
-        return seq
+        return frame
 
     def answer(self, connection: Connection, request: Json) -> Json | None:
         """The reply to a request, or an `error`; None if it is no request on this connection."""
@@ -179,6 +236,8 @@ class Role:
         reply = messages.reply(
             request, typed=typed, width=self.width, height=self.height, lens=lens
         )
+        if reply and "intrinsics" in reply:
+            reply["intrinsics"] = self.lens
         return reply and self.spoil(reply)
 
     def tell(self, connection: Connection, *more: Json) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from splatbus_schemas.requirements import requirements
 
 import splatbus_conformance.checks
 from splatbus_conformance import parallel, room
@@ -65,6 +66,8 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         if workers == 1:
             _note_what_did_not_run(gathering, status, plan)
             return findings
+        # What the rules see of the introduction; the workers have none of their own.
+        findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
     try:
         status = _run_apart(plan, stand.facts, workers, gathering)
     except NoVerdict as error:
@@ -98,8 +101,16 @@ def _run_apart(plan: Plan, facts: Facts, workers: int, gathering: Gathering) -> 
 
 
 def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Checks as they come, those that may crash the testee last."""
-    return sorted(items, key=lambda item: declared(item).may_crash)
+    """Checks of what must be before those of what should be, since a person in front of the testee
+    may not start it for all of them; those that may crash it last.
+    """
+    known = requirements("1.1")
+
+    def rank(item: pytest.Item) -> tuple[bool, bool]:
+        check = declared(item)
+        return check.may_crash, not known[check.requirement].level.startswith("MUST")
+
+    return sorted(items, key=rank)
 
 
 def _what_happens(peer: Peer, plan: Plan) -> str:

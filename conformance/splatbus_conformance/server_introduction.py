@@ -5,7 +5,7 @@ Checks ask no more of it than it has shown here.
 
 from dataclasses import dataclass, field
 
-from splatbus_conformance import meeting
+from splatbus_conformance import meeting, mistakes
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.lenient_json import read
@@ -13,6 +13,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
+from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.testee import Testee, not_met
@@ -57,6 +58,8 @@ class ServerFacts:
     """The reply to `get_scene`."""
     unauthorized: bool = False
     """It requires a token that it was not given."""
+    guarded: bool = False
+    """It requires the token that it was given."""
     size: tuple[int, int] = (0, 0)
     device: str = ""
     """On which its CUDA memory is read: a GPU, or the stand-in; nothing if there is none."""
@@ -72,6 +75,8 @@ class ServerFacts:
         parts = [f"it speaks {self.version()}", f"listens on {where}"]
         if self.unauthorized:
             parts.append("asks for a token that it was not given: put it into SPLATBUS_TOKEN")
+        if self.guarded:
+            parts.append("requires the token that it was given")
         if self.size != (0, 0):
             parts.append(f"announces images of {self.size[0]}x{self.size[1]}")
         parts.append("sends frames" if self.renders else "sends no frame")
@@ -134,6 +139,8 @@ class ServerFacts:
             known, why = self.first is not None, "shows no image that can be read here"
         elif kind == "scene":
             known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
+        elif kind == "cuda" and self.guarded:
+            known, why = False, "requires a token, and announces nothing to who says nothing"
         elif kind == "cuda":
             known, why = self.at_once, "announces no CUDA memory"
         else:
@@ -191,6 +198,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             viewer.ask(connection, {"type": "get_scene"})
             peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
             facts.scene = _scene(dealings)
+    facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     facts.advice = meeting.on_server([_met(it, viewer) for it in peer.connections])
@@ -206,7 +214,24 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     for channel, pair in pairs.items():
         facts.alone[channel] = any(each is not None and each.ended for each in pair)
     peer.close_all()
+    ended = testee.ended()
+    if ended and not (facts.answers or facts.init_packet or any(facts.welcome.values())):
+        raise NoVerdict(mistakes.ended_by_itself(f"the server {ended}", testee.output()))
     return facts
+
+
+def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool:
+    """Whether the server requires the token that it was given."""
+    if viewer.token is None:
+        return False
+    for channel in CHANNELS:
+        if (connection := reach(peer, testee, channel, patience)) is not None:
+            viewer.greet(connection, token=None)
+            heard = viewer.with_(connection)
+            peer.until(lambda: heard.heard or connection.ended, REPLY_SECONDS)  # noqa: B023
+            if "unauthorized" in heard.errors():
+                return True
+    return False
 
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:

@@ -41,6 +41,8 @@ class ServerStand:
     def introduce(self) -> None:
         """Meet the server for the first time. Raises NoVerdict."""
         self.facts = introduce(self.peer, self._new_viewer(), self.testee, self.plan.patience)
+        if not (self.facts.guarded or self.facts.unauthorized):
+            self._token = None  # what nobody asks for is not said
         if self.device:
             self.facts.device = STAND_IN if self.stand_in else self.device.uuid
         if self.stand_in:

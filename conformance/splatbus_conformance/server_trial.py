@@ -68,11 +68,34 @@ class ServerTrial(Trial):
     # Meeting the testee
 
     def dial(self, channel: Channel) -> Connection:
-        """A new connection, on which nothing was said yet; starts the server if it has ended."""
+        """A new connection that is served, and agreed on nothing.
+
+        To most servers nothing need be said for that; one that requires a token was given it, and
+        has said `welcome`.
+        """
+        if self.facts.unauthorized:
+            self.not_observable("the server asks for a token that it was not given")
+        if self.viewer.token is None:
+            return self.before_hello(channel)
+        return self.greeted(channel, capabilities=[])
+
+    def dial_narrowly(self, channel: Channel) -> Connection:
+        """The same, where little of what the server sends fits into the systems' buffers."""
+        self.peer.narrow = True
+        try:
+            return self.dial(channel)
+        finally:
+            self.peer.narrow = False
+
+    def before_hello(self, channel: Channel) -> Connection:
+        """A new connection on which nothing was said; starts the server if it has ended.
+
+        For what is said first. One on which something is to be answered comes from `dial`.
+        """
         if self.testee.ended() is not None:
             self.testee.stop()
         self.testee.ensure_running()
-        connection = self._reach(channel)
+        connection = self.reached(channel)
         if connection is None:
             if self.fate() == "dies":
                 self.judge("dies", f"a connection to the {channel} channel")
@@ -93,7 +116,7 @@ class ServerTrial(Trial):
         `welcome` or an `error`; None if the server closes, or says neither in time.
         """
         for _ in range(GREETINGS):
-            connection = self.dial(channel)
+            connection = self.before_hello(channel)
             heard = self.viewer.with_(connection).heard
             self.viewer.greet(connection, **changes)
             self.wait(lambda: _answer(heard) or connection.ended)  # noqa: B023
@@ -101,6 +124,14 @@ class ServerTrial(Trial):
                 break
             self.rest(0.05)
         return connection, _answer(heard)
+
+    def require_all(self, *connections: Connection) -> None:
+        """Skip the check if the server, which may (CHN-13), ends one for those that came later."""
+        for connection in connections:
+            if connection.channel == "msg" and not connection.ended:
+                self.answers(connection)
+        if any(connection.ended for connection in connections):
+            self.not_observable(f"the server keeps fewer than {len(connections)} connections")
 
     def ready(self, channel: Channel, **changes: object) -> Connection:
         """A new connection that was given `welcome`, with memory open if the server gives any."""
@@ -194,6 +225,13 @@ class ServerTrial(Trial):
 
     # Scripts, and what becomes of them
 
+    def judge(self, outcome: str, what: str) -> None:
+        """The same; who had to say hello may be told by an `error` what is ignored."""
+        acceptable = self.requirement.acceptable
+        if outcome == "reports" and self.viewer.token is not None and outcome not in acceptable:
+            outcome = "ignores"
+        super().judge(outcome, what)
+
     def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on a message connection, then a good request as the control.
 
@@ -211,7 +249,7 @@ class ServerTrial(Trial):
             if len(said) == 1:
                 return "ignores"
             return "reports" if all(kind == "error" for kind in said[:-1]) else "replies"
-        return self._end_of(connection)
+        return self.end_of(connection)
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on an IPC connection; the control is that images still follow the camera,
@@ -232,29 +270,56 @@ class ServerTrial(Trial):
         if goes_on and not connection.ended:
             self.delivered += 1
             return "reports" if len(dealings.errors()) > errors else "ignores"
-        return self._end_of(connection)
+        return self.end_of(connection)
 
     def serves(self) -> bool:
-        """Whether the server answers a request on a new connection."""
-        if self.fate():
+        """Whether new connections are served on both channels: requests are answered on one, and
+        on the other whatever the server says first was said.
+
+        Beside another of ours, a new one may be closed instead (CHN-13).
+        """
+        return not self.fate() and self._serves_on("msg") and self._serves_on("ipc")
+
+    def _serves_on(self, channel: Channel) -> bool:
+        said_first = self.facts.welcome[channel] or self.facts.at_once
+        if not self.facts.listens[channel] or (channel == "ipc" and not said_first):
+            return True
+        connection = self.served(channel)
+        if connection is None:
             return False
-        connection = self._reach("msg")
-        served = connection is not None and self.answers(connection)
-        if connection is not None:
-            connection.close()
+        heard = self.viewer.with_(connection).heard
+        if channel == "msg":
+            served = self.answers(connection)
+        else:
+            if self.facts.welcome[channel] and self.viewer.token is None:
+                self.viewer.greet(connection, capabilities=[])
+            served = self.wait(lambda: heard or connection.ended) and bool(heard)
+        others = (c for c in self.peer.connections if c.channel == channel and c is not connection)
+        served = served or (connection.ended is not None and any(not c.gone for c in others))
+        connection.close()
         return served
 
     def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the server ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
 
-    def _reach(self, channel: Channel) -> Connection | None:
-        """A new connection; where one is served at a time and none is held, one that stays.
+    def served(self, channel: Channel) -> Connection | None:
+        """A new connection, on which a token was said if the server requires one; None if it
+        accepts none.
+        """
+        connection = self.reached(channel)
+        if connection is not None and self.viewer.token is not None:
+            self.viewer.greet(connection, capabilities=[])
+        return connection
+
+    def reached(self, channel: Channel) -> Connection | None:
+        """A new connection on which nothing was said, or None; where one is served at a time and
+        none is held, one that stays.
 
         There, the next is refused until the server has seen that the last has gone.
         """
-        kept = (c for c in self.peer.connections if c.channel == channel and c.open)
-        retries = self.facts.alone[channel] and all(c.ended for c in kept)
+        kept = (c for c in self.peer.connections if c.channel == channel)
+        retries = self.facts.alone[channel] and all(c.gone for c in kept)
         deadline = time.monotonic() + EFFECT_SECONDS
         while True:
             connection = reach(self.peer, self.testee, channel, self.patience)
@@ -265,8 +330,11 @@ class ServerTrial(Trial):
                 return connection
             connection.close()
 
-    def _end_of(self, connection: Connection) -> str:
-        if self.wait(lambda: connection.ended, EFFECT_SECONDS):
+    def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:
+        """What becomes of a connection that is to end within this time: `closes` (and new ones are
+        served), `exits`, `dies` or `hangs`.
+        """
+        if self.ends(connection, seconds):
             connection.close()
         if self.serves():
             return "closes" if connection.ended else "hangs"
@@ -282,8 +350,6 @@ class ServerTrial(Trial):
         """
         if self._mover is None or self._mover.ended or not self._mover.open:
             self._mover = self.dial("msg")
-            if self.viewer.token is not None:
-                self.viewer.greet(self._mover)
             self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
         if pose is None:
             row, column = divmod(next(_places), 64)

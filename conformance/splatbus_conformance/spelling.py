@@ -53,6 +53,11 @@ def spell(value: Any, random: Random, liberties: Container[str] = LIBERTIES) -> 
     return f"{gap(random)}{_token(value, random, liberties)}{gap(random)}"
 
 
+def spell_in_utf_8(value: Any) -> bytes:
+    """A text without escapes, whose characters take as many bytes as they do in UTF-8."""
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
 def _token(value: Any, random: Random, liberties: Container[str]) -> str:
     gap = _gap if SPACE in liberties else lambda random: ""
     if isinstance(value, dict):

@@ -5,17 +5,17 @@ import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.messages import Json, encode
+from splatbus_conformance.nudging import Nudges
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trial import EFFECT_SECONDS, JITTER_SECONDS
 from splatbus_conformance.values import finites, within
+from splatbus_conformance.watching import fell_silent
 
 CLOSENESS = 1e-5
 """How far a number of a pose in force may be from the one that was sent, absolute or relative."""
-AGAIN_SECONDS = 0.5
-"""After which a pose is sent again, as viewers do: a connection that held control may linger."""
 
 
 class Camera(NamedTuple):
@@ -50,15 +50,10 @@ class Steering:
         self.trial = trial
         self.reader = trial.reading()
         self._frames = trial.viewer.with_(self.reader).frames
-        self._nudges = 0
+        self._nudges = Nudges(trial, self._frames)
+        self._was_nudged = False
         if not trial.wait(lambda: self._frames or self.reader.ended):
-            trial.not_observable("the server sent no frame")
-        trial.rest(REACTION_SECONDS / 4)
-        before = len(self._frames)
-        trial.rest(REACTION_SECONDS / 4)
-        self._needed = 1 if len(self._frames) == before else 2
-        """Frames to wait for, so that the last was begun after what was handled before: a server
-        that renders all the time may be about to send one that it began earlier."""
+            fell_silent(trial, self.reader, "the server sent no frame")
 
     @property
     def count(self) -> int:
@@ -67,7 +62,7 @@ class Steering:
 
     def cameras(self, since: int = 0) -> list[Camera]:
         """What the frames past so many were rendered with; those that do not say are left out."""
-        return [camera for frame in self._frames[since:] if (camera := _camera(frame))]
+        return [camera for frame in self._frames[since:] if (camera := camera_in(frame))]
 
     def now(self) -> Camera:
         """What the newest frame was rendered with."""
@@ -81,22 +76,15 @@ class Steering:
         return self.now().shows(camera_of(pose))
 
     def shows(self, connection: Connection, pose: Json, payload: bytes | None = None) -> bool:
-        """Send a valid pose, spelled so, until a frame shows it; whether one does in time.
-
-        Where the camera is there already, only that it stays can be seen.
+        """Send a valid pose, spelled so, until a frame shows it that was rendered afterwards;
+        whether one does in time. That frame is the newest then, or as new.
         """
-        if self.shows_now(pose):
-            connection.send(packet(payload or encode(pose)))
-            self.nudged(connection)
-            return self.shows_now(pose)
-        wanted, before = camera_of(pose), self.count
-        deadline = time.monotonic() + EFFECT_SECONDS
+        sent, deadline = packet(payload or encode(pose)), time.monotonic() + EFFECT_SECONDS
         while time.monotonic() < deadline and not connection.ended and not self.trial.fate():
-            connection.send(packet(payload or encode(pose)))
-            if self.trial.wait(
-                lambda: any(camera.shows(wanted) for camera in self.cameras(before)), AGAIN_SECONDS
-            ):
+            if self._nudges.shown(connection, sent) and self.shows_now(pose):
+                self._was_nudged = True
                 return True
+            self.trial.rest(JITTER_SECONDS)
         return False
 
     def takes(self, connection: Connection, pose: Json, payload: bytes | None = None) -> str:
@@ -113,20 +101,18 @@ class Steering:
         connection has to be in control, or to get it by this.
         """
         since = self.count if since is None else since
-        if not all(self.renders_for(connection) for _ in range(self._needed)):
-            self.trial.not_observable("the server sent no frame after the Gaussians had moved")
+        if not self.renders_for(connection):
+            what = "the server sent no frame after the Gaussians had moved"
+            if self._was_nudged:
+                fell_silent(self.trial, self.reader, what)
+            self.trial.not_observable(what)
         return self.cameras(since)
 
     def renders_for(self, connection: Connection) -> bool:
-        """Move the Gaussians; whether a frame comes in time."""
-        before = self.count
-        deadline = time.monotonic() + EFFECT_SECONDS
-        while self.count == before and time.monotonic() < deadline and not connection.ended:
-            self._nudges += 1
-            moved = camera_pose((0.0, 0.0, self._nudges % 100 / 1000), kind="point_cloud_pose")
-            connection.send(packet(encode(moved)))
-            self.trial.wait(lambda: self.count > before, AGAIN_SECONDS)
-        return self.count > before
+        """Move the Gaussians; whether a frame comes in time that shows it."""
+        came = self._nudges.shown(connection)
+        self._was_nudged |= came
+        return came
 
     def outcome_of(self, connection: Connection, payload: bytes) -> str:
         """Send what must not move the camera, from the connection in control.
@@ -138,11 +124,14 @@ class Steering:
         outcome = self.trial.outcome_on_msg(connection, packet(payload))
         if outcome not in ("ignores", "reports", "replies"):
             return outcome
-        seen = self.nudged(connection, before)
-        return "keeps" if all(camera.shows(former) for camera in seen) else "applies"
+        if not self.renders_for(connection):
+            return "hangs"
+        kept = all(camera.shows(former) for camera in self.cameras(before))
+        return "keeps" if kept else "applies"
 
 
-def _camera(frame: Json) -> Camera | None:
+def camera_in(frame: Json) -> Camera | None:
+    """What a frame was rendered with, if it says so."""
     position = finites(within(frame, "camera", "position"), 3)
     rotation = finites(within(frame, "camera", "rotation"), 4)
     return Camera(position, _unit(rotation)) if position and rotation else None

@@ -35,9 +35,16 @@ class Pose(NamedTuple):
         return f"position {_words(self.position)}, rotation {_words(self.rotation)}"
 
 
-def poses(salt: str, *, single: bool = False) -> st.SearchStrategy[Pose]:
-    """Poses of every kind; others for another `salt`, exact in single precision if so asked."""
+def poses(salt: str, *, single: bool = False, unit: bool = False) -> st.SearchStrategy[Pose]:
+    """Poses of every kind; others for another `salt`.
+
+    Args:
+        salt: any text.
+        single: they are exact in single precision.
+        unit: rotations have the norm 1 but for rounding, for engines that take another for scale.
+    """
     held = np.float32 if single else np.float64
+    rotations = UNIT_ROTATIONS if unit else ROTATIONS
 
     def pose(
         position: Callable[[random.Random], Sequence[float]],
@@ -55,7 +62,7 @@ def poses(salt: str, *, single: bool = False) -> st.SearchStrategy[Pose]:
             tuple(float(held(number)) for number in turn),
         )
 
-    return st.builds(pose, st.sampled_from(POSITIONS), st.sampled_from(ROTATIONS), steering())
+    return st.builds(pose, st.sampled_from(POSITIONS), st.sampled_from(rotations), steering())
 
 
 class Steered(NamedTuple):
@@ -172,6 +179,7 @@ def _axis(rng: random.Random) -> list[float]:
     return _unit([rng.gauss(0, 1) for _ in range(3)])
 
 
-ROTATIONS = (_any, _off_norm, _half_turn, _near_identity, _with_zeros)
-_MAY_MOVE = (*POSITIONS[:2], *ROTATIONS[:-1])
+UNIT_ROTATIONS = (_any, _half_turn, _near_identity, _with_zeros)
+ROTATIONS = (*UNIT_ROTATIONS, _off_norm)
+_MAY_MOVE = (*POSITIONS[:2], *UNIT_ROTATIONS[:-1], _off_norm)
 """The others are of numbers that were chosen to the last bit."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.nudging import Nudges
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographer import AT_REST, Photographer
 from splatbus_conformance.photographs import Photograph
@@ -13,6 +14,7 @@ from splatbus_conformance.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.stress import Pose
+from splatbus_conformance.watching import fell_silent
 
 STEP = 2.0**-8
 """How far apart the cameras are from which is looked, in scene units."""
@@ -32,12 +34,19 @@ class Studio:
         self.trial = trial
         self.poser = trial.commanding()
         self.photographer = Photographer(trial)
+        self._looked = False
+        self._nudges = Nudges(trial, self.frames, self.photographer.new)
         self.look(placed(DEFAULT, AT_REST) if _has_objects(trial) else at_rest())
 
     @property
     def heard(self) -> list[Json]:
         """All that the server said on the message connection; it grows."""
         return self.trial.viewer.with_(self.poser).heard
+
+    @property
+    def frames(self) -> list[Json]:
+        """All frames that came; it grows."""
+        return self.photographer.dealings.frames
 
     def say(self, *messages: Json) -> None:
         """Send messages from the client in control."""
@@ -51,16 +60,34 @@ class Studio:
         return self.take(self.elsewhere(), *messages, **members)
 
     def take(self, camera: Pose, *messages: Json, **members: Any) -> Photograph:
-        """The first image from this camera after these messages; skips the check without one."""
+        """The first image from this camera after these messages; skips the check if there was
+        never one.
+        """
         self.say(*messages)
         photograph = self.photographer.take(camera, None, **members)
         if named(photograph.camera.pose, camera) is not AS_SPECIFIED:
-            self.trial.not_observable(f"no image shows the camera at {camera}")
+            what = f"no image shows the camera at {camera}"
+            if self._looked:
+                fell_silent(self.trial, self.photographer.reader, what)
+            self.trial.not_observable(what)
+        self._looked = True
         return photograph
+
+    def nudged(self, since: int) -> list[Json]:
+        """The frames past so many, up to one that was rendered after all that was said: whatever
+        had an effect shows it there. Only the Gaussians are moved, a little.
+        """
+        moved = self._nudges.shown(self.poser)
+        self.trial.expect(moved, "the Gaussians were moved, as before, and no frame shows it")
+        return self.frames[since:]
 
     def elsewhere(self) -> Pose:
         """A camera next to the first view, where none was lately."""
         return elsewhere(self.trial)
+
+    def end(self) -> str:
+        """What the server did in place of an answer."""
+        return self.trial.fate() or ("closes" if self.poser.ended else "hangs")
 
     def answers(self) -> bool:
         """Whether the client in control is answered, after all that it said before."""
@@ -101,8 +128,11 @@ def answers(trial: ServerTrial, connection: Connection) -> bool:
 def further(trial: ServerTrial, *others: Connection) -> Connection:
     """One more message client; skips the check where the server serves fewer at a time."""
     connection = trial.greeted("msg")
-    if not answers(trial, connection) or any(other.ended for other in others):
-        trial.not_observable("the server serves one connection at a time on the message channel")
+    answered = answers(trial, connection)
+    trial.expect(answered or connection.ended, "a further connection is neither served nor closed")
+    if not answered or any(other.ended for other in others):
+        count = len(others) + 1
+        trial.not_observable(f"the server serves fewer than {count} message connections at a time")
     return connection
 
 

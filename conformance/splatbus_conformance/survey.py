@@ -138,14 +138,15 @@ def _weigh(trial: ServerTrial, taken: Sequence[Taken], wrong: Sequence[Reading])
             "points of one image off in others", 100 * (1 - right), None, "%", _at(taken)
         )
         return Finding(silent=said if alike else "")
-    best = max(by_words.values())
+    best = float(shares[1:].max())
     found = [it for it in EVERY[1:] if by_words[it] > best - ALIKE]
     if trial.facts.scene_known:
         found = [it for it in found if it not in ROWS]
     if best < FITS or best - right < APART or not found:
         return Finding(
-            silent=f"the images fit no camera: {right:.0%} of the points of one are where another"
-            f" has them, and {best:.0%} if they are {EVERY[int(shares.argmax())].words}"
+            silent="the images cannot tell from where they are seen, as those of soft or sparse"
+            f" splats cannot: {right:.0%} of the points of one are where another has them by what"
+            f" the frames say, and {best:.0%} by the likeliest mistake"
         )
     guilty = MIRRORED if MIRRORED in found else found[0]
     if guilty not in wrong:

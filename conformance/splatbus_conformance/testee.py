@@ -19,6 +19,8 @@ from splatbus_conformance.recording import Channel
 Say = Callable[[str], None]
 
 STOP_SECONDS = 5.0
+MOST_STARTS = 4
+"""How often somebody is asked to start a client by hand that never comes back by itself."""
 LEAVING_SECONDS = 1.0
 WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 WINDOWS_CRASH = 0xC0000000
@@ -72,6 +74,9 @@ class Testee(Protocol):
 
     def missed(self, channel: Channel) -> None:
         """A check has waited for a connection on this channel for a while."""
+
+    def asked_to_start(self, what_for: str) -> bool:
+        """Ask whoever starts it to do so again, and say for what; False once that was often."""
 
     def close(self) -> None:
         """End it, and give back what it took."""
@@ -232,6 +237,10 @@ class Launched:
     def missed(self, channel: Channel) -> None:
         """It is started anew, so there is nothing to say."""
 
+    def asked_to_start(self, what_for: str) -> bool:
+        """The harness starts it by itself."""
+        return True
+
     def close(self) -> None:
         """End it, and forget what it printed."""
         self.stop()
@@ -249,6 +258,8 @@ class Awaited:
     def __init__(self, name: str, say: Say = lambda text: None) -> None:
         self.name = name
         self._say = say
+        self._starts = 1
+        """How often somebody has started it, or was asked to."""
 
     def ensure_running(self) -> bool:
         """Nothing to do."""
@@ -267,11 +278,30 @@ class Awaited:
         return ""
 
     def missed(self, channel: Channel) -> None:
-        """Whoever started it may have to start it again."""
+        """Whoever started it may have to start it again, and may not have been asked to."""
+        if self._starts > 1:
+            return
         self._say(
             f"Waiting for the client to connect to the {WORDS[channel]} channel again: if it has "
             "stopped, start it anew (in an engine: press Play)."
         )
+
+    def asked_to_start(self, what_for: str) -> bool:
+        """Ask for it, but for no more than anybody likes to do."""
+        if self._starts == MOST_STARTS:
+            return False
+        self._starts += 1
+        self._say(
+            f"Start {self._starts} of {MOST_STARTS}: stop your client if it still runs, and start "
+            f"it again (in an engine: press Play). It is for {what_for} {self._what_follows()}"
+        )
+        return True
+
+    def _what_follows(self) -> str:
+        left = MOST_STARTS - self._starts
+        if not left:
+            return "It is the last: what takes another is left out, and the verdict follows."
+        return f"Then {'comes another' if left == 1 else f'come {left} more'} at most."
 
     def close(self) -> None:
         """Nothing to do."""

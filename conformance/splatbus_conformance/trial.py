@@ -57,6 +57,8 @@ class Trial:
         self.patience = patience
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
+        self.purpose = requirement.id
+        """What the check does, for whoever has to start the testee for it."""
         self.losses: list[Loss] = []
         self.killed = False
         """The check has ended the testee's process itself, as its scenario demands."""

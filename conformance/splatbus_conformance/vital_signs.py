@@ -3,11 +3,16 @@
 A process may live while one of its channels is dead: its listener ended, or the thread behind it.
 """
 
+import math
+from collections.abc import Sequence
+
 from splatbus_conformance.client_introduction import ClientFacts
+from splatbus_conformance.conversation import conversations
 from splatbus_conformance.meeting import NAMES, does_not_come
 from splatbus_conformance.peer import Connection, Peer
-from splatbus_conformance.recording import Channel
+from splatbus_conformance.recording import Channel, Entry
 from splatbus_conformance.role import Role
+from splatbus_conformance.rules import sightings
 from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, reach
 from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import EFFECT_SECONDS
@@ -15,15 +20,23 @@ from splatbus_conformance.viewer import Viewer
 
 QUIET_SECONDS = 0.02
 """For which a server that says nothing on a channel must at least leave a connection open."""
-OF_PAYLOADS = ("FRM", "JSN", "INI", "POS", "REQ", "NEG", "MEM", "OPN", "IMG", "CAM", "OBJ", "TEL")
-"""Clauses whose checks deliver payloads; others end connections."""
 
 
-def forbids_loss(side: str, requirement: str) -> str:
-    """The requirement that a testee breaks which loses a sign by a check of this requirement."""
+def forbids_loss(side: str, entries: Sequence[Entry]) -> str:
+    """The requirement that a testee breaks which loses a sign by what crossed the wire.
+
+    A server has to go on whatever comes. A client may not hang by what breaks a rule, has to take
+    every init packet that breaks none, and must be none the worse for a connection that is lost.
+    """
     if side == "server":
         return "CHN-14"
-    return "JSN-10" if requirement.partition("-")[0] in OF_PAYLOADS else "CHN-19"
+    if any(it.breach and it.peer == "server" for it in sightings(entries)):
+        return "JSN-10"
+    for conversation in conversations(entries):
+        left = conversation.ended.get("c2s", math.inf)
+        if conversation.of("init_packet") and left < conversation.ended.get("s2c", math.inf):
+            return "INI-8"
+    return "CHN-19"
 
 
 def lost_by_server(

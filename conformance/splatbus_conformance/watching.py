@@ -1,6 +1,7 @@
 """Readers of a server's images, as its checks use them."""
 
 import time
+from typing import NoReturn
 
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
@@ -9,6 +10,17 @@ from splatbus_conformance.trial import EFFECT_SECONDS
 
 LENDS = ("1.1", "frames")
 """What a server must have shown that lends images."""
+
+
+def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
+    """No frame came to a reader that waits for one, from a server that has sent frames before.
+
+    That is a violation, unless the reader was closed in favour of a later one, or somebody else may
+    have control of the scene.
+    """
+    if reader.ended or not trial.testee.expendable:
+        trial.not_observable(what)
+    trial.violated(f"{what}, as it did when it was met")
 
 
 def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:
@@ -23,7 +35,7 @@ def holding(trial: ServerTrial) -> tuple[Connection, Json]:
     frames = frames_of(trial, connection)
     trial.wait(lambda: frames or connection.ended)
     if not frames:
-        trial.not_observable("the server sent no frame")
+        fell_silent(trial, connection, "the server sent no frame")
     return connection, frames[0]
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from splatbus_conformance import messages
-from splatbus_conformance.broken_text import broken_texts
+from splatbus_conformance.broken_text import EXTREMES, broken_texts
 from splatbus_conformance.lenient_json import read
 from splatbus_schemas import LIMITS
 
@@ -50,3 +50,10 @@ def test_lenient_readers_take_many_for_the_message():
         return isinstance(value, dict) and {**value, **good} == {**value}
 
     assert sum(map(taken, broken_texts(good))) > 30
+
+
+def test_the_extremes_are_of_kinds_of_their_own():
+    texts = broken_texts(MESSAGES["init packet"])
+    kinds = [text.kind for text in texts if text.what in EXTREMES]
+    assert sorted(what for _, what in kinds) == sorted(EXTREMES)
+    assert all(text.kind not in kinds for text in texts if text.what not in EXTREMES)

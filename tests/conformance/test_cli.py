@@ -1,7 +1,9 @@
 """The command line: its examples, and what it refuses before anything is started."""
 
 import io
+import os
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable
 from importlib import metadata
@@ -101,6 +103,31 @@ def test_a_terminal_that_lacks_a_character_gets_another(
     console(True).print("client → server ✓", markup=False)
     sys.stdout.flush()
     assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it takes a terminal of POSIX")
+@pytest.mark.parametrize(("terminal", "most"), [(True, 70), (False, 240)])
+def test_plain_lines_fit_the_terminal_if_there_is_one(terminal: bool, most: int) -> None:
+    import fcntl
+    import pty
+    import struct
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 70, 0, 0))
+    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
+    done = subprocess.run(
+        [sys.executable, "-m", "splatbus_conformance", "--plain", "explain", "CHN-20"],
+        stdin=theirs if terminal else subprocess.DEVNULL,
+        stdout=theirs if terminal else subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=environment,
+    )
+    os.close(theirs)
+    output = os.read(ours, 1 << 16) if terminal else done.stdout
+    os.close(ours)
+    longest = max(len(line.rstrip()) for line in output.decode().splitlines())
+    assert most / 2 < longest <= most
 
 
 @pytest.mark.parametrize(

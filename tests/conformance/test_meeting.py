@@ -70,6 +70,7 @@ def test_a_good_client_is_told_nothing() -> None:
         (TEXT + b"\n", "JSON without a header"),
         (b"GET / HTTP/1.1\r\n\r\n", "this is HTTP"),
         ((len(TEXT) + 1).to_bytes(4, "little") + TEXT + b"\0", "the text has no terminator"),
+        ((len(TEXT) + 4).to_bytes(4, "little") + TEXT, "the length does not count the header"),
     ],
 )
 def test_foreign_bytes_are_recognised(says, data: bytes, words: str) -> None:

@@ -1,6 +1,8 @@
 """The raw peer: how its connections end."""
 
+import contextlib
 import socket
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -35,3 +37,35 @@ def test_a_reset_is_one(pair) -> None:
     connection.reset()
     with pytest.raises(ConnectionResetError):
         testee.recv(100)
+
+
+def test_what_is_held_is_connected_and_accepted_later() -> None:
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.hold("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        testee.sendall(b"before it is accepted")
+        peer.pump(0.05)
+        assert not peer.connections
+        peer.listen("ipc")
+        assert peer.until(lambda: peer.connections, SECONDS)
+        peer.hold("ipc")
+        peer.refuse("ipc")
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS)
+    peer.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere buffers are of other sizes")
+def test_little_is_under_way_on_a_narrow_connection() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        peer = Peer("127.0.0.1", dict.fromkeys(("ipc", "msg"), listener.getsockname()[1]))
+        peer.narrow = True
+        peer.dial("msg").stop_reading()
+        testee, _ = listener.accept()
+        testee.settimeout(0.5)
+        taken = 0
+        with testee, contextlib.suppress(TimeoutError):
+            while taken < 1 << 20:
+                taken += testee.send(bytes(30))
+        assert 0 < taken < 1 << 20
+        peer.close()

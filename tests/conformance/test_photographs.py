@@ -8,7 +8,7 @@ import pytest
 from splatbus_conformance.closed_form import render
 from splatbus_conformance.messages import frame
 from splatbus_conformance.photographs import Photograph, shows_the_scene
-from splatbus_conformance.pinhole import camera_of
+from splatbus_conformance.pinhole import camera_of, rigid
 
 DEPTHS = np.array([[np.inf, 100.0, 7.0, 2.5], [np.nan, -1.0, 0.0, 99.9]], np.float32)
 
@@ -40,22 +40,53 @@ def test_a_distance_along_the_ray_is_made_planar() -> None:
     assert seen._replace(camera=camera).planar()[0, 0] == pytest.approx(3.0 / math.sqrt(3.0))
 
 
-def test_the_scene_is_recognised_with_its_colours_in_any_order_but_not_with_others() -> None:
+def shown(*centres: tuple[float, float], turned: float = 0.0) -> Photograph:
+    """The scene, as a renderer draws it that looks through so many points of each pixel."""
     blank = photograph(np.zeros((48, 64), np.float32))
-    camera = blank.camera._replace(fx=41.6, fy=41.6)
-    exact = render(camera)
-    shown = Photograph(
-        blank.frame,
-        camera,
-        exact.color.astype(np.float32),
-        exact.depth.astype(np.float32),
-        blank.semantics,
+    camera = blank.camera._replace(fx=41.6, fy=41.6, cx=32.0, cy=24.0)
+    about = rigid((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(turned / 2), math.cos(turned / 2)))
+    drawn = [
+        render(camera._replace(pose=about, cx=camera.cx + x, cy=camera.cy + y))
+        for x, y in centres or [(0.0, 0.0)]
+    ]
+    color = np.mean([it.color for it in drawn], axis=0)
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / np.mean([1.0 / it.depth for it in drawn], axis=0)
+    return Photograph(
+        blank.frame, camera, color.astype(np.float32), depth.astype(np.float32), blank.semantics
     )
-    assert shows_the_scene(shown)
-    assert shows_the_scene(shown._replace(color=shown.color[..., [2, 1, 0, 3]]))
-    assert not shows_the_scene(shown._replace(color=shown.color * 0.9))
-    assert not shows_the_scene(shown._replace(depth=shown.depth[::-1]))
-    assert not shows_the_scene(shown._replace(depth=np.full_like(shown.depth, np.inf)))
+
+
+def test_the_scene_is_recognised_with_its_colours_in_any_order_but_not_with_others() -> None:
+    it = shown()
+    assert shows_the_scene(it)
+    assert shows_the_scene(it._replace(color=it.color[..., [2, 1, 0, 3]]))
+    assert not shows_the_scene(it._replace(color=it.color * 0.9))
+    assert not shows_the_scene(it._replace(depth=it.depth[::-1]))
+    assert not shows_the_scene(it._replace(depth=np.full_like(it.depth, np.inf)))
+
+
+@pytest.mark.parametrize("off", [(0.5, 0.5), (0.5, 0.0), (0.0, -0.1), (1.0, 1.0)])
+def test_a_scene_that_is_drawn_beside_its_place_is_that_scene(off: tuple[float, float]) -> None:
+    assert shows_the_scene(shown(off))
+
+
+def test_so_is_one_that_is_turned_a_little() -> None:
+    assert shows_the_scene(shown(turned=0.01))
+
+
+def test_a_scene_whose_edges_are_blended_is_another_one() -> None:
+    quarters = [(x, y) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
+    assert not shows_the_scene(shown(*quarters))
+
+
+def test_an_image_that_is_empty_where_the_scene_cannot_be_seen_is_not_of_it() -> None:
+    """A few splats in an otherwise empty image, of a camera that looks away from the scene."""
+    it = shown()
+    away = it.camera._replace(pose=rigid((0.0, 0.0, -20.0), (0.0, 1.0, 0.0, 0.0)))
+    color, depth = np.zeros_like(it.color), np.full_like(it.depth, np.inf)
+    depth[20, 30:40], color[20, 30:40] = 3.0, 0.5
+    assert not shows_the_scene(it._replace(camera=away, color=color, depth=depth))
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,10 @@ def wrong(engine):
     yield "it is in the engine's axes", POSE
     yield "only its position was converted", Pose(p, POSE.rotation)
     yield "only its rotation was converted", Pose(POSE.position, q)
-    yield "", Pose((9.0, 9.0, 9.0), q)
+    yield "", Pose((9.0, -7.0, 1.0), q)
+    yield "its position is 3 times what it should be", Pose(tuple(3 * n for n in p), q)
+    first = (POSE.rotation[3], *POSE.rotation[:3])
+    yield ORDER, Pose(p, tuple(map(float, engine.quaternion_to_wire(first))))
 
 
 @pytest.mark.parametrize("axes", ["unity", "opengl"])
@@ -109,6 +112,19 @@ def test_mistakes_are_named(axes):
     engine = engine_of(greeting(axes), "camera_pose")
     for words, came in wrong(engine):
         assert why(POSE, came, engine) == words
+
+
+def test_the_other_direction_of_the_table_is_named():
+    engine = engine_of(greeting("unreal", units=1), "camera_pose")
+    there = Pose(engine.position_to_wire(POSE.position), engine.quaternion_to_wire(POSE.rotation))
+    back = Pose(
+        engine.position_from_wire(POSE.position), engine.quaternion_from_wire(POSE.rotation)
+    )
+    words = "it was converted in the other direction of the table"
+    assert why(POSE, back, engine) == words
+    assert why(POSE, there, engine, "in") == words
+    assert why(POSE, POSE, engine, "in") == "it is in the wire's axes"
+    assert why(POSE, back, engine, "in", right=True) == "it is right"
 
 
 def test_centimetres_are_named():

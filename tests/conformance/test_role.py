@@ -8,7 +8,7 @@ from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.kinds import CAPABILITIES
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import ring_bytes
-from splatbus_conformance.packets import Splitter
+from splatbus_conformance.packets import Packet, Splitter
 from splatbus_conformance.recording import Entry
 from splatbus_conformance.role import Role
 from splatbus_conformance.rules import judge
@@ -37,21 +37,31 @@ class Wire:
         self.channel, self.open, self.ended = channel, True, None
         self.role, self.recording, self.number = role, recording, number
         self.said: list[dict] = []
+        self.sent: list[bytes] = []
+        self.packets: list[Packet] = []
+        self._splitter = Splitter()
         role.on_open(self)
 
     def send(self, data: bytes) -> None:
         self._note("s2c", data)
-        self.said += [read(packet.payload).value or {} for packet in Splitter().feed(data, 0.0)]
+        self.sent.append(data)
+        self.said += [read(packet.payload).value or {} for packet in self._splitter.feed(data, 0.0)]
 
-    def hear(self, message: dict) -> list[dict]:
-        """What the role says to a message, on this connection."""
-        payload = text(message)
-        data = len(payload).to_bytes(4, "little") + payload
+    def hear(self, *messages: dict) -> list[dict]:
+        """What the role says to messages that arrive together, on this connection."""
+        payloads = [text(message) for message in messages]
+        data = b"".join(len(it).to_bytes(4, "little") + it for it in payloads)
         self._note("c2s", data)
         before = len(self.said)
-        for packet in Splitter().feed(data, 0.0):
+        arrived = Splitter().feed(data, 0.0)
+        self.packets += arrived
+        for packet in arrived:
             self.role.on_packet(self, packet)
         return self.said[before:]
+
+    def give_back(self) -> list[dict]:
+        """What the role says to the release of the frame that it lent last."""
+        return self.hear(about_generation("release", seq=self.said[-1]["seq"]))
 
     def _note(self, direction: Any, data: bytes) -> None:
         now = 1.0 + 0.01 * len(self.recording)
@@ -61,8 +71,8 @@ class Wire:
 class Stage:
     """A role, and its connections; what it says has to keep every rule."""
 
-    def __init__(self, memory: HostMemory) -> None:
-        self.role, self.recording = Role(memory, *SIZE), []
+    def __init__(self, memory: HostMemory, seed: int = 0) -> None:
+        self.role, self.recording = Role(memory, *SIZE, seed=seed), []
 
     def connect(self, channel: Any, *capabilities: str) -> Wire:
         wire = Wire(self.role, channel, self.recording, len(self.role.dealings))
@@ -137,11 +147,11 @@ def test_no_other_size_for_those_who_could_not_follow(stage):
 
 def test_a_tag_comes_back_once_from_where_it_was_sent(stage):
     steering, reader = stage.steering(), stage.reading()
-    reader.hear(about_generation("release", seq=1))
+    reader.give_back()
     steering.hear(TAGGED)
     camera = reader.said[-1]["camera"]
     assert (camera["tag"], camera["position"]) == ("a", list(POSE["position"].values()))
-    reader.hear(about_generation("release", seq=2))
+    reader.give_back()
     stage.role.lend(reader)
     assert "tag" not in reader.said[-1]["camera"]
 
@@ -151,15 +161,15 @@ def test_a_tag_waits_for_the_release(stage):
     before = len(reader.said)
     steering.hear(TAGGED)
     assert len(reader.said) == before
-    (frame,) = reader.hear(about_generation("release", seq=1))
+    (frame,) = reader.give_back()
     assert frame["camera"]["tag"] == "a"
 
 
 def test_intrinsics_are_scaled_and_stay(stage):
     steering, reader = stage.steering(), stage.reading()
-    reader.hear(about_generation("release", seq=1))
+    reader.give_back()
     steering.hear(LENS)
-    reader.hear(about_generation("release", seq=2))
+    reader.give_back()
     steering.hear(TAGGED)
     for frame in reader.said[-2:]:
         camera = frame["camera"]
@@ -190,3 +200,39 @@ def test_telemetry_is_told_of_what_was_subscribed_to(stage, names, told):
 def test_all_kinds_of_series_are_told(stage):
     (message,) = stage.steering().hear({"type": "subscribe_telemetry", "names": None})
     assert {series["kind"] for series in message["series"]} == {"scalar", "histogram", "text"}
+
+
+def test_frames_are_lent_where_nobody_can_guess(stage):
+    reader = stage.reading()
+    frames = [reader.said[-1]]
+    for _ in range(29):
+        reader.give_back()
+        stage.role.lend(reader)
+        frames.append(reader.said[-1])
+    slots, numbers = [it["slot"] for it in frames], [it["seq"] for it in frames]
+    assert [sorted(slots[i : i + 3]) for i in range(0, 30, 3)] == [[0, 1, 2]] * 10
+    assert slots != [number % 3 for number in numbers]
+    assert numbers == sorted(set(numbers))
+    assert numbers[-1] > 2**32
+    assert {(it["camera"]["cx"], it["camera"]["cy"]) for it in frames} != {(32.0, 24.0)}
+
+
+def test_the_lens_of_a_reply_is_that_of_the_frames(stage):
+    steering, reader = stage.steering(), stage.reading()
+    (answer,) = steering.hear({**ASK_CAMERA, "id": 1})
+    assert answer["intrinsics"].items() <= reader.said[-1]["camera"].items()
+
+
+def test_what_is_said_at_once_is_cut_and_joined_by_the_seed():
+    cut, joined = set(), set()
+    with HostMemory(ring_bytes(128, 96, 3)) as memory:
+        for seed in range(30):
+            wire = Stage(memory, seed).steering()
+            before = len(wire.sent)
+            answers = wire.hear({**ASK_CAMERA, "id": 1}, {"type": "get_scene", "id": 2})
+            assert [it["id"] for it in answers] == [1, 2]
+            lengths = [int.from_bytes(data[:4], "little") + 4 for data in wire.sent[before:]]
+            whole = [len(data) for data in wire.sent[before:]]
+            joined.add(len(whole) == 1)
+            cut.add(whole[0] < lengths[0])
+    assert cut == joined == {True, False}

@@ -9,6 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_conformance.checks.server.clocks import Reading, expect_one_offset
+from splatbus_conformance.checks.server.framing import (
+    BAD_LENGTHS,
+    INSIDE,
+    STREAM,
+    bad_headers,
+    kind_of_header,
+)
 from splatbus_conformance.checks.server.lenses import (
     LARGEST,
     bad_lenses,
@@ -40,6 +47,26 @@ LENS = {
     "near": 0.01,
     "far": 100.0,
 }
+
+
+# Packets
+
+
+def test_each_bad_length_is_of_a_kind_of_its_own_on_each_channel() -> None:
+    kinds = {kind_of_header(it) for it in bad_headers() if it.length in BAD_LENGTHS}
+    assert len({kind[:2] for kind in kinds}) == 2 * len(BAD_LENGTHS)
+
+
+def test_a_header_with_all_that_it_announces_is_a_kind_of_its_own() -> None:
+    whole = [it for it in bad_headers() if len(it.after) == it.length > 0]
+    others = {kind_of_header(it) for it in bad_headers() if it not in whole}
+    assert whole
+    assert not others & {kind_of_header(it) for it in whole}
+
+
+def test_streams_are_cut_inside_of_characters_of_every_length_and_of_escapes() -> None:
+    cut = [STREAM[at - 1] for at in INSIDE]
+    assert {0xC3, 0xE4, 0xF0, ord("\\")} <= set(cut)
 
 
 # Shapes and lenses
@@ -137,7 +164,7 @@ def test_a_reading_before_its_ping_or_after_its_pong_is_found(late: float) -> No
 def test_every_broken_pose_of_an_object_breaks_the_rule_and_the_good_one_does_not() -> None:
     good = placed("default", AT_REST, 0.5)
     assert not any(it.breach for it in judged_object_pose(good))
-    for what, message in broken_object_poses(good):
+    for what, message, _ in broken_object_poses(good):
         assert any(it.breach for it in judged_object_pose(message)), what
 
 

@@ -5,13 +5,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.checks.client import device, device_frames
+from splatbus_conformance.checks.client import device, device_frames, device_packets
 
 from tests.conformance.stand_in_testing import checks_in, judged
 
 MINIATURES = Path(__file__).parent / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_client.py", MINIATURES / "cuda_frames.py"
-CHECKS = {OF_IMAGES: checks_in(device), OF_FRAMES: checks_in(device_frames)}
+CHECKS = {OF_IMAGES: checks_in(device, device_packets), OF_FRAMES: checks_in(device_frames)}
 ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
 
 
@@ -125,6 +125,63 @@ BROKEN = {
         "check_opens_nothing_of_broken_packets",
         "(INI-7): the testee took it as valid",
     ),
+    "reads one packet a connection, and dies of a broken one": (
+        'elif packet and "meta" in packet and "type" not in packet and is_good(packet):',
+        'elif packet and image is None and "meta" in packet and (is_good(packet) or os.abort()):',
+        "check_opens_nothing_of_broken_packets",
+        "the testee died",
+    ),
+    "reads text as leniently as its language does": (
+        "value = json.loads(payload.decode(), parse_float=finite, parse_int=finite, **strict)",
+        "return json.loads(payload)",
+        "check_opens_nothing_of_broken_text",
+        "the testee took it as valid",
+    ),
+    "hears nothing after a broken text": (
+        "with contextlib.suppress(ValueError, RecursionError):",
+        "try:\n                read(payload)\n"
+        "            except (ValueError, RecursionError):\n                time.sleep(600)\n"
+        "            else:",
+        "check_opens_what_follows_broken_text",
+        "neither reacted nor went on",
+    ),
+    "takes what has a type for an init packet": (
+        'and "type" not in packet ',
+        "",
+        "check_opens_what_follows_other_objects",
+        "the testee took it as valid",
+    ),
+    "takes what has a type that is null for an init packet": (
+        'and "type" not in packet ',
+        'and packet.get("type") is None ',
+        "check_opens_what_follows_other_objects",
+        "the testee took it as valid",
+    ),
+    "handles one packet a read": (
+        "                    yield message\n",
+        "                    yield message\n            break\n",
+        "check_opens_what_comes_in_pieces",
+        "neither reacted nor went on",
+    ),
+    "goes on with half a packet on the next connection": (
+        "            return\n        data += chunk",
+        '            globals()["kept"] = data\n            return\n'
+        '        data = globals().pop("kept", b"") + data + chunk',
+        "check_opens_what_follows_half_a_packet",
+        "a whole packet after",
+    ),
+    "takes integers without a fraction only": (
+        "number = isinstance(value, int | float)",
+        "number = isinstance(value, int)",
+        "check_opens_any_spelling",
+        "the testee ignored it",
+    ),
+    "knows all members that there may be": (
+        'if packet and "meta" in packet and',
+        'if packet and "meta" in packet and len(packet) == 4 and',
+        "check_opens_what_has_unknown_members",
+        "the testee ignored it",
+    ),
     "dies on an unknown handle": (
         'raise Bad(f"cuda{name}: {code}")',
         "os._exit(7)",
@@ -141,13 +198,19 @@ BROKEN = {
         'cuda("StreamWaitEvent", self.stream, self.events[slot], 0)',
         "pass",
         "check_waits_for_the_event_of_the_slot",
-        "the event of slot 1 was pending when it called cudaMemcpyAsync",
+        "was pending when it called cudaMemcpyAsync",
     ),
     "waits for the event of the first slot always": (
         "self.events[slot], 0)",
         "self.events[0], 0)",
         "check_waits_for_the_event_of_the_slot",
-        "the event of slot 1 was pending when it called cudaMemcpyAsync",
+        "was pending when it called cudaMemcpyAsync",
+    ),
+    "releases every other frame": (
+        'send(sock, {"type": "release", **release})',
+        'send(sock, {"type": "release", **release}) if message["slot"] else None',
+        "check_releases_each_frame_of_the_device",
+        "was not released within 5 s",
     ),
     "releases what it still reads": (
         '        cuda("StreamSynchronize", self.stream)\n\n',
@@ -160,15 +223,39 @@ BROKEN = {
         'send(sock, {"type": "release", **release}); __import__("time").sleep(0.05); '
         'reader.read(message["slot"])',
         "check_reads_no_slot_without_a_lease",
-        "without a lease of slot 1 it called cudaMemcpyAsync",
+        "without a lease of slot",
     ),
     "reads the slot before": (
         'reader.read(message["slot"])',
         'reader.read(message["slot"] - 1)',
         "check_reads_no_slot_without_a_lease",
-        "without a lease of slot 0 it called cudaMemcpyAsync",
+        "without a lease of slot",
     ),
 }
+
+
+UNUSUAL = {
+    "reads one packet a connection": (
+        "elif packet and ",
+        "elif packet and image is None and ",
+    ),
+    "closes on what is broken": (
+        "with contextlib.suppress(ValueError, RecursionError):",
+        "if True:",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_an_unusual_miniature_fails_no_check(name: str, tmp_path: Path) -> None:
+    old, new = UNUSUAL[name]
+    source = OF_IMAGES.read_text("utf-8")
+    assert old in source
+    program = tmp_path / "unusual.py"
+    program.write_text(source.replace(old, new), "utf-8")
+    found = judged("client", program, CHECKS[OF_IMAGES])
+    failed = {check: what for check, what in found.items() if what and "skipped" not in what}
+    assert not failed
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,13 @@ def test_every_pose_is_allowed():
         assert abs(math.hypot(*pose.rotation) - 1) <= 0.01
 
 
+@pytest.mark.parametrize("single", [False, True])
+def test_poses_for_engines_have_the_norm_1_to_rounding(single):
+    rounding = 2.0**-23 if single else 2.0**-52
+    for pose in draw(poses("a", single=single, unit=True), 600, 0):
+        assert abs(math.hypot(*pose.rotation) - 1) <= rounding
+
+
 def test_single_precision_holds_what_it_is_given():
     for pose in SINGLE:
         for number in (*pose.position, *pose.rotation):

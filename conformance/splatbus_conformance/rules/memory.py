@@ -78,7 +78,9 @@ def announced(conversation: Conversation) -> tuple[Announced, ...]:
             added = tuple(additions(message.value, newest, granted or frozenset()))
             newest = whole(message.value.get("generation"), 1) or newest
         shown = tuple(layout(message.value))
-        sound = not message.faults and all(j.breach is None for j in shown + added)
+        is_one = "meta" in message.value and "type" not in message.value  # INI-11
+        judged = all(j.breach is None for j in shown + added)
+        sound = is_one and judged and not message.faults
         found.append(Announced(message, added, granted, sound))
     return tuple(found)
 

@@ -7,7 +7,6 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -22,16 +21,15 @@ _context = multiprocessing.get_context(
 )
 
 
-def run(
-    line: list[str], seconds: float, environment: Mapping[str, str] | None = None
-) -> tuple[int | None, str]:
-    """Run `splatbus-conformance` with this command line; its exit status, and what it printed.
+def run(line: list[str], seconds: float, environment: dict[str, str]) -> tuple[int | None, str]:
+    """Run `splatbus-conformance` with this command line, and these variables besides; its exit
+    status, and what it printed.
 
     The status is None if it had to be ended after so many seconds; then the text says so.
     """
     with tempfile.TemporaryDirectory(prefix="splatbus-harness-") as folder:
         output = Path(folder, "output.txt")
-        process = _context.Process(target=_harness, args=(line, str(output), environment or {}))  # type: ignore[attr-defined]
+        process = _context.Process(target=_harness, args=(line, str(output), environment))  # type: ignore[attr-defined]
         with _starting:
             # NumPy starts twice as fast without threads that no specimen needs.
             os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -55,12 +53,12 @@ def stop_all() -> None:
         _end(process)
 
 
-def _harness(line: list[str], output: str, environment: Mapping[str, str]) -> None:
+def _harness(line: list[str], output: str, environment: dict[str, str]) -> None:
     """Runs in the process of its own, in a group of its own, so that it ends with its children."""
+    os.environ.update(environment)
     from splatbus_conformance.cli import main
     from splatbus_conformance.selftest.nursery import forking_specimens
 
-    os.environ.update(environment)
     if os.name == "posix":
         os.setsid()
     sys.stdout.flush()

@@ -4,7 +4,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -19,8 +19,11 @@ REFERENCE: dict[str, tuple[Side, str]] = {
     "reference-client": ("client", ""),
     "reference-client-beside-its-adapter": ("client", "unity"),
     "reference-server": ("server", ""),
+    "reference-server-that-wants-a-token": ("server", ""),
 }
 """Which side each is on, and the axes of its adapter."""
+TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
+"""What the harness and its testee find in their environment."""
 FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
@@ -188,7 +191,7 @@ def run_harness(
     seconds: float,
     axes: str = "",
     more: Sequence[str] = (),
-    environment: Mapping[str, str] | None = None,
+    environment: dict[str, str] | None = None,
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -204,6 +207,6 @@ def run_harness(
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
         line += ["--shrink", "0", "--scripts", folder, *more]
-        status, output = harnesses.run(line, seconds, environment)
+        status, output = harnesses.run(line, seconds, environment or TOLD.get(name, {}))
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.recording import Channel
@@ -38,11 +37,15 @@ def learn(trial: ServerTrial, *, counting: bool) -> Knowledge:
     facts = trial.facts
     frames = facts.opens and facts.renders and "frames" in facts.capabilities()
     crowded = crowd(trial) if counting and frames else 0
-    asking = [c for _ in range(SEATS) if (c := _dialled(trial, "msg"))]
-    for connection in asking:
-        trial.viewer.say(connection, VIEWPORT_REQUEST)
-    trial.wait(lambda: all(c.packets or c.ended for c in asking), SERVED_SECONDS)
-    served = [c for c in asking if c.packets and not c.ended]
+    asking = [c for _ in range(SEATS) if (c := trial.served("msg"))]
+    for times in (1, 2):  # who was answered before the last had come may be ended for it
+        for connection in asking:
+            trial.viewer.say(connection, VIEWPORT_REQUEST)
+        trial.wait(
+            lambda: all(len(trial.replies(c)) >= times or c.ended for c in asking),  # noqa: B023
+            SERVED_SECONDS,
+        )
+    served = [c for c in asking if len(trial.replies(c)) > 1 and not c.ended]
     cameras = tuple(_camera(trial, served[0], n) if served else None for n in range(CAMERAS))
     greets = facts.version() == "1.1" and not facts.unauthorized
     for connection in asking:
@@ -94,9 +97,12 @@ def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
     if greets:
         for connection in members:
             trial.viewer.greet(connection)
-        dealings = [trial.viewer.with_(c) for c in members]
-        trial.wait(lambda: all(d.init_packets or d.errors() for d in dealings), SERVED_SECONDS)
-        served = [d for d in dealings if d.welcome and not d.errors()]
+        dealings = {c: trial.viewer.with_(c) for c in members}
+        trial.wait(
+            lambda: all(d.init_packets or d.errors() or c.ended for c, d in dealings.items()),
+            SERVED_SECONDS,
+        )
+        served = [d for c, d in dealings.items() if d.welcome and not d.errors() and not c.ended]
     else:
         trial.rest(SERVED_SECONDS / 4)
         served = [trial.viewer.with_(c) for c in members if not c.ended]
@@ -110,12 +116,12 @@ def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
 
 
 def _camera(trial: ServerTrial, connection: Connection, index: int) -> Json | None:
-    before = len(connection.packets)
+    before = len(trial.replies(connection))
     trial.viewer.say(connection, {"type": "get_camera_pose", "cam_idx": index})
-    trial.wait(lambda: len(connection.packets) > before or connection.ended, SERVED_SECONDS)
-    if len(connection.packets) <= before:
+    trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended, SERVED_SECONDS)
+    if len(trial.replies(connection)) <= before:
         return None
-    reply = read(connection.packets[before].payload).value or {}
+    reply = trial.replies(connection)[before]
     return {name: reply.get(name) for name in ("position", "rotation")}
 
 

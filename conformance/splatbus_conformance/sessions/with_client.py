@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.client_trial import ClientTrial
-from splatbus_conformance.messages import encode, frame, init_packet_1_1
+from splatbus_conformance.messages import encode, init_packet_1_1
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.posing import engine_of, off, read_pose
@@ -127,12 +127,9 @@ class WithClient:
         """Lend a frame, once the one before has come back; in two pieces if there is a pause."""
         self._answered()
         self._released()
-        dealings, connection = self._dealings, self._at["ipc"]
-        dealings.frames += 1
-        generation, seq = dealings.generation, dealings.frames
-        width, height = self.role.width, self.role.height
-        lent = packet(encode(frame(generation, seq, seq % self.role.slots, width, height)))
-        self._lent[generation, seq] += 1
+        generation, connection = self._dealings.generation, self._at["ipc"]
+        lent = packet(encode(self.role.next_frame(connection)))
+        self._lent[generation, self._dealings.frames[-1]] += 1
         half = len(lent) // 2 if pause else len(lent)
         connection.send(lent[:half])
         if pause:

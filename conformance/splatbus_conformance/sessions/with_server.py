@@ -8,12 +8,11 @@ from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.server_introduction import reach
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.sessions import Breach, Step
 from splatbus_conformance.sessions.clients import VIEWPORT, Asker, Reader
-from splatbus_conformance.sessions.knowledge import CAMERAS, Knowledge, crowd
-from splatbus_conformance.trial import EFFECT_SECONDS
+from splatbus_conformance.sessions.knowledge import CAMERAS, SEATS, Knowledge, crowd
+from splatbus_conformance.trial import EFFECT_SECONDS, SETTLE_SECONDS
 
 RESEND_SECONDS = 0.1
 """How often whoever moves the camera says so again while an image of it is awaited."""
@@ -56,6 +55,8 @@ class WithServer:
         self._of_others: dict[float, Asker] = {}
         """Where those who never moved the camera would have it."""
         self._found: Breach | None = None
+        self._of_another: Asker | None = None
+        """Who was first when an image showed somebody else's pose."""
         self._restarted = False
 
     def begin(self) -> None:
@@ -63,6 +64,9 @@ class WithServer:
         self.viewer.releases = False
         self.trial.peer.on_packet = self._on_packet
         self.trial.testee.ensure_running()
+        self._begin()
+
+    def _begin(self) -> None:
         for channel in CHANNELS:
             if self.knowledge.seats[channel]:
                 self._connect(channel, 0)
@@ -127,9 +131,12 @@ class WithServer:
         self._watch()
 
     def settle(self) -> None:
-        """Look at everything once more, then end every connection."""
+        """Look at everything once more, then end every connection; who comes next is served."""
         self._look()
         self._watch()
+        self.leave()
+        self._begin()
+        self._look()
         self.leave()
         if self._counting and self.knowledge.crowd:
             served = 0
@@ -231,13 +238,7 @@ class WithServer:
             self._release(seat)
 
     def _drop(self, channel: Channel, seat: int, how: str) -> None:
-        client = self._seated(channel).pop(seat)
-        connection = client.connection
-        if isinstance(client, Asker) and client in self._movers:
-            self._movers.remove(client)
-            if self._movers:
-                now = self._movers[0]
-                self._of_others = {w: a for w, a in self._of_others.items() if a is not now}
+        connection = self._unseat(channel, seat)
         if how == "end":
             connection.end_stream()
             self.trial.wait(lambda: connection.ended, END_SECONDS)
@@ -245,6 +246,30 @@ class WithServer:
             connection.reset()
         connection.close()
         self._forget(connection)
+
+    def _unseat(self, channel: Channel, seat: int) -> Connection:
+        """Count a client no more; its connection."""
+        client = self._seated(channel).pop(seat)
+        if isinstance(client, Asker) and client in self._movers:
+            self._movers.remove(client)
+            if self._movers:
+                now = self._movers[0]
+                self._of_others = {w: a for w, a in self._of_others.items() if a is not now}
+        return client.connection
+
+    def _excuse(self) -> None:
+        """A server that keeps few connections may end an older one for a further one (CHN-13),
+        which may have come before it saw that another had gone.
+        """
+        for channel in CHANNELS:
+            seated = [(seat, it.connection) for seat, it in self._seated(channel).items()]
+            came = (it.number for it in self.trial.peer.connections if it.channel == channel)
+            newest = max(came, default=0)
+            for seat, connection in seated:
+                replaced = connection.ended and connection.number < newest
+                if replaced and self.knowledge.seats[channel] < SEATS:
+                    self._unseat(channel, seat).close()
+                    self._forget(connection)
 
     def _restart(self) -> None:
         self._restarted = True
@@ -261,6 +286,13 @@ class WithServer:
             raise Breach("CHN-14", "the server ended")
         if self._found is not None:
             raise self._found
+        if self._of_another is not None:
+            first, self._of_another = self._of_another, None
+            self.trial.rest(SETTLE_SECONDS)
+            self._excuse()
+            if first in self._movers[:1]:
+                text = "an image shows the pose of a message client that was not first"
+                raise Breach("POS-11", text)
         for asker in self._askers.values():
             replies = self.trial.replies(asker.connection)
             if wrong := asker.wrong(replies, self.knowledge.cameras):
@@ -268,12 +300,14 @@ class WithServer:
 
     def _look(self) -> None:
         """What must hold everywhere once time was given: replies to all, and images of the pose."""
+        self._excuse()
         for seat, asker in self._askers.items():
             if not asker.half:
                 self._ask(seat, VIEWPORT)
-        for asker in self._askers.values():
+        for asker in list(self._askers.values()):
             if not asker.half:
                 self._answered(asker)
+        self._excuse()
         for reader in self._readers.values():
             if reader.connection.ended and not reader.half:
                 raise Breach("CHN-14", f"IPC client {reader.seat} was disconnected")
@@ -286,12 +320,16 @@ class WithServer:
             lambda: len(self.trial.replies(connection)) >= len(asker.asked) or connection.ended
         )
         self._watch()
+        self._excuse()
+        if asker.seat not in self._askers:
+            return
         if len(self.trial.replies(connection)) < len(asker.asked):
             how = "disconnected" if connection.ended else "not answered"
             raise Breach("CHN-14", f"message client {asker.seat} was {how}")
 
     def _shown(self) -> None:
         """Every client that can take a frame has one, and it shows the pose that counts."""
+        self._excuse()
         free = [r for r in self._readers.values() if not (r.keeps or r.half)]
         mover = next(iter(self._movers), None)
         where = None if mover is None or mover.half else mover.camera
@@ -329,9 +367,7 @@ class WithServer:
             self._found = self._found or Breach("IMG-2", text)
         reader.show(frame)
         if reader.camera in self._of_others:
-            other = self._of_others[reader.camera]
-            text = f"an image shows the pose of message client {other.seat}, who was not first"
-            self._found = self._found or Breach("POS-11", text)
+            self._of_another = next(iter(self._movers), None)
         if reader.keeps or reader.half:
             reader.held = frame
         else:
@@ -343,7 +379,7 @@ class WithServer:
         return self._askers if channel == "msg" else self._readers
 
     def _dial(self, channel: Channel) -> Connection:
-        connection = reach(self.trial.peer, self.trial.testee, channel, EFFECT_SECONDS)
+        connection = self.trial.reached(channel)
         if connection is None:
             raise Breach("CHN-14", f"no connection is accepted on the {channel} channel")
         return connection

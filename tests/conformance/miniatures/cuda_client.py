@@ -120,6 +120,33 @@ def is_good(packet):
         return False
 
 
+def refuse(spelling):
+    raise ValueError(spelling)
+
+
+def finite(spelling):
+    if abs(float(spelling)) == float("inf"):
+        raise ValueError(spelling)
+    return float(spelling) if set(spelling) & set(".eE") else int(spelling)
+
+
+def unique(pairs):
+    return dict(pairs) if len(pairs) == len(dict(pairs)) else refuse("twice")
+
+
+def depth(value):
+    inside = value.values() if isinstance(value, dict) else value
+    return 1 + max(map(depth, inside), default=0) if isinstance(value, dict | list) else 0
+
+
+def read(payload):
+    """The value in a payload that keeps to JSN-1 to JSN-5; ValueError, RecursionError."""
+    strict = {"object_pairs_hook": unique, "parse_constant": refuse}
+    value = json.loads(payload.decode(), parse_float=finite, parse_int=finite, **strict)
+    json.dumps(value, ensure_ascii=False).encode()  # refuses half a pair of surrogates
+    return value if depth(value) <= 64 else refuse("deep")
+
+
 def send(sock, message):
     payload = json.dumps(message).encode()
     sock.sendall(len(payload).to_bytes(4, "little") + payload)
@@ -144,10 +171,10 @@ def packets(sock):
                 raise Bad("length")
             if len(data) < 4 + length:
                 break
-            message = json.loads(data[4 : 4 + length])
-            data = data[4 + length :]
-            if isinstance(message, dict):
-                yield message
+            payload, data = data[4 : 4 + length], data[4 + length :]
+            with contextlib.suppress(ValueError, RecursionError):
+                if isinstance(message := read(payload), dict):
+                    yield message
 
 
 def ipc(sock):

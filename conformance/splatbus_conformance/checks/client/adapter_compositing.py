@@ -222,15 +222,41 @@ def _judge_semantics(
                     f"with {semantics}, {image.color[place[1], place[0]]} at depth"
                     f" {image.depth[place[1], place[0]]} before a plane at {plane}, column"
                     f" {place[0]}, row {place[1]}: it shows {colour}, not {right}"
+                    + _misunderstood(lending, image, semantics, place, plane, colour)
                 )
 
 
+def _misunderstood(
+    lending: Lending, image: Painting, semantics: Json, place: Place, plane: float, colour: Colour
+) -> str:
+    """Which other semantics, or which other row, the colour that is shown goes by, if any."""
+    x, y = place
+    kinds = {"planar_z": "ray_distance", "ray_distance": "planar_z"}
+    alphas = {"straight": "premultiplied", "premultiplied": "straight"}
+    depth = semantics["depth"]
+    others: list[tuple[str, Json, Place]] = [
+        (f" (as {alphas[semantics['alpha']]})", {"alpha": alphas[semantics["alpha"]]}, place),
+        (f" (as {kinds[depth['kind']]})", {"depth": depth | {"kind": kinds[depth["kind"]]}}, place),
+        (" (as if inf alone were empty)", {"depth": depth | {"empty": "inf"}}, place),
+        (" (rows top-down)", {}, (x, image.depth.shape[0] - 1 - y)),
+    ]
+    for words, changes, where in others:
+        means = semantics | changes
+        told = float(image.depth[where[1], where[0]])
+        shown = expected(
+            image, where, _planar(told, where, lending, means), BACKGROUND, plane, means
+        )
+        if math.dist(colour, [float(n) for n in shown]) <= EVIDENT:
+            return words
+    return ""
+
+
 def _planar(depth: float, place: Place, lending: Lending, semantics: Json) -> float:
-    """The planar depth of a pixel: +∞ where it is empty. fx = fy = w, as in `messages.frame`."""
+    """The planar depth of a pixel: +∞ where it is empty."""
     if depth == float(semantics["depth"]["empty"]):
         return math.inf
-    width, height = lending.size
-    x, y = (place[0] + 0.5 - width / 2) / width, (place[1] + 0.5 - height / 2) / width
+    fx, fy, cx, cy = (lending.lens[name] for name in ("fx", "fy", "cx", "cy"))
+    x, y = (place[0] + 0.5 - cx) / fx, (place[1] + 0.5 - cy) / fy
     ray = semantics["depth"]["kind"] == "ray_distance"
     return depth / math.hypot(x, y, 1.0) if ray else depth
 

@@ -3,6 +3,13 @@
 Whatever is not lent is spoilt: a client that reads it shows it.
 """
 
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lending import Lending
@@ -13,8 +20,19 @@ from splatbus_conformance.trial import REACTION_SECONDS
 READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
 SMALL = 1 << 18
 """Pixels of an image that is written and digested in no time."""
+READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
+    ("", lambda image: image),
+    (", rows top-down", lambda image: image[::-1]),
+    (", blue for red", lambda image: image[..., [2, 1, 0, 3]] if image.ndim == 3 else image),
+    (", rounded to 8 bits", lambda image: np.round(np.clip(image, 0, 1) * 255) / np.float32(255)),
+    (
+        ", opaque",
+        lambda image: np.where([0, 0, 0, 1], np.float32(1), image) if image.ndim == 3 else image,
+    ),
+)
+"""Ways in which an image is misread."""
 LINGER_SECONDS = 0.1
-"""A client that reads late has done so after this time."""
+"""A client that reads late has done so after this time, or twice what it takes to read."""
 
 
 def parts(answer: Json, image: Painting) -> list[str]:
@@ -28,11 +46,12 @@ def described(answer: Json, names: list[str], lending: Lending) -> str:
     """What is known of wrong colour or depth."""
     bad = spoilt(*lending.size)
     for name in names:
-        if answer[name] == sha256(bad.color if name == "color" else bad.depth):
+        if answer[name] == sha256(getattr(bad, name)):
             return f"its {name} is what the slot held only while nobody was to read it"
         for seq, other in lending.shown.items():
-            if answer[name] == sha256(other.color if name == "color" else other.depth):
-                return f"its {name} is that of image {seq}"
+            for words, read in READINGS:
+                if answer[name] == sha256(read(getattr(other, name))):
+                    return f"its {name} is that of image {seq}{words}"
     return f"its {' and '.join(names)} is of no image whole"
 
 
@@ -63,13 +82,15 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     """
     lending = Lending(trial)
     for number in range(20 if trial.thorough else 3):
+        began = time.monotonic()
         seq = lending.show(coordinates(number, *lending.size))
+        linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         for slot in range(trial.role.slots):
             lending.paint(coordinates(1000 + number, *lending.size), slot)
-        trial.rest(LINGER_SECONDS)
+        trial.rest(linger)
         _judge(trial, lending, f"was shown after the client had given image {seq} back")
         lending.spoil_everything()
-        trial.rest(LINGER_SECONDS)
+        trial.rest(linger)
         _judge(trial, lending, f"was shown after the client had given image {seq} back")
 
 
@@ -130,14 +151,16 @@ def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> Non
     """
     lending = Lending(trial)
     for lent in (False, True):
+        began = time.monotonic()
         lending.show(coordinates(1 + lent, *lending.size))
+        linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         trial.peer.refuse("ipc")
         if lent:
             lending.lend(coordinates(5, *lending.size))
         lending.connection.close()
         trial.rest(REACTION_SECONDS)
         lending.spoil_everything()
-        trial.rest(LINGER_SECONDS)
+        trial.rest(linger)
         _judge(trial, lending, "is not what the client read while it was connected")
         trial.peer.listen("ipc")
         lending = Lending(trial)

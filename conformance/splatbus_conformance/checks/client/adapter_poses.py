@@ -4,13 +4,15 @@ the engine's axes, and reads on the wire what became of it.
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
+from typing import NamedTuple
 
 from splatbus_conformance.adapter import AdapterBroken
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json
+from splatbus_conformance.oracle import Engine, exact
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.posing import (
     ORDER,
@@ -23,13 +25,16 @@ from splatbus_conformance.posing import (
     why,
 )
 from splatbus_conformance.stress import Pose, poses, simpler
+from splatbus_conformance.trial import REACTION_SECONDS
 
 COMMANDS: dict[Kind, str] = {
     "camera_pose": "send_camera",
     "point_cloud_pose": "send_object",
 }
 RESEND_SECONDS = 1.0
-"""A client that resends poses unasked shows a new one within this time."""
+"""A client that sends other poses unasked shows the one that it was given within this time."""
+SCENE = "default"
+"""The object that a `point_cloud_pose` moves (OBJ-2)."""
 DISTANCES = (
     (10.0, "up to 10 units from the origin"),
     (1e4, "up to 10,000 units away"),
@@ -38,50 +43,108 @@ DISTANCES = (
 OBSERVABLE = "the pose on the wire, against the oracle's for the pose that the engine was given"
 
 
-def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[tuple[Pose, Pose, Off]]:
-    """Poses given to the engine, what came of each on the wire, and how far that is off."""
+FIRST = Pose((3.0, -1.0, 2.0), (0.4, -0.2, 0.8, 0.4))
+"""Given on each connection before any that is judged."""
+
+
+class Sent(NamedTuple):
+    """A pose that was given to the engine, and what came of it."""
+
+    pose: Pose
+    came: Pose
+    off: Off
+    """How far that is from the right one."""
+    reason: str
+    """What explains it, where it is far."""
+
+
+def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Sent]:
+    """Poses given to the engine, and what came of each on the wire."""
     greeting = trial.greeting
     engine, connection = engine_of(greeting, kind), trial.connection("msg")
     if trial.facts.speaks_1_1("msg"):
         trial.wait(lambda: trial.role.with_(connection).welcome)
+    _give(trial, kind, FIRST)
+    trial.rest(REACTION_SECONDS)  # for this, and for what it says again of former connections
     search = f"{trial.requirement.id} {kind}"
-    drawn = poses(search, single=greeting.single).map(Pose.as_lists)
+    drawn = poses(search, single=greeting.single, unit=True).map(Pose.as_lists)
+    heard = trial.role.with_(connection).heard
+    before = {pose for m in heard if _is_of(kind, m) and (pose := read_pose(m))}
+    former = FIRST
     for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler, search=search):
         pose = Pose.of(case)
         p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
         size = trial.role.width, trial.role.height
-        for came in _arriving(trial, connection, kind, pose):
+        if not off(_on_wire(engine, former), p, q, single=greeting.single, size=size).far:
+            continue  # an engine may take a camera that hardly moved for one at rest
+        for came in _arriving(trial, connection, kind, pose, before):
             found = off(came, p, q, single=greeting.single, size=size)
-            if not found.far:
+            if not found.far and (came not in before or found.position <= 1.0):
                 break
+        before.add(came)
         trial.delivered += 1
-        yield pose, came, found
+        yield Sent(pose, came, found, _reason(pose, came, former, engine) if found.far else "")
+        former = pose
 
 
-def _arriving(trial: ClientTrial, connection: Connection, kind: Kind, pose: Pose) -> Iterator[Pose]:
-    """The pose that comes when this one is to be sent; more of them, if it sends some unasked."""
-    heard = trial.role.with_(connection).heard
-    at = len(heard)
+def _reason(pose: Pose, came: Pose, former: Pose, engine: Engine) -> str:
+    known = why(pose, came, engine)
+    late = "" if known else why(former, came, engine, right=True)
+    return known or (late and f"for the pose that was given before, {late}")
+
+
+def _on_wire(engine: Engine, pose: Pose) -> Pose:
+    p, q = engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
+    return Pose(tuple(map(float, p)), tuple(map(float, q)))
+
+
+def _give(trial: ClientTrial, kind: Kind, pose: Pose) -> None:
     trial.ask(COMMANDS[kind], position=list(pose.position), rotation=list(pose.rotation))
-    deadline, first = time.monotonic() + trial.patience, True
+
+
+def _arriving(
+    trial: ClientTrial, connection: Connection, kind: Kind, pose: Pose, before: Collection[Pose]
+) -> Iterator[Pose]:
+    """Each pose that comes after this one was to be sent, until none more is waited for.
+
+    A client may say others unasked: its last one, when it has come back, or what its user does.
+    One that it has said before answers nothing; after one that is new the right one follows soon.
+    """
+    heard = trial.role.with_(connection).heard
+    at, nothing = len(heard), True
+    _give(trial, kind, pose)
+    deadline = time.monotonic() + trial.patience
     while (left := deadline - time.monotonic()) > 0:
         trial.wait(partial(_more, heard, at, connection), left)
         if len(heard) == at:
             break
         message, at = heard[at], at + 1
-        if message.get("type") != kind:
-            continue
-        if (came := read_pose(message)) is None:
-            trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
-        yield came
-        if not trial.facts.poses:
-            return
-        if first:
-            deadline, first = time.monotonic() + RESEND_SECONDS, False
-    if first and connection.ended:
+        if _is_of(kind, message):
+            came, nothing = _read(trial, kind, message), False
+            yield came
+            if came not in before:
+                deadline = min(deadline, time.monotonic() + RESEND_SECONDS)
+    if nothing and connection.ended:
         trial.not_observable("the testee closed the connection")
-    if first:
+    if nothing and before:
+        trial.violated(f"{COMMANDS[kind]} of {pose}: no {kind} came, though others did before")
+    if nothing:
         raise AdapterBroken(f"it said that {pose} was taken, and no {kind} came")
+
+
+def _is_of(kind: Kind, message: Json) -> bool:
+    """It is a pose of this kind, by whichever message says it (OBJ-2)."""
+    if kind == "point_cloud_pose" and message.get("type") == "object_pose":
+        return message.get("object") == SCENE
+    return message.get("type") == kind
+
+
+def _read(trial: ClientTrial, kind: Kind, message: Json) -> Pose:
+    if (pose := read_pose(message)) is None:
+        trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
+    if message.get("type") == "object_pose" and message.get("scale", 1) != 1:
+        trial.violated(f"{COMMANDS[kind]} has no scale, and came with that of {message['scale']}")
+    return pose
 
 
 def _more(heard: list[Json], than: int, connection: Connection) -> bool:
@@ -90,13 +153,9 @@ def _more(heard: list[Json], than: int, connection: Connection) -> bool:
 
 def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None:
     """A pose that is another one than was given is a violation; one with fewer digits is none."""
-    for pose, came, found in sent(trial, kind, quick, full):
+    for pose, came, found, known in sent(trial, kind, quick, full):
         if found.far:
-            engine = engine_of(trial.greeting, kind)
-            reason = (
-                why(pose, came, engine)
-                or f"it is {found.angle:.3g} rad and {found.distance:.3g} of its distance away"
-            )
+            reason = known or f"it is {found.away_by} away"
             trial.violated(f"{COMMANDS[kind]} of {pose} became {came}: {reason}")
 
 
@@ -104,6 +163,30 @@ def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None
 def check_camera_poses_are_camera_to_world(trial: ClientTrial) -> None:
     """Camera poses in the engine's axes, near every edge of what is allowed."""
     judge_mapping(trial, "camera_pose", 40, 1000)
+
+
+@check(
+    "CNV-1",
+    observable="the pose that the testee says by itself when it has come back",
+    needs=("msg", "adapter:send_camera", "returns:msg"),
+)
+def check_says_its_camera_again_as_it_was(trial: ClientTrial) -> None:
+    """The message channel is lost after a pose was sent, and comes back; a camera that is said
+    again then is the one that was sent.
+    """
+    for pose, came, found, _ in sent(trial, "camera_pose", 1, 1):
+        sent_last, before = pose, came
+        if found.far:
+            trial.not_observable(f"{came} came of {pose} while the connection lasted (CNV-1)")
+    dealings = trial.role.with_(trial.connection("msg"))
+    if not trial.wait(lambda: dealings.count("camera_pose"), RESEND_SECONDS):
+        trial.not_observable("the testee does not say its camera again when it has come back")
+    said = next(message for message in dealings.heard if _is_of("camera_pose", message))
+    again, size = _read(trial, "camera_pose", said), (trial.role.width, trial.role.height)
+    if off(again, *map(exact, before), single=trial.greeting.single, size=size).far:
+        reason = why(sent_last, again, engine_of(trial.greeting, "camera_pose"))
+        trial.violated(f"{before} was said again as {again}" + (f": {reason}" if reason else ""))
+    trial.delivered += 1
 
 
 @check("CNV-2", observable=OBSERVABLE, needs=("msg", "adapter:send_object"))
@@ -118,9 +201,8 @@ def check_quaternions_are_hamilton_with_w_last(trial: ClientTrial) -> None:
 
     A pose that is wrong in another way is left to CNV-1.
     """
-    for pose, came, found in sent(trial, "camera_pose", 20, 200):
+    for pose, came, found, reason in sent(trial, "camera_pose", 20, 200):
         if found.far:
-            reason = why(pose, came, engine_of(trial.greeting, "camera_pose"))
             if reason == ORDER:
                 trial.violated(f"send_camera of {pose} became {came}: {reason}")
             trial.not_observable(f"the pose that came is wrong in another way: {reason or came}")
@@ -166,7 +248,7 @@ def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
     """
     engine = engine_of(trial.greeting, "camera_pose")
     quaternions = rotation_budget(trial.greeting, "camera_pose")
-    for pose, _, found in sent(trial, "camera_pose", 60, 1500):
+    for pose, _, found, _ in sent(trial, "camera_pose", 60, 1500):
         budget = 0.0 if engine.scale == 1 else 2.0
         _measure(trial, pose, found, budget, 2 * quaternions)
         if found.far:
@@ -181,7 +263,7 @@ def check_axes_change_exactly_on_the_way_out(trial: ClientTrial) -> None:
     """
     engine = engine_of(trial.greeting, "camera_pose")
     quaternions = rotation_budget(trial.greeting, "camera_pose")
-    for pose, _, found in sent(trial, "camera_pose", 60, 1500):
+    for pose, _, found, _ in sent(trial, "camera_pose", 60, 1500):
         _measure(trial, pose, found, 0.0 if engine.scale == 1 else 0.5, quaternions)
         if found.far:  # a wrong mapping, however often: each pose may cost a wait
             break

@@ -11,7 +11,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.hard_numbers import hard_numbers, nearest
 from splatbus_conformance.messages import Json
-from splatbus_conformance.posing import Off, engine_of, off, rotation_budget
+from splatbus_conformance.posing import Off, engine_of, off, rotation_budget, why
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.stress import Pose, poses
 
@@ -128,10 +128,10 @@ def check_understands_cameras(trial: ClientTrial) -> None:
     """Poses in replies to `get_camera_pose`, near every edge of what is allowed."""
     for wire, reply, found in replied(trial, 6, 100):
         if found.far:
-            trial.violated(
-                f"the camera {wire} was taken for {reply}, {found.angle:.3g} rad and"
-                f" {found.distance:.3g} of its distance away"
-            )
+            taken = Pose(tuple(reply["position"]), tuple(reply["rotation"]))
+            engine = engine_of(trial.greeting, "camera_pose")
+            reason = why(wire, taken, engine, "in") or f"it is {found.away_by} away"
+            trial.violated(f"the camera {wire} was taken for {reply}: {reason}")
 
 
 @check("ACC-7", observable=OBSERVABLE, needs=("msg", "adapter:ask"))

@@ -6,12 +6,10 @@ The stand-in CUDA runtime tells what the client called; the harness plays a serv
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from splatbus_conformance.broken_handles import UNKNOWN_HANDLE, breaches_of_handles
-from splatbus_conformance.broken_packets import ABSENT, breaches_of_1_0, changed
+from splatbus_conformance.broken_packets import ABSENT, changed
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
-from splatbus_conformance.messages import Json, encode, init_packet_1_0
-from splatbus_conformance.packets import packet
+from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.stand_in import usage
 from splatbus_conformance.stand_in.image import DeviceImage, Layout
@@ -19,8 +17,6 @@ from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
 
 RETURNS = ("stand-in", "returns:ipc")
 PENDING_SECONDS = 0.3
-BAIT_SIZE = 256, 192
-"""Its memory has room for every image of a broken packet."""
 
 
 @contextmanager
@@ -198,73 +194,3 @@ def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
             for call in image.copies(trial.calls()):
                 trial.expect(image.shows(call), f"with {what} it copied what is no image: {call}")
             trial.delivered += 1
-
-
-@check(
-    "INI-9",
-    observable="whether the memory of a broken packet is opened, and that of a good one after it",
-    needs=RETURNS,
-    may_crash=True,
-)
-def check_opens_nothing_of_broken_packets(trial: ClientTrial) -> None:
-    """Each rule of INI-1 to INI-7 is broken in turn, in packets that name device memory which is
-    large enough.
-    """
-    with image_of(trial) as good, image_of(trial, *BAIT_SIZE) as bait:
-        handles = {key: text for key, text in bait.init_packet().items() if key != "meta"}
-        breaches = [*breaches_of_1_0(), *breaches_of_handles(handles)]
-        connection = show(trial, good.init_packet())
-        for breach in trial.each(breaches):
-            if connection.ended or not connection.open:
-                connection = show(trial, good.init_packet())
-            offered = init_packet_1_0(breach.width, breach.height) | handles
-            outcome = outcome_of(trial, connection, changed(offered, breach.changes), good)
-            if bait.opened(trial.calls()):
-                outcome = "accepts"
-            trial.judge(outcome, f"an init packet with {breach.what} ({breach.requirement})")
-
-
-@check(
-    "INI-13",
-    observable="the process lives, and opens the good memory that follows",
-    needs=RETURNS,
-    may_crash=True,
-)
-def check_goes_on_without_what_it_cannot_open(trial: ClientTrial) -> None:
-    """Memory that was freed, handles that the driver does not know, a device that there is not."""
-    with image_of(trial) as gone:
-        freed = gone.init_packet()
-    with image_of(trial) as good:
-        unknown: dict[str, dict[str, object]] = {
-            "memory that was freed": dict(freed),
-            "an unknown handle of colour": {"mem_color": UNKNOWN_HANDLE},
-            "an unknown handle of depth": {"mem_depth": UNKNOWN_HANDLE},
-            "an unknown handle of an event": {"evt_done": UNKNOWN_HANDLE},
-            "device 99": {"meta/device": 99},
-        }
-        for what, changes in unknown.items():
-            connection = show(trial, good.init_packet())
-            offered = changed(good.init_packet(), changes)
-            outcome = outcome_of(trial, connection, offered, good)
-            meaning = {"ignores": "waits", "closes": "reconnects"}
-            trial.judge(meaning.get(outcome, outcome), f"an init packet with {what}")
-
-
-def outcome_of(trial: ClientTrial, connection: Connection, offered: Json, good: DeviceImage) -> str:
-    """Send an init packet that cannot be used, then a good one, on this connection or the next.
-
-    Returns `ignores` or `closes` (and the good one was read), `exits`, `dies` or `hangs`.
-    """
-    trial.wait(lambda: good.copies(trial.calls()) or connection.ended, REACTION_SECONDS)
-    connection.send(packet(encode(offered)))
-    connection.send(packet(encode(good.init_packet())))
-    before = len(trial.calls())
-    trial.wait(lambda: good.opened(trial.calls()[before:]) or connection.ended, REACTION_SECONDS)
-    outcome = "closes" if connection.ended else "ignores"
-    if not good.opened(trial.calls()[before:]):
-        connection.close()
-        again = trial.next_connection("ipc")
-        opened = again and trial.wait(lambda: good.opened(trial.calls()[before:]))
-        outcome = outcome if opened else trial.fate() or "hangs"
-    trial.delivered += outcome in ("ignores", "closes")
-    return outcome

@@ -41,7 +41,7 @@ def ring_of(trial: ClientTrial) -> Iterator[tuple[DeviceRing, Connection]]:
 
 def lend(trial: ClientTrial, ring: DeviceRing, connection: Connection) -> tuple[int, int]:
     """Lend the next slot, drawn and complete; its slot and its `seq`."""
-    slot = (trial.role.with_(connection).frames + 1) % trial.role.slots
+    slot = trial.role.coming(connection).slot
     ring.fill(slot, b"\0")
     ring.events[slot].begin()
     ring.events[slot].complete()
@@ -59,14 +59,29 @@ def released_at(trial: ClientTrial, connection: Connection, seq: int) -> float:
     raise AssertionError("a release that was heard is among the packets")
 
 
+@check("IMG-12", observable="one release for each frame of device memory", needs=LENDING)
+def check_releases_each_frame_of_the_device(trial: ClientTrial) -> None:
+    """Frames in device memory are lent one after the other; each must be released once."""
+    with ring_of(trial) as (ring, connection):
+        released = trial.role.with_(connection).released
+        for _ in range(FRAMES):
+            _, seq = lend(trial, ring, connection)
+            trial.expect(
+                trial.releases(connection, seq), f"frame {seq} was not released within 5 s"
+            )
+            trial.delivered += 1
+        trial.rest(REACTION_SECONDS / 2)
+        trial.expect(len(released) == FRAMES, f"it released {len(released)} of {FRAMES} frames")
+
+
 @check("IMG-8", observable="the calls that copy, and those that wait", needs=LENDING)
 def check_waits_for_the_event_of_the_slot(trial: ClientTrial) -> None:
     """In every slot the event is pending for a while after the frame is lent; those of the other
     slots are not.
     """
     with ring_of(trial) as (ring, connection):
-        for number in range(trial.role.slots):
-            slot = (number + 1) % trial.role.slots
+        for _ in range(trial.role.slots):
+            slot = trial.role.coming(connection).slot
             ring.events[slot].begin()
             before = len(trial.calls())
             seq = trial.role.lend(connection)

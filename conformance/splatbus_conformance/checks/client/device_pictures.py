@@ -54,13 +54,12 @@ def check_shows_a_frame_after_its_event(trial: ClientTrial) -> None:
         released = trial.role.with_(lending.connection).released
         for number in range(2 * trial.role.slots):
             image = coordinates(number, *lending.size)
-            seq = lending.announced(image)
-            slot = seq % trial.role.slots
+            seq, slot = lending.announced(image)
             ring.events[slot].begin()
             trial.role.lend(lending.connection)
             trial.rest(PENDING_SECONDS)
             early = seq in released
-            lending.paint(image, seq)
+            lending.paint(image, slot)
             ring.events[slot].complete()
             if not trial.releases(lending.connection, seq):
                 trial.not_observable("the testee did not give an image back")

@@ -1,8 +1,14 @@
 """Checks on `frame` and `release` (spec 1.1 chapter 5)."""
 
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.broken_frames import broken_frames
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.trial import SETTLE_SECONDS
+
+LAST_NUMBER: int = LIMITS["max_safe_integer"]
 
 
 def reading(trial: ClientTrial) -> Connection:
@@ -20,18 +26,55 @@ def reading(trial: ClientTrial) -> Connection:
     needs=("capability:frames",),
 )
 def check_releases_each_frame_once(trial: ClientTrial) -> None:
-    """Frames are lent one after the other, in every slot; each must be released once."""
+    """Frames are lent one after the other, in slots of any order and with numbers up to the last
+    that there is; each must be released once.
+    """
     connection = reading(trial)
     dealings = trial.role.with_(connection)
-    for _ in range(1000 if trial.thorough else 60):
+    many = 1000 if trial.thorough else 60
+    for number in range(many):
+        if number == many - 1:
+            dealings.coming = trial.role.coming(connection)._replace(seq=LAST_NUMBER)
         seq = trial.role.lend(connection)
         trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
         trial.delivered += 1
     trial.rest(0.1)
     twice = {seq for seq in dealings.released if dealings.released.count(seq) > 1}
     trial.expect(not twice, f"frame {min(twice, default=0)} was released more than once")
-    unknown = set(dealings.released) - set(range(1, dealings.frames + 1))
+    unknown = set(dealings.released) - set(dealings.frames)
     trial.expect(not unknown, f"it released {unknown}, which were never lent")
+
+
+@check(
+    "IMG-12",
+    observable="one release for each frame that the testee cannot use",
+    needs=("capability:frames", "returns:ipc"),
+    may_crash=True,
+)
+def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
+    """Frames of slots that exist, whose camera, tag, objects or time is missing, of another type or
+    impossible; a testee that closes the connection instead gives the slot back with it.
+    """
+    connection = reading(trial)
+    cases = list(broken_frames(trial.role.width, trial.role.height))
+    for broken in trial.each(cases, kind=lambda case: case.kind):
+        connection = reading(trial) if connection.ended else connection
+        released = trial.role.with_(connection).released
+        frame = broken.of(trial.role.next_frame(connection))
+        trial.role.say(connection, frame)
+        given_back = trial.releases(connection, frame["seq"])
+        what = f"a frame with {broken}"
+        expect_alive(trial, connection, what)
+        if not connection.ended:
+            trial.expect(given_back, f"{what}: its slot was not released within 5 s")
+            once = released.count(frame["seq"]) == 1
+            trial.expect(once, f"{what}: its slot was released more than once")
+        elif not given_back:
+            trial.expect(trial.comes_back("ipc"), f"{what}: the testee closed, for good")
+        trial.delivered += 1
+    if not connection.ended:
+        seq = trial.role.lend(connection)
+        trial.expect(trial.releases(connection, seq), "the good frame after them was not released")
 
 
 @check(
@@ -49,6 +92,7 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
         trial.role.width = widths[number % 2]
         trial.role.offer(connection, trial.role.init_packet(connection))
         closes = trial.wait(lambda: former in dealings.closed or connection.ended)  # noqa: B023
+        expect_alive(trial, connection, "a further init packet while a frame is lent")
         if not closes or connection.ended:
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
         said = [(m.get("type"), m.get("generation"), m.get("seq")) for m in dealings.heard]
@@ -66,8 +110,13 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
     may_crash=True,
 )
 def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
-    """Frames of generations that were never announced, and of slots beyond the ring."""
-    wrong = ({"generation": 77}, {"slot": trial.role.slots}, {"slot": 2**40}, {"slot": -1})
+    """Frames of generations that were never announced, and of slots beyond the ring; some of them
+    look right in 32 bits.
+    """
+    wrap, slots = 1 << 32, trial.role.slots
+    bad_slots = (slots, slots + 1, -1, -slots, 0.5, *(wrap + slot for slot in range(slots)))
+    wrong: list[dict[str, object]] = [{"slot": slot} for slot in bad_slots]
+    wrong += [{"generation": number} for number in (77, 0, -1, wrap + 1, LAST_NUMBER)]
     connection = reading(trial)
     for changes in trial.each(wrong):
         connection = reading(trial) if connection.ended else connection
@@ -89,8 +138,17 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
         former = dealings.generation
         trial.role.offer(connection, trial.role.init_packet(connection))
         if not trial.wait(lambda: former in dealings.closed or connection.ended):  # noqa: B023
+            expect_alive(trial, connection, "a further init packet")
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
         judge_bad_frame(trial, connection, "a frame of closed memory", generation=former)
+
+
+def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
+    """A testee that has ended violates the requirement, also if that shows only a moment later."""
+    if connection.ended:
+        trial.wait(trial.fate, SETTLE_SECONDS)
+    if fate := trial.fate():
+        trial.judge(fate, what)
 
 
 def judge_bad_frame(

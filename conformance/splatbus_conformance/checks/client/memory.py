@@ -10,7 +10,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import ROOM, beyond_memory, breaches_of_1_1
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
-from splatbus_conformance.checks.client.init_packets import judge_breaches
+from splatbus_conformance.checks.client.init_packets import for_broken_packet, judge_breaches
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.messages import encode, init_packet_1_1, ring_bytes
@@ -72,6 +72,8 @@ def bad_names(held: ExitStack) -> Iterator[tuple[Any, str]]:
     yield f"{real}\0.splatbus", "NUL in it"
     yield "", "no character"
     yield "s" * 5000, "5,000 characters"
+    yield "🙂" * 1500, "1,500 characters beyond ASCII"
+    yield "\x00\n\u202e" * 500, "control characters"
     most: int = LIMITS["max_shm_name_chars"]
     named = {
         f"splatbus-{token}-".ljust(most + 1, "x"): f"{most + 1} characters",
@@ -105,8 +107,8 @@ def check_refuses_bad_names(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = False
     with ExitStack() as held:
-        for name, what in trial.each(bad_names(held)):
-            connection = trial.for_init_packet()
+        for number, (name, what) in enumerate(trial.each(bad_names(held))):
+            connection = for_broken_packet(trial, number)
             generation = trial.role.init_packet(connection)["generation"]
             offered = init_packet_1_1("", generation)
             offered["memory"]["name"] = name

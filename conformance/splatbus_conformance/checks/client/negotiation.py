@@ -1,8 +1,11 @@
 """Checks on `hello`, `welcome` and `error` (spec 1.1 chapter 2)."""
 
+from itertools import product
+
 from hypothesis import strategies as st
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks.client.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import (
     ADDED_MEMBERS,
@@ -10,7 +13,6 @@ from splatbus_conformance.kinds import (
     CLIENT_1_0,
     CLOSING_ERRORS,
     NEEDS,
-    OTHER_ERRORS,
     REQUESTS,
 )
 from splatbus_conformance.messages import Json, encode, error, reply
@@ -20,7 +22,6 @@ from splatbus_conformance.values import strings
 
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
-CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, "a_code_of_tomorrow")
 WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
 WEATHER: Json = {"type": "weather_report", "sunny": True}
 
@@ -28,6 +29,12 @@ WEATHER: Json = {"type": "weather_report", "sunny": True}
 def heard(trial: ClientTrial, connection: Connection) -> set[str]:
     """The types of all that the testee said on a connection."""
     return {str(message.get("type")) for message in trial.role.with_(connection).heard}
+
+
+def listen(trial: ClientTrial, *connections: Connection) -> None:
+    """Give what need not come several times as long as this testee took to say its first word."""
+    first = [it.packets[0].ended - it.opened for it in connections if it.packets]
+    trial.rest(max(LISTENING_SECONDS, *(4 * seconds for seconds in first), 0.0))
 
 
 def added(message: Json) -> set[str]:
@@ -71,7 +78,9 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     """First no welcome for a while, then one that grants host_shm alone."""
     trial.role.welcomes = False
     connections = [trial.connection(channel) for channel in sorted(trial.facts.connects)]
-    trial.rest(LISTENING_SECONDS)
+    for connection in connections:
+        trial.wait(lambda: connection.packets or not trial.facts.speaks_1_1(connection.channel))  # noqa: B023
+    listen(trial, *connections)
     for connection in connections:
         allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
         early = heard(trial, connection) - allowed
@@ -80,11 +89,11 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     connection = next(c for c in connections if c.channel == "ipc")
     dealings = trial.role.with_(connection)
     trial.role.welcome(connection, capabilities=["host_shm"])
-    trial.wait(lambda: dealings.opened)
-    trial.rest(LISTENING_SECONDS)
+    answered = trial.wait(lambda: dealings.opened | dealings.failed)
+    listen(trial, connection)
     more = heard(trial, connection) - {"hello", "opened", "open_failed"}
     trial.expect(not more, f"it sent {', '.join(sorted(more))}, which welcome did not grant")
-    trial.delivered += 1
+    trial.delivered += answered
 
 
 @check(
@@ -99,14 +108,15 @@ def check_sends_only_what_was_granted_on_the_message_channel(trial: ClientTrial)
     for granted in trial.each([[], *alone]):
         connection = trial.connection("msg")
         trial.says_hello(connection)
+        said = len(connection.packets)
         trial.role.welcome(connection, capabilities=granted)
-        trial.rest(LISTENING_SECONDS)
+        listen(trial, connection)
         for message in trial.role.with_(connection).heard:
             needed = NEEDS.get(str(message.get("type")))
             needed = "intrinsics" if "intrinsics" in added(message) else needed
             what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
             trial.expect(needed in (None, *granted), f"{what} lists {granted}")
-        trial.delivered += 1
+        trial.delivered += len(connection.packets) > said
 
 
 @check(
@@ -204,7 +214,7 @@ def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
     dealings = trial.role.with_(connection)
     if not trial.wait(lambda: dealings.count("get_viewport_size")):
         trial.not_observable("the testee does not ask for the size after hello")
-    trial.rest(LISTENING_SECONDS)
+    listen(trial, connection)
     trial.expect(not connection.ended, "it closed the connection to a 1.0 server")
     more = heard(trial, connection) - LEGACY - {"hello"}
     trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server")
@@ -220,35 +230,45 @@ def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
     """A server that knows no hello sends its init packet at once; the testee is listened to."""
     trial.role.speaks = "1.0"
     connection = trial.connection("ipc")
-    trial.rest(LISTENING_SECONDS)
+    said_hello = trial.says_hello(connection)
+    listen(trial, connection)
     more = heard(trial, connection) - {"hello"}
     trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server")
     if connection.ended:
         trial.not_observable("the testee closed the connection to a 1.0 server")
-    trial.delivered += 1
+    trial.delivered += said_hello
 
 
 @check(
     "NEG-16",
     observable="the testee closes the connection",
-    needs=("hello:ipc", "returns:ipc"),
 )
 def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
     """`welcome` names a version that the testee's hello did not list."""
-    for channel in CHANNELS:
-        for version in ("9.9", "2.0", "1.10"):
-            if not trial.facts.speaks_1_1(channel):
-                continue
-            # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
-            trial.peer.close_all()
-            trial.role.welcomes = trial.role.offers_memory = trial.role.replies = False
-            connection = trial.connection(channel)
-            trial.says_hello(connection)
-            trial.role.welcome(connection, version=version)
-            outcome = "closes" if trial.ends(connection) else "accepts"
-            trial.role.welcomes = trial.role.offers_memory = trial.role.replies = True
-            trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
-            trial.expect(trial.comes_back(channel), "it did not come back afterwards")
+    channels = [channel for channel in CHANNELS if trial.facts.speaks_1_1(channel)]
+    if not channels:
+        trial.not_observable("the testee says no hello: 1.1 is not claimed")
+    role = trial.role
+    for channel, version in trial.each(list(product(channels, ("9.9", "2.0", "1.10")))):
+        # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
+        trial.peer.close_all()
+        role.welcomes = role.offers_memory = role.replies = False
+        connection = trial.connection(channel)
+        if not trial.says_hello(connection):
+            trial.not_observable(f"the testee said no hello on the {channel} channel")
+        role.welcome(connection, version=version)
+        outcome = "closes" if trial.ends(connection) else "accepts"
+        role.welcomes = role.offers_memory = role.replies = True
+        trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
+        trial.expect(trial.comes_back(channel), "it did not come back afterwards")
+
+
+def outcome_of_closing(trial: ClientTrial, connection: Connection, code: str) -> str:
+    """What the testee does after an `error` and the end that follows it (NEG-25)."""
+    lose(trial, connection, code)
+    if not connection.ended:
+        return trial.fate() or "hangs"
+    return "closes" if trial.comes_back(connection.channel) else trial.fate() or "hangs"
 
 
 @check(
@@ -259,11 +279,13 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
 )
 def check_survives_errors(trial: ClientTrial) -> None:
     """An error of each code, and of one that nobody knows, on both channels."""
-    for code in trial.each(CODES):
-        sent = packet(encode(error(code, pointer="/")))
-        trial.role.offers_memory = False
+    trial.role.offers_memory = False
+    for code in trial.each(CODES, kind=kind_of_code):
         connection = trial.greeted("ipc")
-        outcome = trial.outcome_on_ipc(connection, sent)
+        if code in CLOSING_ERRORS:
+            outcome = outcome_of_closing(trial, connection, code)
+        else:
+            outcome = trial.outcome_on_ipc(connection, packet(encode(error(code, pointer="/"))))
         trial.judge(outcome, f"an error {code} on the IPC channel")
     if trial.facts.asks and trial.facts.speaks_1_1("msg"):
         trial.role.offers_memory = True
@@ -282,10 +304,15 @@ def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
     every reply, with the id of the request.
     """
     connection = trial.greeted("msg")
-    for code in trial.each(CODES):
-        connection = trial.greeted("msg") if connection.ended else connection
-        connection.send(packet(encode(error(code, pointer="/position/x"))))
-        trial.judge(trial.outcome_on_msg(connection), f"an error {code} on the message channel")
+    for code in trial.each(CODES, kind=kind_of_code):
+        gone = connection.ended or not connection.open
+        connection = trial.greeted("msg") if gone else connection
+        if code in CLOSING_ERRORS:
+            outcome = outcome_of_closing(trial, connection, code)
+        else:
+            connection.send(packet(encode(error(code, pointer="/position/x"))))
+            outcome = trial.outcome_on_msg(connection)
+        trial.judge(outcome, f"an error {code} on the message channel")
     trial.role.spoil = lambda reply: error("busy", **{n: reply[n] for n in ("id",) if n in reply})
     connection = trial.greeted("msg")
     trial.judge(trial.outcome_on_msg(connection), "errors in place of all replies")

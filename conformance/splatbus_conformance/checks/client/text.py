@@ -10,13 +10,14 @@ from splatbus_conformance.broken_packets import Breach, breaches_of_1_0, breache
 from splatbus_conformance.broken_replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks.client.init_packets import for_broken_packet
+from splatbus_conformance.checks.client.replies import answer_all, asking, outcome_of_reading
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lenient_json import shorten
-from splatbus_conformance.messages import Json, encode, init_packet_1_0
+from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
-from splatbus_conformance.recording import Channel
 from splatbus_conformance.shrinking import without_one
-from splatbus_conformance.spelling import LIBERTIES, Plain, spell
+from splatbus_conformance.spelling import LIBERTIES, Plain, spell, spell_in_utf_8
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.unknown_members import with_unknown_members
 
@@ -59,9 +60,10 @@ def odd_spelling(case: Spelling) -> Writer:
 
 
 def unknown_members(seed: int) -> Writer:
-    """Writes messages with members that nobody knows."""
+    """Writes messages with members that nobody knows, their characters escaped or not."""
     random = Random(seed)
-    return lambda message: encode(with_unknown_members(message, random))
+    write = random.choice((encode, spell_in_utf_8))
+    return lambda message: write(with_unknown_members(message, random))
 
 
 def spellings(trial: ClientTrial, quick: int, full: int) -> Iterator[Spelling]:
@@ -104,7 +106,7 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
             trial.role.offer(connection, trial.role.init_packet(connection))
             offered[dealings.generation] = written[-1]
         taken = trial.opens(connection) and (
-            not dealings.frames or trial.releases(connection, dealings.frames)
+            not dealings.frames or trial.releases(connection, dealings.frames[-1])
         )
         refused = [offered[it] for it in offered if it not in dealings.opened]
         outcome = trial.fate() or ("closes" if connection.ended else "ignores")
@@ -115,7 +117,7 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
 
 
 def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
-    """Write welcome and replies so; the testee must go on."""
+    """Write welcome and replies so, to a request each; the testee must go on."""
     for writer in writers:
         written: list[bytes] = []
 
@@ -124,12 +126,13 @@ def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
             return written[-1]  # noqa: B023
 
         trial.role.encode["msg"] = encode_and_keep
-        connection = trial.connection("msg")
+        connection = asking(trial)
+        answer_all(trial, connection)
         dealings = trial.role.with_(connection)
         trial.wait(lambda: all(map(dealings.count, trial.facts.asks)) or connection.ended)  # noqa: B023
         # Poses go on for a while even if reading does not.
         trial.ends(connection, REACTION_SECONDS)
-        outcome = trial.outcome_on_msg(connection)
+        outcome = outcome_of_reading(trial, connection)
         last = shorten(written[-1].decode(), 400) if written else ""
         what = f"{len(written)} messages on the message channel, the last {last!r}"
         trial.judge("accepts" if outcome == "ignores" else outcome, what)
@@ -150,7 +153,7 @@ def check_takes_any_spelling_on_ipc(trial: ClientTrial) -> None:
 @check(
     "JSN-6",
     observable="the testee goes on after replies that are spelled so",
-    needs=("asks", "returns:msg"),
+    needs=("asks",),
 )
 def check_takes_any_spelling_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
@@ -173,7 +176,7 @@ def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
 @check(
     "JSN-7",
     observable="the testee goes on after replies that have such members",
-    needs=("asks", "returns:msg"),
+    needs=("asks",),
 )
 def check_ignores_unknown_members_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
@@ -192,9 +195,9 @@ def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
     them leniently opens it.
     """
     trial.role.offers_memory = False
-    count = len(broken_texts(trial.role.init_packet(trial.for_init_packet())))
-    for number in trial.each(range(count)):
-        connection = trial.for_init_packet()
+    texts = broken_texts(trial.role.init_packet(trial.for_init_packet()))
+    for number in trial.each(range(len(texts)), kind=lambda number: texts[number].kind):
+        connection = for_broken_packet(trial, number)
         broken = broken_texts(trial.role.init_packet(connection))[number]
         outcome = trial.outcome_on_ipc(connection, packet(broken.payload))
         trial.judge(outcome, f"an init packet with {broken.what} ({broken.requirement})")
@@ -214,7 +217,7 @@ def check_handles_the_next_packet_on_ipc(trial: ClientTrial) -> None:
     texts = broken_texts({"type": "weather_report", "sunny": True})
     rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
     ignored = 0
-    for row in trial.each(rows):
+    for row in trial.each(rows, kind=lambda row: (len(row), row[0].kind)):
         script = b"".join(packet(text.payload) for text in row)
         outcome = trial.outcome_on_ipc(trial.for_init_packet(), script)
         if outcome != "closes":
@@ -237,9 +240,9 @@ def check_handles_the_next_packet_on_the_message_channel(trial: ClientTrial) -> 
     trial.role.welcomes = False
     trial.role.replies = False  # a client that has a reply takes the server for one of 1.0 [NEG-13]
     texts = broken_texts({"type": "weather_report", "sunny": True})
-    step = 1 if trial.thorough else 30
+    rows = trial.each([[text] for text in texts], kind=lambda row: row[0].requirement)
     ignored = 0
-    for row in itertools.chain([[]], trial.each([text] for text in texts[::step])):
+    for row in itertools.chain([[]], rows):
         connection = trial.connection("msg")
         trial.says_hello(connection)
         for text in row:
@@ -268,11 +271,10 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
     """Broken texts, messages that miss or mistype members, and broken init packets."""
     trial.role.offers_memory = False
     texts = [*broken_texts(trial.role.legacy_init_packet()), *_odd_messages()]
-    breaches = [*breaches_of_1_0(), *breaches_of_1_1()]
-    few = breaches if trial.thorough else breaches[::4]
-    cases: list[BrokenText | Breach] = [*texts, *few]
-    for broken in trial.each(cases):
-        connection = trial.for_init_packet()
+    cases: list[BrokenText | Breach] = [*texts, *breaches_of_1_0(), *breaches_of_1_1()]
+    chosen = trial.each(cases, kind=lambda broken: broken.kind)
+    for number, broken in enumerate(chosen):
+        connection = for_broken_packet(trial, number)
         if isinstance(broken, Breach):
             generation = trial.role.init_packet(connection)["generation"]
             payload = encode(broken.packet(trial.role.memory.name, generation))
@@ -287,61 +289,35 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
 
 @check(
     "JSN-10",
-    observable="the process lives, and the testee connects again when the harness closes",
-    needs=("ipc",),
-    may_crash=True,
-)
-def check_survives_broken_payloads_unheard(trial: ClientTrial) -> None:
-    """Broken texts and broken 1.0 init packets for a testee that says nothing on the IPC channel.
-    That it connects again shows that what listens there is alive.
-    """
-    if trial.facts.speaks_1_1("ipc"):
-        trial.not_observable("the testee speaks on the IPC channel: another check sees more")
-    good = init_packet_1_0(trial.role.width, trial.role.height)
-    texts = broken_texts(good)
-    handles = ("", "A" * 88, good["mem_color"][:-1], "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88])
-    for member in ("mem_color", "mem_depth", "evt_done"):
-        for handle in handles:
-            texts.append(
-                BrokenText("INI-7", f"{member} {handle!r}", encode(good | {member: handle}))
-            )
-    for breach in breaches_of_1_0():
-        broken = good | {"meta": breach.packet("", 1).get("meta")}
-        texts.append(BrokenText(breach.requirement, breach.what, encode(broken)))
-    judge_rows(trial, "ipc", texts)
-
-
-@check(
-    "JSN-10",
     observable="the process lives, and the testee goes on or connects again",
-    needs=("asks", "returns:msg"),
+    needs=("asks",),
     may_crash=True,
 )
 def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
     """Broken texts in place of a reply and after it, and messages that miss or mistype members."""
-    judge_rows(trial, "msg", [*broken_texts({"viewport_size": [64, 48]}), *_odd_messages()])
-
-
-def judge_rows(trial: ClientTrial, channel: Channel, payloads: Sequence[BrokenText]) -> None:
-    """Send many payloads, and judge what becomes of the testee; if it suffers, one by one."""
-    outcome = outcome_of_row(trial, channel, trial.each(payloads))
+    size = [trial.role.width, trial.role.height]
+    payloads = [*broken_texts({"viewport_size": size}), *_odd_messages()]
+    chosen = list(trial.each(payloads, kind=lambda broken: broken.kind))
+    outcome = outcome_of_row(trial, chosen)
     if outcome not in trial.requirement.acceptable:
-        for broken in payloads:
-            alone = outcome_of_row(trial, channel, [broken])
-            trial.judge(alone, f"{broken.what} ({broken.requirement}) on the {channel} channel")
-    trial.judge(outcome, f"{len(payloads)} broken payloads in a row on the {channel} channel")
+        for broken in chosen:
+            alone = outcome_of_row(trial, [broken])
+            trial.judge(alone, f"{broken.what} ({broken.requirement}) on the msg channel")
+    trial.judge(outcome, f"{len(chosen)} broken payloads in a row on the msg channel")
 
 
-def outcome_of_row(trial: ClientTrial, channel: Channel, payloads: Iterable[BrokenText]) -> str:
+def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
     """Send payloads one after the other, again on a new connection when the testee closes one.
 
-    Returns `ignores` or `closes` if it connects again at the end, else how it fared. That poses
-    come all the while would not do: who sends them need not be who listens.
+    Returns `ignores` or `closes` if it connects again at the end, or notices the end where it is
+    not known to return; else how it fared. That poses come all the while would not do: who sends
+    them need not be who listens.
     """
-    connection = trial.asking() if channel == "msg" else trial.connection(channel)
+    returns = "msg" in trial.facts.returns
+    connection = asking(trial)
     for broken in payloads:
         if connection.ended:
-            again = trial.next_connection(channel) if channel in trial.facts.returns else None
+            again = trial.next_connection("msg") if returns else asking(trial)
             if again is None:
                 break
             connection = again
@@ -349,16 +325,17 @@ def outcome_of_row(trial: ClientTrial, channel: Channel, payloads: Iterable[Brok
         trial.ends(connection, PAUSE_SECONDS)
         if fate := trial.fate():
             return fate
-    if channel not in trial.facts.returns:
-        trial.not_observable("the testee lives, and whether it still listens is not to be seen")
+    if not returns:
+        return outcome_of_reading(trial, connection)
     outcome = "closes" if connection.ended else "ignores"
-    return outcome if trial.comes_back(channel) else trial.fate() or "hangs"
+    return outcome if trial.comes_back("msg") else trial.fate() or "hangs"
 
 
 def _odd_messages() -> list[BrokenText]:
     return [
-        BrokenText("NEG-23", f"the message {shorten(str(message))}", encode(message))
+        BrokenText("NEG-23", f"the message {shorten(str(message))}", encode(message), kind)
         for message in ODD_MESSAGES
+        for kind in [f"{message['type']} {'code' in message}"]
     ]
 
 

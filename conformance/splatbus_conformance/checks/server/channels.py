@@ -1,12 +1,16 @@
 """Checks on the channels of servers and their life (spec 1.0 chapter 3)."""
 
+import itertools
+
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_text import broken_texts
 from splatbus_conformance.checks import check
+from splatbus_conformance.checks.server.requests import every_request
 from splatbus_conformance.messages import encode
 from splatbus_conformance.misdeeds import (
     CROWD,
+    HARMLESS,
     MISDEEDS,
     MISDEEDS_OF_READERS,
     Misdeed,
@@ -15,24 +19,26 @@ from splatbus_conformance.misdeeds import (
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_introduction import GONE_SECONDS
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.steering import Steering
 from splatbus_conformance.trial import REACTION_SECONDS
 
 BURST = 200
+SPARE = 12
 FURTHER = 12
 """More connections than most servers keep on a channel."""
-NOBODYS: tuple[bytes, ...] = (
-    encode({"type": "weather_report", "sunny": True}),
-    encode({"type": "release", "generation": 1, "seq": 1}),
-    encode({"type": "subscribe", "channels": ["color"]}),
-    encode(VIEWPORT_REQUEST),
-    encode({"hello": "there"}),
-    b"\x00",
-    b" " * LIMITS["max_payload_bytes"],
-    *(text.payload for text in broken_texts({"type": "weather_report", "sunny": True})[::9]),
+UNKNOWN = {"type": "weather_report", "sunny": True}
+NOBODYS: tuple[tuple[object, bytes], ...] = (
+    ("unknown", encode(UNKNOWN)),
+    ("release", encode({"type": "release", "generation": 1, "seq": 1})),
+    ("subscribe", encode({"type": "subscribe", "channels": ["color"]})),
+    ("request", encode(VIEWPORT_REQUEST)),
+    ("no type", encode({"hello": "there"})),
+    ("longest", b" " * LIMITS["max_payload_bytes"]),
+    *((text.kind, text.payload) for text in broken_texts(UNKNOWN)),
 )
-"""Payloads on the IPC channel of 1.0, where no client says anything."""
+"""Payloads on the IPC channel of 1.0, where no client says anything, by their kind."""
 
 
 @check("CHN-1", observable="both ports accept connections, and the message channel answers")
@@ -72,14 +78,17 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
 def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     """Messages that no client of 1.0 sends there, broken text, and the longest packet."""
     connection = trial.dial("ipc")
-    for payload in trial.each(NOBODYS):
+    for _, payload in trial.each(NOBODYS, kind=lambda it: it[0], spare=SPARE):
         connection.send(packet(payload))
         closed = trial.ends(connection, REACTION_SECONDS / 40)
         outcome = trial.fate() or ("closes" if closed else "ignores")
         trial.judge(outcome, f"{payload[:60]!r} on the IPC channel")
-        trial.delivered += 1
     closed = trial.ends(connection, REACTION_SECONDS)
     trial.judge(trial.fate() or ("closes" if closed else "ignores"), "all these on the IPC channel")
+    connection.close()
+    if not trial.serves():
+        trial.not_observable("the connection stayed open, and the server serves nobody")
+    trial.delivered += len(trial.went_through[-1])
 
 
 @check("CHN-12", observable="a client on each channel is served while the other is there")
@@ -88,7 +97,8 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
     orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
     for first, second in orders:
         trial.peer.close_all()
-        connections = {channel: trial.dial(channel) for channel in (first, second)}
+        open_on = {"msg": trial.dial, "ipc": trial.before_hello}
+        connections = {channel: open_on[channel](channel) for channel in (first, second)}
         what = f"beside a client on the {second} channel that came after one on the {first} channel"
         trial.expect(trial.answers(connections["msg"]), f"no reply {what}")
         if trial.facts.welcome["ipc"] is not None:
@@ -106,12 +116,10 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """Twelve clients on the message channel, none of which goes."""
-    connections: list[Connection] = []
     for number in trial.each(range(1, FURTHER + 1)):
-        connections.append(trial.dial("msg"))
-        newest = connections[-1]
-        served = trial.answers(newest)
-        if trial.fate() or not (served or newest.ended):
+        newest = trial.served("msg")
+        served = newest is not None and (trial.answers(newest) or newest.ended)
+        if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
 
 
@@ -124,7 +132,7 @@ def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> No
     """Twelve clients on the IPC channel, which say hello, and none of which goes."""
     trial.greeted("ipc")
     for number in trial.each(range(2, FURTHER + 1)):
-        connection = trial.dial("ipc")
+        connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         trial.viewer.greet(connection)
         trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
@@ -181,60 +189,114 @@ def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
 
 @check("CHN-16", observable="every reply comes, and then the end of the stream")
 def check_answers_before_the_end(trial: ServerTrial) -> None:
-    """Requests in one write, and then the client's end of stream: one, three, and two hundred."""
-    request = packet(encode(VIEWPORT_REQUEST))
-    for count in trial.each((1, 3, BURST)):
-        connection = trial.dial("msg")
-        connection.send(request * count)
+    """Requests of every kind in one write, and then the client's end of stream: none, one, three,
+    and two hundred; the same where one was answered before, and after `hello`.
+    """
+    cases = [(agreed, earlier, n) for agreed, earlier in WHO_ENDS for n in (0, 1, 3, BURST)]
+    speaks = trial.facts.welcome["msg"] is not None
+    for agreed, earlier, count in trial.each([it for it in cases if speaks or not it[0]]):
+        connection = trial.greeted("msg") if agreed else trial.dial("msg")
+        if earlier:
+            trial.expect(trial.answers(connection), "no reply on the message channel")
+        heard = trial.viewer.with_(connection).heard
+        before = len(heard)
+        asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
+        connection.send(b"".join(packet(encode(each)) for each in asked))
         connection.end_stream()
         closed = trial.ends(connection)
-        replies = len(trial.replies(connection))
+        replies = len(heard) - before
         what = f"{count} requests and the end of the stream"
+        what += " after hello" * agreed + " after one that was answered" * earlier
         trial.expect(replies == count, f"{replies} replies to {what}")
         trial.expect(closed, f"the server kept the connection open after {what}")
         trial.expect(connection.ended == "eof", f"the server reset the connection after {what}")
+        connection.close()
         trial.delivered += 1
+
+
+WHO_ENDS = ((False, False), (True, False), (False, True))
+"""Has said hello; has asked before, and been answered."""
 
 
 def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed, ...]) -> None:
-    """Let one client misbehave, and see how the others fare.
+    """Let one client misbehave, and see how the others fare, and whoever comes next.
 
-    A server may serve one client on a channel and close the former in favour of the next (CHN-13):
-    who is closed before the misdeed begins is no witness.
+    A server may end one client on a channel in favour of another (CHN-13). So one that is ended
+    tells something only if the same one stays beside a client that does nothing wrong.
     """
-    beside = serves_several(trial, channel)
-    witness = trial.dial("msg")
-    trial.expect(trial.answers(witness), "no reply on the message channel")
-    readable = trial.facts.renders and (channel == "msg" or beside)
-    steering = Steering(trial) if readable else None
-    watched = channel == "ipc" or beside
-    if not watched:
-        witness.close()
+    others = Others(trial, channel)
     for misdeed in trial.each(misdeeds):
         what = f"a client that {misdeed.what}, on the {channel} channel"
-        culprit = trial.dial(channel)
-        misdeed.commit(trial, culprit)
-        if watched:
-            answered = trial.answers(witness) or trial.wait(trial.fate, REACTION_SECONDS)
-            trial.expect(answered and not trial.fate(), f"no reply beside {what}")
-            seen = steering is None or steering.renders_for(witness)
-            trial.expect(seen, f"no new image beside {what}")
-        culprit.close()
-        if not watched:
-            trial.expect(trial.serves(), f"no reply after {what}")
+        if others.can_stay and not others.stay(misdeed, what):
+            others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
+            if others.can_stay:
+                stayed = any(others.stay(misdeed, what) for _ in range(AGAIN))
+                trial.expect(stayed, f"the connection of another is ended beside {what}")
+        if not others.can_stay:
+            trial.peer.close_all()
+            commit(trial, channel, misdeed).close()
+        trial.expect(trial.serves(), f"no reply after {what}")
         trial.delivered += 1
-    witness.close()
+    trial.peer.close_all()
     trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
 
 
-def serves_several(trial: ServerTrial, channel: Channel) -> bool:
-    """Whether a channel keeps a client when the next comes."""
-    former, latter = trial.dial(channel), trial.dial(channel)
-    if channel == "msg":
-        several = trial.answers(latter) and trial.answers(former)
-    else:
-        trial.rest(REACTION_SECONDS)
-        several = not former.ended and not latter.ended
-    former.close()
-    latter.close()
-    return several
+def commit(trial: ServerTrial, channel: Channel, misdeed: Misdeed) -> Connection:
+    """Let somebody new do this; on which connection."""
+    culprit = misdeed.begins(trial, channel)
+    misdeed.commit(trial, culprit)
+    return culprit
+
+
+class Others:
+    """Who does nothing wrong: one that asks, and one that reads images where there are some."""
+
+    def __init__(self, trial: ServerTrial, channel: Channel) -> None:
+        self.can_stay = not (channel == "msg" and trial.facts.alone["msg"])
+        """Somebody else may be on that channel, and is not ended for it."""
+        self._trial, self._channel = trial, channel
+        self._witness: Connection | None = None
+        self._steering: Steering | None = None
+
+    def stay(self, misdeed: Misdeed, what: str) -> bool:
+        """Let somebody do this beside them: whether they stay. Violated if they do, unserved."""
+        trial = self._trial
+        steering = self._reading()
+        witness = self._asking(steering)
+        culprit = commit(trial, self._channel, misdeed)
+        answered = trial.answers(witness)
+        trial.expect(not trial.fate(), f"no reply beside {what}")
+        trial.expect(answered or witness.ended, f"no reply beside {what}")
+        if answered and steering is not None:
+            seen = steering.renders_for(witness)
+            ended = witness.ended or steering.reader.ended
+            trial.expect(seen or ended, f"no new image beside {what}")
+            answered = seen
+        culprit.close()
+        return answered
+
+    def _asking(self, steering: Steering | None) -> Connection:
+        if self._witness is None or self._witness.gone:
+            if self._witness is not None:
+                self._witness.close()
+            self._trial.rest(GONE_SECONDS)
+            self._witness = self._trial.dial("msg")
+            answered = self._trial.answers(self._witness)
+            self._trial.expect(answered, "no reply on the message channel")
+            if steering is not None:  # it is to have control, whoever poses after it
+                seen = steering.renders_for(self._witness) or steering.reader.ended
+                self._trial.expect(seen, "no new image after a pose")
+        return self._witness
+
+    def _reading(self) -> Steering | None:
+        facts = self._trial.facts
+        if not facts.renders or (self._channel == "ipc" and facts.alone["ipc"]):
+            return None
+        if self._steering is None or self._steering.reader.gone:
+            if self._steering is not None:
+                self._steering.reader.close()
+            self._steering = Steering(self._trial)
+        return self._steering
+
+
+AGAIN = 2

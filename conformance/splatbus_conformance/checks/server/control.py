@@ -1,22 +1,32 @@
 """Checks on control of the scene, among several clients (spec 1.1 section 6.3)."""
 
+import itertools
+import math
+from typing import Any
+
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.server.clocks import set_time
-from splatbus_conformance.checks.server.lenses import in_force, lens_of
+from splatbus_conformance.checks.server.clocks import CLOSENESS, set_time
+from splatbus_conformance.checks.server.lenses import in_force, lens_of, scaled
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.nudging import Nudges
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographer import AT_REST
-from splatbus_conformance.pinhole import placed_in
+from splatbus_conformance.pinhole import placed_in, told_of
 from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.steering import Steering, camera_of
-from splatbus_conformance.studio import LENS, Studio, answers, at_rest, further, placed
+from splatbus_conformance.steering import Steering, camera_in, camera_of
+from splatbus_conformance.studio import LENS, Studio, answers, at_rest, further, placed, studio
 from splatbus_conformance.survey import first_view
 from splatbus_conformance.trial import EFFECT_SECONDS
+from splatbus_conformance.values import is_number, show
 
 SPEAKS = ("1.1",)
 AGAIN = 20
 """How often a client that has no control poses."""
+NEWEST_TAG = "heir 2"
+POSED = "posed the camera"
+AFTERWARDS = (POSED, "moved the Gaussians alone")
+"""What may end what a client has left behind, and must not need to."""
 
 
 def poses(trial: ServerTrial, place: float) -> dict[str, Json]:
@@ -25,15 +35,25 @@ def poses(trial: ServerTrial, place: float) -> dict[str, Json]:
         "camera_pose": camera_pose((place, 0.5, -3.0)),
         "point_cloud_pose": camera_pose((0.0, 0.0, place / 8), kind="point_cloud_pose"),
     }
-    if trial.facts.lacks("capability:objects") is None:
+    if _grants(trial, "objects"):
         found["object_pose"] = placed(DEFAULT, AT_REST, 1.0 + abs(place) / 8)
-    if trial.facts.lacks("capability:time") is None:
+    if _grants(trial, "time"):
         found["set_time"] = set_time((trial.facts.time_range() or (0.0, 1.0))[1])
     return found
 
 
 def controlling(trial: ServerTrial) -> Connection:
     """A connection that has control: it was the first to pose, and was not told `busy`."""
+    found = in_control(trial)
+    if found is None:
+        alone = trial.testee.expendable and not any(it.open for it in trial.peer.connections)
+        trial.expect(not alone, "the only client that there is was told busy")
+        trial.not_observable("no connection is given control")
+    return found
+
+
+def in_control(trial: ServerTrial) -> Connection | None:
+    """The same; None if none is given control in time, and every one is told `busy`."""
     found: list[Connection] = []
 
     def given() -> bool:
@@ -41,14 +61,14 @@ def controlling(trial: ServerTrial) -> Connection:
         first = trial.commanding()
         trial.move()
         found.append(first)
-        has = answers(trial, first) and busy(trial, first) == 0
+        if not answers(trial, first):
+            trial.violated("a pose, and no more answers")
+        has = busy(trial, first) == 0
         if not has:
             first.close()
         return has
 
-    if not trial.peer.until(given, EFFECT_SECONDS):
-        trial.not_observable("no connection is given control")
-    return found[-1]
+    return found[-1] if trial.peer.until(given, EFFECT_SECONDS) else None
 
 
 def busy(trial: ServerTrial, connection: Connection) -> int:
@@ -66,6 +86,7 @@ def check_tells_who_has_no_control(trial: ServerTrial) -> None:
         other = further(trial, first)
         if number == 0:
             trial.viewer.say(other, {"type": "camera_pose", "position": {}})
+            other = other if answers(trial, other) else further(trial, first)
         trial.viewer.say(other, pose)
         answered = answers(trial, other)
         trial.expect(answered, f"no answer to a client without control that sent {kind}")
@@ -85,10 +106,17 @@ def check_refused_poses_count_for_nothing(trial: ServerTrial) -> None:
         trial.peer.close_all()
         early = trial.greeted("msg")
         trial.viewer.say(early, refused)
-        trial.expect(answers(trial, early), f"{what}: the next request was not answered")
-        first = controlling(trial)
+        goes_on = answers(trial, early)
+        trial.expect(goes_on or early.ended, f"{what}: the next request was not answered")
+        first = in_control(trial)
+        if first is None:
+            early.close()
+            controlling(trial)
+            trial.violated(f"{what}, refused, gave control to its connection")
         if early.ended:
-            trial.not_observable("the server serves one connection at a time")
+            if goes_on:
+                trial.not_observable("the server serves one connection at a time")
+            continue  # it was closed for what it sent, as it may be (POS-6)
         trial.viewer.say(early, refused)
         answers(trial, early)
         trial.expect(not busy(trial, early), f"{what}, refused, was answered busy as well")
@@ -108,12 +136,12 @@ def refused_poses(trial: ServerTrial) -> dict[str, Json]:
         "a pose with a rotation of norm 2": camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)),
         "a pose with a tag that is none": camera_pose() | {"tag": ""},
     }
-    if trial.facts.lacks("capability:objects") is None:
+    if _grants(trial, "objects"):
         found["a pose of an unknown object"] = placed("no such object", AT_REST)
         found["a pose of an object without size"] = placed(DEFAULT, AT_REST, 0.0)
-    if trial.facts.lacks("capability:time") is None:
+    if _grants(trial, "time"):
         found["a time that is no number"] = {"type": "set_time", "time": "now"}
-    if trial.facts.lacks("capability:intrinsics") is None and trial.facts.first is not None:
+    if _grants(trial, "intrinsics") and trial.facts.first is not None:
         width, height = trial.facts.size
         lens = lens_of(trial.facts.first, width, 2 * height + 2, 1.0, 1.0, 0.0, 0.0)
         found["a pose with intrinsics of another shape"] = camera_pose() | {"intrinsics": lens}
@@ -157,17 +185,25 @@ def check_tells_it_once(trial: ServerTrial) -> None:
     needs=("1.1", "frames"),
 )
 def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
-    """Three clients, of 1.1, 1.0 and 1.1, pose many times; the first closes, then the next."""
+    """Three clients, of 1.1, 1.0 and 1.1, pose many times, the last with all that it may say; the
+    first closes, then the next.
+    """
     steering, first = Steering(trial), trial.commanding()
     trial.expect(steering.shows(first, camera_pose((0.0, 0.0, 3.0))), "no frame shows a good pose")
     old = trial.dial("msg")
     trial.answers(old)
     third = further(trial, first, old)
     clients = ((old, -1.0), (third, -4.0))
+    lens = _lens_as_shown(trial, steering)
+    time = (trial.facts.time_range() or (0.0, 0.0))[1] if _grants(trial, "time") else None
     for number in range(3):
         for client, place in clients:
-            for pose in (camera_pose((place, number, 0.0)), _cloud(place + number)):
+            more = {"tag": NEWEST_TAG[:-1] + str(number)} | ({"intrinsics": lens} if lens else {})
+            camera = camera_pose((place, number, 0.0)) | (more if client is third else {})
+            for pose in (camera, _cloud(place + number)):
                 trial.viewer.say(client, pose)
+            if client is third and time is not None:
+                trial.viewer.say(client, set_time(time))
             trial.answers(client)
     left = first
     for client, place in trial.each(clients):
@@ -184,11 +220,45 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
             z == place + 2.0,
             f"{what} the Gaussians are at z = {z}, and its newest pose of them has {place + 2.0}",
         )
+        if client is third:
+            frames = trial.viewer.with_(steering.reader).frames[since:]
+            _expect_the_rest(trial, frames, what, lens, time)
         left = client
         trial.delivered += 1
     steering.shows(third, camera_pose((0.0, 0.0, 3.0)))
     trial.viewer.say(third, at_rest())
     trial.answers(third)
+
+
+def _expect_the_rest(
+    trial: ServerTrial, frames: list[Json], what: str, lens: Json | None, time: float | None
+) -> None:
+    """Intrinsics, time and tag are those that the client had sent when it had no control."""
+    wrong = in_force(frames[-1], scaled(lens, trial.facts.size)) if lens else ""
+    trial.expect(not wrong, f"{what} it had sent intrinsics, and {wrong}")
+    seen: Any = frames[-1].get("time")
+    trial.expect(
+        time is None or (is_number(seen) and math.isclose(seen, time, rel_tol=CLOSENESS)),
+        f"{what} it had set the time to {time}, and a frame has {show(seen)}",
+    )
+    cameras = [camera for it in frames if isinstance(camera := it.get("camera"), dict)]
+    tags = [camera["tag"] for camera in cameras if "tag" in camera]
+    trial.expect(
+        tags == [NEWEST_TAG], f"{what} its newest tag is {NEWEST_TAG}, and {show(tags)} came"
+    )
+
+
+def _lens_as_shown(trial: ServerTrial, steering: Steering) -> Json | None:
+    """Intrinsics that are not those of the newest frame; None where they are not granted."""
+    if not _grants(trial, "intrinsics"):
+        return None
+    camera = trial.viewer.with_(steering.reader).frames[-1]["camera"]
+    names = (*LENS, "width", "height")
+    return {name: camera[name] for name in names} | {"fx": 1.5 * camera["fx"]}
+
+
+def _grants(trial: ServerTrial, capability: str) -> bool:
+    return trial.facts.lacks(f"capability:{capability}") is None
 
 
 def _depth_of_cloud(trial: ServerTrial, steering: Steering) -> float:
@@ -202,43 +272,71 @@ def _cloud(z: float) -> Json:
 
 
 @check(
+    "POS-11",
+    observable="frames after poses of each kind of a second client",
+    needs=("1.1", "frames", "pixels"),
+)
+def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
+    """A client has control and has set what it may; another sends a pose of each kind."""
+    span = trial.facts.time_range() if _grants(trial, "time") else None
+    with studio(trial) as it:
+        other = further(trial, it.poser)
+        for kind, pose in trial.each(list(poses(trial, 3.0).items())):
+            before = it.look(at_rest(), *([set_time(span[0])] if span else [])).frame
+            known = len(it.frames)
+            trial.viewer.say(other, pose)
+            answered = answers(trial, other)
+            trial.expect(answered, f"no answer to a client without control that sent {kind}")
+            if kind == "camera_pose":
+                moved = any(camera_in(frame) != camera_in(before) for frame in it.nudged(known))
+            else:
+                seen = it.look().frame
+                moved = told_of(seen, DEFAULT) != told_of(before, DEFAULT)
+                moved |= bool(span) and seen["time"] != before["time"]
+            trial.expect(not moved, f"a client without control sent {kind}, and it was applied")
+            trial.delivered += 1
+
+
+@check(
     "CTL-3",
     observable="the cameras and times of frames after the client that set them has gone",
     needs=("1.1", "frames", "pixels"),
 )
 def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
-    """A client sets intrinsics and time and closes; one of 1.0, then one of 1.1 poses after it."""
+    """A client sets intrinsics and time and closes; then one of 1.0, or of 1.1, has control, which
+    has posed the camera meanwhile, or never does.
+    """
     first = first_view(trial, 0.0)
     own = {name: first.frame["camera"][name] for name in LENS}
     size = first.camera.width, first.camera.height
     lens = lens_of(first, *size, 0.5, 0.5, 0.1, 0.1)
-    has_lens = trial.facts.lacks("capability:intrinsics") is None
+    has_lens = _grants(trial, "intrinsics")
     span = trial.facts.time_range()
-    if trial.facts.lacks("capability:time") is not None:
+    if not _grants(trial, "time"):
         span = None
     if not (has_lens or span):
         trial.not_observable("the server grants neither intrinsics nor time")
     odd = 0.0 if span is None else span[0] + 0.3718281828 * (span[1] - span[0])
-    for next_speaks in trial.each(("1.0", "1.1")):
+    for speaks, moment in trial.each(list(itertools.product(("1.0", "1.1"), AFTERWARDS))):
         trial.peer.close_all()
-        studio = Studio(trial)
-        sets = studio.look(
+        it = Studio(trial)
+        sets = it.look(
             *([set_time(odd)] if span else []), **({"intrinsics": lens} if has_lens else {})
         )
-        waiting = trial.dial("msg") if next_speaks == "1.0" else further(trial, studio.poser)
-        pose = camera_pose((0.5, 0.25, -1.5))
-        trial.viewer.say(waiting, pose)
-        trial.answers(waiting)
-        studio.poser.close()
-        seen = trial.sees(studio.photographer.reader, pose)
-        if seen is None:
-            trial.not_observable("control did not pass on")
-        studio.photographer.new()
+        if has_lens and (wrong := in_force(sets.frame, scaled(lens, size))):
+            trial.not_observable(f"intrinsics were sent, and of the frame's camera {wrong} (CAM-5)")
+        heir = trial.dial("msg") if speaks == "1.0" else further(trial, it.poser)
+        if moment == POSED:
+            trial.viewer.say(heir, camera_pose((0.5, 0.25, -1.5)))
+            trial.answers(heir)
+        it.poser.close()
+        nudges = Nudges(trial, it.frames, it.photographer.new)
+        if not nudges.shown(heir):
+            trial.violated("control did not pass on: no frame shows what the next client moved")
+        seen = it.frames[-1]
+        what = f"its client had closed, and a client of {speaks} had {moment}:"
         wrong = in_force(seen, own)
-        what = f"its client had closed, a client of {next_speaks} posed the camera"
-        trial.expect(not (has_lens and wrong), f"{what}, and of intrinsics {wrong}")
-        trial.expect(
-            not span or seen["time"] != sets.frame["time"],
-            f"{what}, and time is still {seen['time']}",
-        )
+        trial.expect(not (has_lens and wrong), f"{what} of intrinsics {wrong}")
+        stays = span and seen.get("time") == sets.frame["time"]
+        trial.expect(not stays, f"{what} time is still {seen.get('time')}")
         trial.delivered += 1

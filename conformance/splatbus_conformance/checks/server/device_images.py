@@ -4,6 +4,8 @@ They are read through the handles of its init packets, on a GPU or in the stand-
 """
 
 import base64
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -38,8 +40,9 @@ class Stored(NamedTuple):
     """(h, w) float32, rows top-down."""
 
 
-def stored(trial: ServerTrial) -> list[Stored]:
-    """Images while the camera moves, once the server has drawn one."""
+@contextlib.contextmanager
+def reading(trial: ServerTrial) -> Iterator[Callable[[], Stored]]:
+    """What reads the buffers of 1.0, once the server has drawn an image."""
     packet = init_packet_of(trial)
     handles = {name: base64.b64decode(packet[name]) for name in (*MEMBERS, "evt_done")}
     width, height = int(packet["meta"]["w"]), int(packet["meta"]["h"])
@@ -60,14 +63,20 @@ def stored(trial: ServerTrial) -> list[Stored]:
     try:
         if not trial.wait(lambda: all(map(drawn, both()))):
             trial.not_observable(f"in {EFFECT_SECONDS:g} s it wrote no image")
-        found = []
+        yield both
+    finally:
+        for handle in handles.values():
+            device.forget(handle)
+
+
+def stored(trial: ServerTrial) -> list[Stored]:
+    """Images while the camera moves, once the server has drawn one."""
+    found = []
+    with reading(trial) as both:
         for _ in range(IMAGES):
             trial.move()
             trial.rest(PAUSE_SECONDS)
             found.append(both())
-    finally:
-        for handle in handles.values():
-            device.forget(handle)
     trial.delivered += len(found)
     return found
 

@@ -9,7 +9,7 @@ from splatbus_conformance.memory_reading import Opened, Pixels
 from splatbus_conformance.messages import Json
 from splatbus_conformance.server_trial import Image, ServerTrial, shows
 from splatbus_conformance.trial import REACTION_SECONDS
-from splatbus_conformance.watching import LENDS, beside, frames_of, holding, pinning
+from splatbus_conformance.watching import LENDS, beside, fell_silent, frames_of, holding, pinning
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
 QUIET_SECONDS = 0.4
@@ -72,9 +72,9 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
         for waits in moves:
             pose = trial.move()
             if waits and not trial.sees(watcher, pose):
-                trial.not_observable("the server sends no frame of the newest pose")
+                fell_silent(trial, watcher, "the server sent no frame of the newest pose")
         if not trial.sees(watcher, pose):
-            trial.not_observable("the server sends no frame of the newest pose")
+            fell_silent(trial, watcher, "the server sent no frame of the newest pose")
         before = len(frames)
         trial.viewer.release(holder, held)
         came = trial.wait(lambda: len(frames) > before)  # noqa: B023
@@ -175,7 +175,7 @@ def check_writes_only_what_is_wanted(trial: ServerTrial) -> None:
         trial.viewer.say(connection, {"type": "subscribe", "channels": [wanted]})
         for _ in range(3):  # one image may have been on its way when the subscription came
             if not trial.sees(connection, trial.move()):
-                trial.not_observable("the images do not follow the camera")
+                fell_silent(trial, connection, "the server sent no frame of the newest pose")
         memory = trial.viewer.with_(connection).memory
         assert memory is not None
         before = unwanted(memory, wanted)

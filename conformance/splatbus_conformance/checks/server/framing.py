@@ -1,49 +1,207 @@
 """Checks on how servers take packets (spec 1.0 section 2.1)."""
 
 import itertools
+import json
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.messages import encode, hello
+from splatbus_conformance.messages import Json, encode, hello
 from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.shrinking import without_one
-from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
 
-BAD_LENGTHS = (0, LIMITS["max_payload_bytes"] + 1, 542_393_671, 0xFFFF_FFFF)
+LONGEST: int = LIMITS["max_payload_bytes"]
+REQUEST = packet(encode(VIEWPORT_REQUEST))
+BAD_LENGTHS = (0, LONGEST + 1, 542_393_671, 0xFFFF_FFFF)
+SWAPPED = (28 << 24, 1 << 24)
+"""Lengths that are good when their bytes are read from the other end."""
+SIGNED = (2**31 - 1, 2**31)
 KEPT = (1, 3, 4, 5, 20)
 """How many bytes of a packet arrive."""
+ENDS = ("close", "reset")
+PAUSE_SECONDS = 0.02
+"""After which TCP has not joined what was sent apart, unless the server was busy meanwhile."""
+DRIP_SECONDS = 3.0
+"""Between bytes of a packet that would not be complete for half an hour."""
+
+
+class BadHeader(NamedTuple):
+    """A header that no packet may have, and what stands around it."""
+
+    channel: Channel
+    length: int
+    before: bytes = b""
+    after: bytes = b""
+
+    def __str__(self) -> str:
+        behind = " behind a request" * bool(self.before)
+        then = f", and {len(self.after):,} bytes" if self.after else ""
+        return f"a header that announces {self.length:,} bytes{behind}{then}"
+
+
+def bad_headers() -> Iterator[BadHeader]:
+    """Every bad length, on either channel: alone, followed by a request, behind one; and the
+    payload that one announces which is a byte too long.
+    """
+    too_long = encode(VIEWPORT_REQUEST).ljust(LONGEST + 1)
+    for channel in CHANNELS:
+        for length in (*BAD_LENGTHS, *SWAPPED, *SIGNED):
+            yield BadHeader(channel, length)
+            yield BadHeader(channel, length, after=REQUEST)
+        yield BadHeader(channel, LONGEST + 1, after=too_long)
+        yield BadHeader("msg", 0, before=REQUEST)
+
+
+def kind_of_header(case: tuple[Channel, int, bytes, bytes]) -> tuple[object, ...]:
+    """What is too extreme, or too near to what is right, to stand for another."""
+    it = BadHeader(*case)
+    family = it.length if it.length in BAD_LENGTHS else it.length in SWAPPED
+    return it.channel, family, bool(it.before), len(it.after) > LONGEST
 
 
 @check("FRM-3", observable="the server closes the connection and serves another", may_crash=True)
 def check_bad_length_closes(trial: ServerTrial) -> None:
-    """A header that announces nothing, or more than the limit, on either channel."""
-    for length in trial.each(BAD_LENGTHS):
-        header = length.to_bytes(4, "little")
-        outcome = trial.outcome_on_msg(trial.dial("msg"), header)
-        trial.judge(outcome, f"a header that announces {length:,} bytes on the message channel")
-        outcome = trial.outcome_on_ipc(trial.dial("ipc"), header)
-        trial.judge(outcome, f"a header that announces {length:,} bytes on the IPC channel")
+    """A header that announces nothing, or more than the limit, on either channel; as a control, a
+    good one, whose packet stays incomplete for longer than it took to close any of the others.
+    """
+    lengths = st.integers(LONGEST + 1, 0xFFFF_FFFF)
+    drawn = st.tuples(st.sampled_from(CHANNELS), lengths, st.just(b""), st.just(REQUEST))
+    listed: list[tuple[Channel, int, bytes, bytes]] = list(bad_headers())
+    slowest: dict[Channel, float] = {}
+    for case in trial.each(listed, drawn, kind=kind_of_header, spare=4, quick=2, full=60):
+        bad = BadHeader(*case)
+        connection = trial.dial(bad.channel)
+        began = time.monotonic()
+        connection.send(bad.before + bad.length.to_bytes(4, "little") + bad.after)
+        most = bool(bad.before)
+
+        def answered() -> bool:
+            replies = trial.replies(connection) if bad.channel == "msg" else ()  # noqa: B023
+            return len(replies) > most  # noqa: B023
+
+        trial.wait(lambda: answered() or connection.ended)  # noqa: B023
+        slowest[bad.channel] = max(slowest.get(bad.channel, 0.0), time.monotonic() - began)
+        outcome = "replies" if answered() else trial.end_of(connection, 0.0)
+        connection.close()
+        trial.judge(outcome, f"{bad} on the {bad.channel} channel")
+        trial.delivered += 1
+    for channel, seconds in slowest.items():
+        expect_patience(trial, channel, seconds)
+
+
+def expect_patience(trial: ServerTrial, channel: Channel, seconds: float) -> None:
+    """A packet may stay incomplete for longer than this: what was closed by then was closed for
+    its header.
+    """
+    connection = trial.dial(channel)
+    connection.send(REQUEST[:16])
+    soon = trial.ends(connection, seconds + seconds / 2 + REACTION_SECONDS)
+    trial.expect(
+        not soon,
+        f"it took up to {seconds:.1f} s to close a connection for a bad length on the {channel} "
+        "channel, where it closes no later for a packet that stays incomplete",
+    )
+    connection.close()
+
+
+TEXTS: tuple[Json, ...] = (
+    VIEWPORT_REQUEST,
+    VIEWPORT_REQUEST | {"note": "é, Ω, 中, 🙂\u2028"},
+    {"type": "get_camera_pose", "cam_idx": 0, "☃": ["\\", '"', "\u007f"]},
+)
+STREAM = b"".join(
+    packet(json.dumps(text, ensure_ascii=escaped).encode())
+    for escaped in (False, True)
+    for text in TEXTS
+)
+"""Requests, whose texts have characters of one to four bytes, and escapes."""
+EVERY_BYTE = list(range(1, len(STREAM)))
+INSIDE = [at for at in EVERY_BYTE if STREAM[at] >> 6 == 2 or STREAM[at - 1 : at] == b"\\"]
+"""Places inside of a character, or of an escape."""
+Cuts = tuple[list[int], float]
+"""Where a stream is cut, and the pause at each cut."""
+
+
+def cuts(size: int, inside: list[int]) -> st.SearchStrategy[Cuts]:
+    """A few cuts, most of them too quick for TCP to keep them apart."""
+    place = st.integers(1, size - 1) | st.sampled_from(inside)
+    pause = st.sampled_from((0.0, 0.0005, 0.0005, PAUSE_SECONDS))
+    return st.tuples(st.lists(place, max_size=6), pause)
+
+
+def fewer_cuts(case: Cuts) -> Iterator[Cuts]:
+    """The same with a cut less."""
+    return ((fewer, case[1]) for fewer in without_one(case[0]))
+
+
+def send_in_pieces(trial: ServerTrial, connection: Connection, data: bytes, case: Cuts) -> str:
+    """Send so; in words, how."""
+    places = sorted(set(case[0]))
+    for begin, end in itertools.pairwise([0, *places, len(data)]):
+        connection.send(data[begin:end])
+        trial.rest(case[1])
+    return f"cut at {places[:8]}, {1000 * case[1]:g} ms apart"
 
 
 @check("FRM-4", observable="the server answers requests that arrive in pieces")
 def check_any_segmentation(trial: ServerTrial) -> None:
-    """Requests arrive byte by byte, cut anywhere, and several joined."""
+    """Requests arrive byte by byte, cut anywhere, also inside of characters and of escapes, and
+    several joined.
+    """
     connection = trial.dial("msg")
-    requests = packet(encode(VIEWPORT_REQUEST)) * 3
-    every_byte = list(range(1, len(requests)))
-    some = st.lists(st.integers(1, len(requests) - 1), max_size=6)
-    cases = trial.each([every_byte, []], some, quick=40, full=1000, simpler=without_one)
-    for cuts in cases:
-        before = len(connection.packets)
-        for begin, end in itertools.pairwise([0, *sorted(set(cuts)), len(requests)]):
-            connection.send(requests[begin:end])
-            trial.rest(0.0 if len(cuts) > 6 else 0.0005)
-        answered = trial.wait(lambda: len(connection.packets) >= before + 3)  # noqa: B023
-        trial.expect(answered, f"three requests cut at {sorted(set(cuts))[:8]} were not answered")
+    count = 2 * len(TEXTS)
+    listed: list[Cuts] = [(EVERY_BYTE, 0.0), ([], 0.0), *(([at], PAUSE_SECONDS) for at in INSIDE)]
+    drawn = cuts(len(STREAM), INSIDE)
+    for case in trial.each(
+        listed,
+        drawn,
+        kind=lambda it: len(it[0]),
+        spare=6,
+        quick=40,
+        full=1000,
+        simpler=fewer_cuts,
+    ):
+        before = len(trial.replies(connection))
+        told = send_in_pieces(trial, connection, STREAM, case)
+        answered = trial.wait(lambda: len(trial.replies(connection)) >= before + count)  # noqa: B023
+        trial.expect(answered, f"{count} requests {told} were not answered")
+        trial.expect(trial.answers(connection), f"after {count} requests {told}: no reply")
+        extra = len(trial.replies(connection)) - before - count - 1
+        trial.expect(not extra, f"{count} requests {told} had {extra} replies too many")
+        if before > MANY_REPLIES:
+            connection.close()
+            connection = trial.dial("msg")
+
+
+MANY_REPLIES = 500
+
+
+@check("FRM-4", observable="the server answers a request of the greatest length")
+def check_the_longest_packet(trial: ServerTrial) -> None:
+    """A request made as long as a payload may be by white space, or by a member that nobody knows:
+    whole, in two pieces, and joined with the next.
+    """
+    blank = encode(VIEWPORT_REQUEST).ljust(LONGEST)
+    room = LONGEST - len(encode(VIEWPORT_REQUEST | {"": ""}))
+    filled = encode(VIEWPORT_REQUEST | {"": "x" * room})
+    for payload, place in trial.each([(blank, LONGEST // 2), (filled, 3), (filled, LONGEST + 2)]):
+        connection = trial.dial("msg")
+        told = send_in_pieces(trial, connection, packet(payload) + REQUEST, ([place], 0.0005))
+        answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)  # noqa: B023
+        trial.expect(
+            answered and not connection.ended,
+            f"a request of {LONGEST:,} bytes and another one, {told}, were not answered",
+        )
         trial.delivered += 1
+        connection.close()
 
 
 @check(
@@ -54,19 +212,26 @@ def check_any_segmentation(trial: ServerTrial) -> None:
 def check_any_segmentation_on_ipc(trial: ServerTrial) -> None:
     """`hello` on the IPC channel, cut anywhere, and byte by byte."""
     trial.greeted("ipc").close()
-    said = packet(encode(hello(trial.viewer.capabilities["ipc"], trial.viewer.token)))
-    every_byte = list(range(1, len(said)))
-    some = st.lists(st.integers(1, len(said) - 1), max_size=6)
-    for cuts in trial.each([every_byte], some, quick=10, full=300, simpler=without_one):
-        connection = trial.dial("ipc")
-        for begin, end in itertools.pairwise([0, *sorted(set(cuts)), len(said)]):
-            connection.send(said[begin:end])
-            trial.rest(0.0 if len(cuts) > 6 else 0.0005)
+    greeting = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
+    greeting["client"] = {"name": "é, Ω, 中, 🙂", "version": "1"}
+    said = packet(json.dumps(greeting, ensure_ascii=False).encode())
+    inside = [at for at in range(1, len(said)) if said[at] >> 6 == 2]
+    listed: list[Cuts] = [(list(range(1, len(said))), 0.0)]
+    listed += [([at], PAUSE_SECONDS) for at in inside]
+    for case in trial.each(
+        listed,
+        cuts(len(said), inside),
+        kind=lambda it: len(it[0]),
+        spare=2,
+        quick=10,
+        full=300,
+        simpler=fewer_cuts,
+    ):
+        connection = trial.before_hello("ipc")
+        told = send_in_pieces(trial, connection, said, case)
         dealings = trial.viewer.with_(connection)
-        welcomed = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        trial.expect(
-            welcomed and dealings.welcome, f"a hello cut at {sorted(set(cuts))[:8]} has no welcome"
-        )
+        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+        trial.expect(dealings.welcome, f"a hello {told} has no welcome")
         connection.close()
         trial.delivered += 1
 
@@ -77,17 +242,28 @@ def check_any_segmentation_on_ipc(trial: ServerTrial) -> None:
     profile="full",
 )
 def check_incomplete_packet_is_given_up(trial: ServerTrial) -> None:
-    """Half a packet on each channel, then silence for longer than the limit."""
-    half = packet(encode(VIEWPORT_REQUEST))[:16]
-    connections = [trial.dial("msg"), trial.dial("ipc")]
-    for connection in connections:
-        connection.send(half)
+    """A packet on each channel that stays incomplete for longer than the limit: half of it at once
+    and then silence; its first bytes behind a whole one; and a byte of it every three seconds.
+    """
+    silent = [trial.dial(channel) for channel in CHANNELS]
+    dripping = [] if any(trial.facts.alone.values()) else [trial.dial(it) for it in CHANNELS]
+    for connection in silent:
+        connection.send(REQUEST[:16] if connection.channel == "ipc" else REQUEST + REQUEST[:2])
     limit = LIMITS["packet_completion_seconds"]
-    trial.wait(lambda: all(c.ended for c in connections), limit + LIMITS["close_seconds"])
-    for connection in connections:
-        outcome = "closes" if connection.ended and not trial.fate() else trial.fate() or "waits"
-        what = f"a packet that stays incomplete for more than {limit} s"
-        trial.judge(outcome, f"{what} on the {connection.channel} channel")
+    everyone, began = [*silent, *dripping], time.monotonic()
+    for byte in range(len(REQUEST) - 1):
+        left = began + limit + EFFECT_SECONDS - time.monotonic()
+        for connection in dripping:
+            connection.send(REQUEST[byte : byte + 1])
+        if left <= 0 or trial.wait(lambda: all(c.ended for c in everyone), min(left, DRIP_SECONDS)):
+            break
+    for connection in everyone:
+        outcome = trial.fate() or ("closes" if connection.ended else "waits")
+        how = "of which a byte came every 3 s" if connection in dripping else "that came in part"
+        what = f"a packet {how}, after {limit} s on the {connection.channel} channel"
+        trial.judge(outcome, what)
+        trial.delivered += 1
+        connection.close()
     trial.expect(trial.serves(), "the server answers nobody after half a packet")
 
 
@@ -97,17 +273,54 @@ def check_incomplete_packet_is_given_up(trial: ServerTrial) -> None:
     may_crash=True,
 )
 def check_half_packet_is_discarded(trial: ServerTrial) -> None:
-    """A connection ends inside a request: at its first byte, in the header, in the payload."""
-    request = packet(encode(VIEWPORT_REQUEST))
-    for kept in trial.each(KEPT):
+    """A connection ends or is reset inside a request: at its first byte, in the header, in the
+    payload.
+    """
+    cases = [(kept, end) for end in ENDS for kept in KEPT]
+    for kept, end in trial.each(cases, kind=lambda it: it[1], spare=4):
         connection = trial.dial("msg")
-        connection.send(request[:kept])
-        connection.close()
+        connection.send(REQUEST[:kept])
+        trial.rest(PAUSE_SECONDS)
+        end_by(connection, end)
         following = trial.dial("msg")
         outcome = trial.outcome_on_msg(following)
         following.close()
-        what = f"a connection that ends after {kept} bytes of a request, and then another one"
+        if end == "reset" and outcome in ("hangs", "dies", "exits"):
+            continue  # that is no matter of packets, but of CHN-14
+        what = f"a connection that ends ({end}) after {kept} bytes of a request, and then another"
         trial.judge(outcome, what)
+
+
+@check(
+    "FRM-6",
+    observable="the server welcomes the next client on the IPC channel",
+    needs=("1.1",),
+    may_crash=True,
+)
+def check_half_hello_is_discarded(trial: ServerTrial) -> None:
+    """The same on the IPC channel, inside of `hello`."""
+    trial.greeted("ipc").close()
+    said = packet(encode(hello([], trial.viewer.token)))
+    cases = [(kept, end) for end in ENDS for kept in (*KEPT, len(said) - 1)]
+    for kept, end in trial.each(cases, kind=lambda it: it[1], spare=4):
+        connection = trial.before_hello("ipc")
+        connection.send(said[:kept])
+        trial.rest(PAUSE_SECONDS)
+        end_by(connection, end)
+        following, answer = trial.answered("ipc")
+        what = f"a connection that ends ({end}) after {kept} bytes of hello, and then another one"
+        welcomed = (answer or {}).get("type") == "welcome"
+        trial.judge(trial.fate() or ("ignores" if welcomed else "hangs"), what)
+        trial.delivered += 1
+        following.close()
+
+
+def end_by(connection: Connection, how: str) -> None:
+    """Close a connection, or reset it."""
+    if how == "reset":
+        connection.reset()
+    else:
+        connection.close()
 
 
 @check(
@@ -117,11 +330,10 @@ def check_half_packet_is_discarded(trial: ServerTrial) -> None:
 )
 def check_cut_request_is_not_answered(trial: ServerTrial) -> None:
     """A request, then one whose last byte is missing, which is white space; then the end."""
-    whole = packet(encode(VIEWPORT_REQUEST))
     cut = packet(encode(VIEWPORT_REQUEST) + b" ")[:-1]
     for number in trial.each(range(3)):
         connection = trial.dial("msg")
-        connection.send(whole * number + cut)
+        connection.send(REQUEST * number + cut)
         connection.end_stream()
         trial.ends(connection)
         trial.rest(REACTION_SECONDS / 4)

@@ -7,6 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.images import WHOLE
+from splatbus_conformance.checks.server.lenses import in_force, lens_of, scaled
 from splatbus_conformance.closed_form import render
 from splatbus_conformance.memory_reading import LINUX_FOLDER, Opened
 from splatbus_conformance.messages import Json
@@ -24,10 +25,10 @@ from splatbus_conformance.resizing import (
 )
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.studio import elsewhere
-from splatbus_conformance.survey import likeness
+from splatbus_conformance.survey import first_view, likeness
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import whole
-from splatbus_conformance.watching import beside, holding
+from splatbus_conformance.watching import beside, fell_silent, holding
 
 FREE_SECONDS: float = LIMITS["free_seconds"]
 LET_GO_SECONDS: float = LIMITS["let_go_seconds"]
@@ -70,6 +71,8 @@ def check_frees_former_memory(trial: ServerTrial) -> None:
                 lambda: all(dealings_of(trial, it).kept for it in everyone),  # noqa: B023
                 REINIT_SECONDS,
             )
+            told = all(dealings_of(trial, it).kept for it in everyone)
+            trial.expect(told, "a reader was sent no further init packet within 5 s (VPT-5)")
             for other in others[::2]:
                 other.close()
             for other in others[1::2]:
@@ -162,7 +165,7 @@ def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
             )
             seen = photographer.take(elsewhere(trial), None)
             if seen.color.shape[:2] != size[::-1]:
-                trial.not_observable("no image of the new size came")
+                fell_silent(trial, photographer.reader, "the server sent no image of the new size")
             if trial.facts.scene_known:
                 exact = render(seen.camera, trial.facts.setting(seen.frame))
                 right = exact.agreement(seen.color, seen.planar())
@@ -176,6 +179,29 @@ def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
                     trial.not_observable("the scene moves by itself")
             told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
             trial.expect(right >= WHOLE, f"{told} are not what its camera sees")
+            trial.delivered += 1
+
+
+@check(
+    "CAM-5",
+    observable="the camera of frames of another size",
+    needs=(*RESIZES, "pixels", "capability:intrinsics"),
+)
+def check_lenses_are_scaled_to_another_size(trial: ServerTrial) -> None:
+    """Intrinsics are sent for images of one size, and then that changes, also to other shapes."""
+    first = first_view(trial, 0.0)
+    lens = lens_of(first, *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        photographer.take(elsewhere(trial), None, intrinsics=lens)
+        for size in trial.each([*other_sizes(trial)[:3], trial.facts.size]):
+            changed(trial, client, size)
+            init_packets = photographer.dealings.init_packets
+            trial.wait(lambda: size_of(init_packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
+            seen = photographer.take(elsewhere(trial), None)
+            wrong = in_force(seen.frame, scaled(lens, size))
+            told = f"after intrinsics for {trial.facts.size} images became {size}"
+            trial.expect(not wrong, f"{told}: {wrong}")
             trial.delivered += 1
 
 
@@ -195,8 +221,8 @@ def check_closed_ends_the_lease(trial: ServerTrial) -> None:
             had = len(dealings.init_packets)
             changed(trial, client, size)
             trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
-            if len(dealings.init_packets) == had:
-                trial.not_observable("no further init packet came (VPT-5)")
+            came = len(dealings.init_packets) > had
+            trial.expect(came, "no further init packet came within 5 s (VPT-5)")
             generation = whole(dealings.init_packets[-1].get("generation"))
             trial.viewer.say(holder, answer | {"generation": frame["generation"]})
             trial.viewer.say(holder, {"type": "opened", "generation": generation})

@@ -130,6 +130,7 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
         if any(reader.ended for reader in readers):
             trial.not_observable("the server ends a connection in favour of a later one")
         if answer is None:
+            trial.expect(connection.ended, f"beside {number} readers a hello is not answered")
             trial.not_observable(f"it takes no connection beside {number} readers")
         trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)  # noqa: B023
         told = f"reader {number + 1}, while {number} hold an image each,"

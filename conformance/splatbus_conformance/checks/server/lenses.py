@@ -9,13 +9,17 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import check
 from splatbus_conformance.closed_form import render
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.pinhole import Camera
 from splatbus_conformance.reprojection import APART, AS_SPECIFIED, FITS, Pair, agreement
 from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.staging import turned_about
+from splatbus_conformance.steering import camera_in
+from splatbus_conformance.stress import Pose
 from splatbus_conformance.studio import LENS, Studio, answers, at_rest, elsewhere, further
 from splatbus_conformance.survey import first_view
-from splatbus_conformance.values import show, whole
+from splatbus_conformance.values import is_number, show, whole
 
 LENSES = ("1.1", "frames", "pixels", "capability:intrinsics")
 LARGEST: int = LIMITS["max_image_size"]
@@ -26,8 +30,6 @@ WHOLE = 0.99
 LEAST, MOST = LIMITS["min_lens"], LIMITS["max_lens"]
 ASKED = (0, 1, -1, 2**31)
 BAD_TAGS: tuple[Any, ...] = ("", "t" * (LIMITS["max_tag_chars"] + 1), None, 5, True, [], ["t"], {})
-SHOWN_SECONDS = 0.05
-"""Until an image shows what should not have been applied, were it applied."""
 FAR_SHAPES = ((1, 1), (2, 1), (1, 2), (LARGEST, 1), (1, LARGEST), (LARGEST, 2 * LARGEST // 3))
 
 
@@ -76,10 +78,11 @@ def lens_of(photograph: Photograph, width: int, height: int, *changes: float) ->
 
 def in_force(frame: Json, lens: dict[str, float]) -> str:
     """Which number of a frame's camera is not as these intrinsics say; nothing if all are."""
-    camera = frame["camera"]
+    camera: Any = frame.get("camera")
     for name, wanted in lens.items():
-        if not abs(camera[name] - wanted) <= SINGLE * abs(wanted):
-            return f"{name} is {camera[name]!r}, and {wanted!r} was to be expected"
+        told: Any = camera.get(name) if isinstance(camera, dict) else None
+        if not (is_number(told) and abs(told - wanted) <= SINGLE * abs(wanted)):
+            return f"{name} is {show(told)}, and {wanted!r} was to be expected"
     return ""
 
 
@@ -179,10 +182,9 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
     studio.look(intrinsics=good)
     for width, height in trial.each(list(dict.fromkeys(other_shapes(size)))):
         told = f"intrinsics for {width}×{height}, of images of {size[0]}×{size[1]}"
-        before, known = len(studio.heard), len(studio.photographer.dealings.frames)
+        before, known = len(studio.heard), len(studio.frames)
         bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
-        refused = elsewhere(trial)
-        studio.photographer.go(refused, intrinsics=bad, tag="refused")
+        studio.photographer.go(_elsewhere(trial), intrinsics=bad, tag="refused")
         trial.expect(studio.answers(), f"{told}: the next request was not answered")
         errors = [it for it in studio.heard[before:] if it.get("type") == "error"]
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
@@ -190,23 +192,18 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
             codes == [("invalid_message", "/intrinsics")],
             f"{told}, were answered by {show(codes) if codes else 'no error'}",
         )
-        frames = studio.photographer.dealings.frames
-        trial.wait(lambda: len(frames) > known, SHOWN_SECONDS)  # noqa: B023
-        seen = studio.look(at_rest())
-        cameras = [it["camera"] for it in frames[known:]]
-        applied = any(
-            camera["position"] == list(refused.position) or "tag" in camera for camera in cameras
-        )
-        trial.expect(not applied, f"{told}, were refused, and the pose was applied")
-        wrong = in_force(seen.frame, scaled(good, size))
+        former, *frames = studio.nudged(known - 1)
+        applied = _applied(former, frames)
+        trial.expect(not applied, f"{told}, were refused, and the pose was applied: {applied}")
+        wrong = in_force(frames[-1], scaled(good, size))
         trial.expect(not wrong, f"{told}, were refused, and then of the frame's camera {wrong}")
         trial.delivered += 1
 
 
 @check("CAM-7", observable="the cameras of frames after poses without intrinsics", needs=LENSES)
 def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
-    """Poses with intrinsics, and without them; others come from a client without control, and some
-    are refused.
+    """Poses with intrinsics, and then whatever leaves them in force: poses without them, of the
+    Gaussians too, those of a client without control, and those that are refused.
     """
     first, studio = first_view(trial, 0.0), Studio(trial)
     size = first.camera.width, first.camera.height
@@ -216,16 +213,39 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     other = further(trial, studio.poser)
     lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
     foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
+    odd, no_pose = foreign | {"height": 2 * size[1] + 2}, camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))
     for number in trial.each(range(3)):
         lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
         wanted = scaled(lens, size)
         studio.look(intrinsics=lens)
-        for moment in ("the next pose had none", "another client had sent its own"):
-            wrong = in_force(studio.look().frame, wanted)
-            trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
-            trial.viewer.say(other, camera_pose() | {"intrinsics": foreign})
-            answers(trial, other)
+        known = len(studio.frames)
+        for moment, sender, message in (
+            ("the next pose had none", None, None),
+            ("the Gaussians were moved", None, at_rest()),
+            ("another client had sent its own", other, camera_pose() | {"intrinsics": foreign}),
+            ("the next pose had none, beside those of another client", None, None),
+            ("others of another shape were refused", None, camera_pose() | {"intrinsics": odd}),
+            ("others were refused with their pose", None, no_pose | {"intrinsics": foreign}),
+            ("some that are none were refused", None, camera_pose() | {"intrinsics": {}}),
+        ):
+            if message is None:
+                studio.look()
+            elif not _goes_on(trial, sender or studio.poser, message):
+                trial.expect(studio.end() == "closes", f"{moment}, and then: {studio.end()}")
+                trial.peer.close_all()
+                studio = Studio(trial)
+                other = further(trial, studio.poser)
+                break
+            for frame in studio.nudged(known):
+                wrong = in_force(frame, wanted)
+                trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
         trial.delivered += 1
+
+
+def _goes_on(trial: ServerTrial, sender: Connection, message: Json) -> bool:
+    """Whether a server answers after this, which it may also close for (POS-6, CAM-9)."""
+    trial.viewer.say(sender, message)
+    return answers(trial, sender)
 
 
 @check(
@@ -276,21 +296,39 @@ def check_keeps_the_former_camera(trial: ServerTrial) -> None:
         broken += [("intrinsics", value) for value in bad_lenses(good)]
         studio.look(intrinsics=good)
     for name, value in trial.each(broken):
-        refused, known = elsewhere(trial), len(studio.photographer.dealings.frames)
-        studio.photographer.go(refused, **{name: value})
+        known = len(studio.frames)
+        studio.photographer.go(_elsewhere(trial), **{name: value})
         what = f"a pose with the {name} {show(value)}"
         if not studio.answers():
-            trial.judge(trial.fate() or "closes", what)
+            trial.judge(studio.end(), what)
+            trial.peer.close_all()
             studio = Studio(trial)
+            studio.look(**({"intrinsics": good} if has_lens else {}))
             continue
-        seen = studio.look(at_rest())
-        cameras = [it["camera"] for it in studio.photographer.dealings.frames[known:]]
-        applied = any(
-            camera["position"] == list(refused.position) or "tag" in camera for camera in cameras
-        )
-        kept = not (applied or (has_lens and in_force(seen.frame, scaled(good, size))))
-        trial.judge("keeps" if kept else "applies", what)
+        former, *frames = studio.nudged(known - 1)
+        applied = _applied(former, frames)
+        if has_lens:
+            applied = applied or in_force(frames[-1], scaled(good, size))
+        trial.judge("applies" if applied else "keeps", f"{what}; {applied}" if applied else what)
         trial.delivered += 1
+
+
+def _elsewhere(trial: ServerTrial) -> Pose:
+    """A camera that is moved and turned, so that a part of it alone is seen."""
+    position, rotation = elsewhere(trial)
+    return Pose(position, turned_about(rotation, (1, -2, 3), 0.25))
+
+
+def _applied(former: Json, frames: list[Json]) -> str:
+    """What was applied of a pose that was refused, by the frames since; nothing if nothing was."""
+    camera = camera_in(former)
+    for frame in frames:
+        now = camera_in(frame)
+        if camera is None or now is None or not now.shows(camera):
+            return f"the camera is at {now}"
+        if "tag" in frame["camera"]:
+            return "its tag came"
+    return ""
 
 
 def bad_lenses(good: Json) -> Iterator[Any]:

@@ -53,6 +53,8 @@ def named(trial: ServerTrial, channel: Channel, versions: list[str]) -> object:
 def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
     """Lists of up to 16 versions, of which the server speaks one or two, in any order."""
     speaks = spoken(trial)
+    if not speaks:
+        trial.not_observable("the server answers no hello")
     strangers = st.lists(UNSPOKEN, max_size=LIMITS["max_versions"] - len(VERSIONS))
     known = st.lists(st.sampled_from(speaks), min_size=1, unique=True)
     lists = st.tuples(known, strangers).flatmap(lambda both: st.permutations(both[0] + both[1]))
@@ -154,8 +156,10 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
     for channel in trial.each(CHANNELS):
         everything = list(CAPABILITIES[channel])
         connection, answer = trial.answered(channel, versions=["1.0"], capabilities=everything)
-        if (answer or {}).get("type") != "welcome":
+        if (answer or {}).get("code") == "unsupported_version":
             trial.not_observable("the server does not speak 1.0")
+        welcomed = answer is not None and answer["type"] == "welcome"
+        trial.expect(welcomed, f"{channel}: a hello that lists 1.0 was answered by {show(answer)}")
         listed = (answer or {}).get("capabilities")
         trial.expect(listed == [], f"{channel}: welcome names 1.0 and lists {show(listed)}")
         heard = trial.viewer.with_(connection).heard
@@ -182,7 +186,7 @@ def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> None:
         trial.not_observable("the server announces no memory of the host")
     others = [name for name in ON_IPC if name not in ("host_shm", "cuda_ipc")]
     waiting = [
-        ("before hello", trial.dial("ipc")),
+        ("before hello", trial.before_hello("ipc")),
         ("after a hello that lists nothing", trial.greeted("ipc", capabilities=[])),
         (f"after a hello that lists {listing(others)}", trial.greeted("ipc", capabilities=others)),
     ]
@@ -203,7 +207,7 @@ def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
     memory = (greeted.init_packets or [trial.facts.init_packet or {}])[0].get("memory")
     if not (trial.facts.at_once or within(memory, "kind") == "cuda_ipc"):
         trial.not_observable("the server announces no CUDA memory")
-    silent = trial.viewer.with_(trial.dial("ipc"))
+    silent = trial.viewer.with_(trial.before_hello("ipc"))
     trial.wait(lambda: silent.heard)
     trial.expect(silent.init_packets, "no init packet came before hello")
     version = silent.heard[0].get("version")

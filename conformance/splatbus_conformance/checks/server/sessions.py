@@ -21,6 +21,8 @@ def play(
 ) -> None:
     """Judge by sessions of these steps."""
     knowledge, poses = learn(trial, counting=counting), numbers()
+    if not knowledge.seats["msg"]:
+        trial.not_observable("no client on the message channel is answered before a session begins")
     if counting and not knowledge.crowd:
         trial.not_observable("it lends to so many clients that a lost lease is not missed")
     go_through(

@@ -18,19 +18,17 @@ from splatbus_conformance.values import is_number, show, texts, whole, within
 TELLS = ("1.1", "capability:telemetry")
 MOVE_SECONDS = 0.05
 """Between moves of the camera, so that there is something to tell."""
-QUIET_SECONDS = 0.2
-"""A server that has told something every so often would have told something in this time."""
 UNKNOWN = "splatbus-conformance: no such series"
 
 
 class Listener:
     """A client that subscribes, beside a reader of images that follow the camera."""
 
-    def __init__(self, trial: ServerTrial) -> None:
+    def __init__(self, trial: ServerTrial, connection: Connection | None = None) -> None:
         self.trial = trial
-        if trial.facts.renders and trial.facts.opens:
+        if connection is None and trial.facts.renders and trial.facts.opens:
             trial.reading()  # so that images are rendered, of which there is something to tell
-        self.connection = trial.commanding()
+        self.connection = connection or trial.commanding()
 
     def told(self) -> list[Json]:
         """Every `telemetry` that came."""
@@ -39,8 +37,8 @@ class Listener:
     def subscribe(self, names: list[str] | None) -> int:
         """Subscribe, and wait until that is understood; how many messages had come by then."""
         self.trial.viewer.say(self.connection, {"type": "subscribe_telemetry", "names": names})
-        if not answers(self.trial, self.connection):
-            self.trial.not_observable("the server does not answer a request")
+        answered = answers(self.trial, self.connection)
+        self.trial.expect(answered, f"after a subscription to {show(names)}: no reply")
         return len(self.told())
 
     def listen(self, seconds: float, enough: int = 10**6) -> None:
@@ -49,6 +47,13 @@ class Listener:
         while time.monotonic() < until and len(self.told()) < enough:
             self.trial.move()
             self.trial.wait(lambda: len(self.told()) >= enough, MOVE_SECONDS)
+
+    def hear(self) -> None:
+        """Until two more messages have come, as they do to whoever has subscribed to them."""
+        known = len(self.told())
+        self.listen(EFFECT_SECONDS, known + 2)
+        heard = len(self.told()) > known
+        self.trial.expect(heard, "who has subscribed to everything is told nothing any more")
 
     def names(self) -> list[str]:
         """Which series there are; skips the check if none are told."""
@@ -100,19 +105,22 @@ def check_numbers_what_it_tells(trial: ServerTrial) -> None:
 @check("TEL-3", observable="the names in telemetry, and when none comes", needs=TELLS)
 def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     """Nothing is subscribed to, then everything, then some series, of which one is not there, and
-    nothing again; beside it is a client that did not agree on telemetry.
+    nothing again; beside it is a client that did not agree on telemetry, and one that is told
+    everything, so that it is seen when something is. Who comes later has subscribed to nothing.
     """
     listener = Listener(trial)
     stranger = trial.greeted("msg", capabilities=[])
     trial.viewer.say(stranger, {"type": "subscribe_telemetry", "names": None})
     answers(trial, stranger)
-    listener.listen(QUIET_SECONDS)
+    witness = Listener(trial, trial.greeted("msg"))
+    trial.require_all(listener.connection, stranger, witness.connection)
+    known = witness.names()
+    witness.hear()
     trial.expect(not listener.told(), "a telemetry came before anything was subscribed to")
-    known = listener.names()
     wanted = st.lists(st.sampled_from([*known, UNKNOWN]), max_size=3, unique=True)
     for names in trial.each([[known[0], UNKNOWN], []], wanted, quick=1, full=100):
         before = listener.subscribe(names)
-        listener.listen(QUIET_SECONDS, before + 3)
+        witness.hear()
         for message in listener.told()[before:]:
             told = names_in(message)
             trial.expect(
@@ -120,6 +128,15 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
                 f"{show(names)} was subscribed to, of {show(known)}, and told is {show(told)}",
             )
         trial.delivered += 1
+    left = Listener(trial, trial.greeted("msg"))
+    left.subscribe(None)
+    left.connection.close()
+    heir = trial.greeted("msg")
+    trial.expect(answers(trial, heir), "no reply on the message channel")
+    witness.hear()
+    trial.expect(
+        not telemetry_on(trial, heir), "a telemetry came to who has come after a subscriber"
+    )
     trial.expect(
         not telemetry_on(trial, stranger), "a telemetry came to who had not agreed on telemetry"
     )

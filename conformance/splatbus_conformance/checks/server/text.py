@@ -1,7 +1,9 @@
 """Checks on how servers take the text of payloads (spec 1.0 section 2.2)."""
 
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from random import Random
+from typing import NamedTuple
 
 from hypothesis import strategies as st
 
@@ -18,8 +20,8 @@ from splatbus_conformance.unknown_members import with_unknown_members
 
 Writer = Callable[[Json, Random], bytes]
 SEEDS = st.integers(0, 2**32 - 1)
-STRIDE = 5
-"""In the quick profile every so many-th of the broken texts is a pose's."""
+SPARE = 12
+"""Broken texts that the quick profile delivers beside one of each kind, where each takes long."""
 CASES_ON_A_CONNECTION = 10
 UNKNOWN: Json = {"type": "weather_report", "sunny": True}
 
@@ -118,7 +120,7 @@ def judge_writer_on_ipc(trial: ServerTrial, writer: Writer, quick: int, full: in
             written.append(writer(message, random))  # noqa: B023 - the closures end with the round
             return written[-1]  # noqa: B023
 
-        connection = trial.dial("ipc")
+        connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         trial.viewer.encode = encode_and_keep
         trial.viewer.greet(connection)
@@ -190,7 +192,7 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
     """
     texts = [text for good in (REQUESTS[3], hello([])) for text in broken_texts(good)]
     connection = trial.dial("msg")
-    for text in trial.each(texts):
+    for text in trial.each(texts, kind=kind_of):
         connection = trial.dial("msg") if connection.ended else connection
         outcome = trial.outcome_on_msg(connection, packet(text.payload))
         trial.judge(outcome, named([text]))
@@ -204,10 +206,9 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
 )
 def check_does_not_move_by_broken_text(trial: ServerTrial) -> None:
     """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
-    texts = broken_texts(FAR)[:: 1 if trial.thorough else STRIDE]
     steering, poser = Steering(trial), trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
-    for text in trial.each(texts):
+    for text in trial.each(broken_texts(FAR), kind=kind_of, spare=SPARE):
         poser = trial.dial("msg") if poser.ended else poser
         outcome = steering.outcome_of(poser, text.payload)
         trial.judge("ignores" if outcome == "keeps" else outcome, f"a pose with {named([text])}")
@@ -225,7 +226,7 @@ def check_handles_the_next_packet(trial: ServerTrial) -> None:
     texts = broken_texts(UNKNOWN)
     rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
     connection, ignored = trial.dial("msg"), 0
-    for row in trial.each(rows):
+    for row in trial.each(rows, kind=lambda it: (len(it), kind_of(it[0]))):
         connection = trial.dial("msg") if connection.ended else connection
         outcome = trial.outcome_on_msg(connection, b"".join(packet(text.payload) for text in row))
         if outcome != "closes":
@@ -245,10 +246,9 @@ def check_handles_the_next_packet(trial: ServerTrial) -> None:
 def check_handles_the_next_packet_on_ipc(trial: ServerTrial) -> None:
     """The same with `hello`, on the IPC channel."""
     trial.greeted("ipc").close()
-    texts = broken_texts(UNKNOWN)[:: 1 if trial.thorough else STRIDE]
     ignored = 0
-    for text in trial.each(texts):
-        connection = trial.dial("ipc")
+    for text in trial.each(broken_texts(UNKNOWN), kind=kind_of, spare=SPARE):
+        connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         connection.send(packet(text.payload))
         trial.viewer.greet(connection)
@@ -272,11 +272,10 @@ def check_survives_broken_payloads(trial: ServerTrial) -> None:
     """Broken texts, broken poses, messages that miss or mistype members, and payloads of any
     bytes, on the message channel.
     """
-    broken = [text.payload for text in broken_texts(FAR)]
-    broken += [pose.payload for pose in broken_poses(FAR)]
-    broken += [encode(message) for message in ODD_MESSAGES]
+    poses = [Payload(pose.requirement, pose.payload) for pose in broken_poses(FAR)]
     connection = trial.dial("msg")
-    for payload in trial.each(broken, mangled(), quick=60, full=3000):
+    listed = [*odd_payloads(FAR), *poses]
+    for _, payload in trial.each(listed, mangled(), kind=KIND, quick=60, full=3000):
         connection = trial.dial("msg") if connection.ended else connection
         outcome = trial.outcome_on_msg(connection, packet(payload))
         answered = outcome in ("replies", "reports")
@@ -290,10 +289,9 @@ def check_survives_broken_payloads(trial: ServerTrial) -> None:
 )
 def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     """The same, all of them on one IPC connection as long as that lasts."""
-    broken = [text.payload for text in broken_texts(hello(["host_shm"]))]
-    broken += [encode(message) for message in ODD_MESSAGES]
     connection, sent = trial.dial("ipc"), b""
-    for payload in trial.each(broken, mangled(), quick=60, full=1000):
+    listed = odd_payloads(hello(["host_shm"]))
+    for _, payload in trial.each(listed, mangled(), kind=KIND, quick=60, full=1000):
         if connection.ended:
             _expect_alive(trial, sent)
             connection.close()
@@ -338,17 +336,39 @@ def check_takes_strings_for_numbers_or_not(trial: ServerTrial) -> None:
         trial.judge(outcome, "a pose whose numbers are strings")
 
 
-def mangled() -> st.SearchStrategy[bytes]:
+class Payload(NamedTuple):
+    """Something to send, and what it is one of."""
+
+    kind: object
+    payload: bytes
+
+
+KIND = itemgetter(0)
+
+
+def odd_payloads(good: Json) -> list[Payload]:
+    """Payloads that break a rule of their text, or of their message."""
+    found = [Payload(text.kind, text.payload) for text in broken_texts(good)]
+    return [*found, *(Payload(str(it.get("type")), encode(it)) for it in ODD_MESSAGES)]
+
+
+def mangled() -> st.SearchStrategy[tuple[object, bytes]]:
     """Payloads that were good before some of their bytes were lost, doubled or changed."""
     goods = [encode(message) for message in (*REQUESTS, FAR, hello(["host_shm"]))]
     edit = st.tuples(st.integers(0, 200), st.binary(max_size=3), st.integers(0, 3))
     whole = st.tuples(st.sampled_from(goods), st.lists(edit, min_size=1, max_size=4))
-    return whole.map(lambda drawn: _edited(*drawn)) | st.binary(min_size=1, max_size=64)
+    edited = whole.map(lambda drawn: _edited(*drawn)) | st.binary(min_size=1, max_size=64)
+    return st.tuples(st.none(), edited)
 
 
 def shown(payload: bytes) -> str:
     """A payload, cut when it is long."""
     return shorten(repr(payload)[1:], 300)
+
+
+def kind_of(text: BrokenText) -> str:
+    """What a broken text is one of."""
+    return text.kind
 
 
 def named(row: Sequence[BrokenText]) -> str:

@@ -37,7 +37,7 @@ class Phase(NamedTuple):
 
     profile: str
     axes: str = ""
-    environment: Mapping[str, str] = {}
+    environment: dict[str, str] | None = None
 
 
 PHASES: Mapping[Side, tuple[Phase, ...]] = {
@@ -154,7 +154,7 @@ def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opi
 
 
 def _words(side: Side, phase: Phase) -> str:
-    return " ".join(filter(None, (side, phase.profile, phase.axes, *phase.environment)))
+    return " ".join(filter(None, (side, phase.profile, phase.axes, *(phase.environment or ())))
 
 
 def _by_run(change: str, side: Side, phase: Phase) -> Opinion:

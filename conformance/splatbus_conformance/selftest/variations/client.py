@@ -19,6 +19,7 @@ from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0 as 
 from splatbus_conformance.selftest.mutants.client.frames import subscribes
 from splatbus_conformance.selftest.mutants.client.framing import in_two_writes
 from splatbus_conformance.selftest.mutants.client.negotiation import without
+from splatbus_conformance.selftest.mutants.client.replies import asks_once
 from splatbus_conformance.selftest.mutants.client.steering import says
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.respelling import (
@@ -237,6 +238,25 @@ def requests_without_id(patch: Patch) -> None:
         "decode_from_server_message",
         lambda original, payload, request: original(payload, request and request._replace(id=None)),
     )
+
+
+@variation()
+def asks_once_a_process(patch: Patch) -> None:
+    """Makes requests on its first connection only."""
+    asks_once(patch)
+
+
+@variation()
+def closes_on_a_frame_that_it_cannot_use(patch: Patch) -> None:
+    """Closes the connection, and gives the slot back so, when a frame is malformed."""
+
+    def on_broken(original: Any, self: IpcProtocol, payload: bytes, problem: str) -> Any:
+        if b'"frame"' in payload:
+            yield MustClose(problem)
+        else:
+            yield from original(self, payload, problem)
+
+    wrap(patch, IpcProtocol, "_on_broken", on_broken)
 
 
 @variation()

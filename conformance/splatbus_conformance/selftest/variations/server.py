@@ -112,13 +112,13 @@ def server_takes_no_strings_for_numbers(patch: Patch) -> None:
 @variation()
 def server_keeps_the_newest_client(patch: Patch) -> None:
     """Serves one client on each channel, and closes it when the next comes."""
+    _keeps_the_newest(patch, 1)
 
-    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
-        for peer in [p for p in self._peers if p.connection.channel == channel]:
-            self._drop(peer)
-        original(self, channel, listener)
 
-    wrap(patch, Service, "_accept", accept)
+@variation()
+def server_keeps_two_connections(patch: Patch) -> None:
+    """Serves two clients on each channel, and closes the older when a third comes."""
+    _keeps_the_newest(patch, 2)
 
 
 @variation()
@@ -232,6 +232,16 @@ def server_spaces_its_ring(patch: Patch) -> None:
         return moved, begin + slots * color + 20
 
     wrap(patch, memory, "host_ring", spaced)
+
+
+def _keeps_the_newest(patch: Patch, count: int) -> None:
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        served = [peer for peer in self._peers if peer.connection.channel == channel]
+        for peer in served[: max(0, len(served) + 1 - count)]:
+            self._drop(peer)
+        original(self, channel, listener)
+
+    wrap(patch, Service, "_accept", accept)
 
 
 def _knows_no_hello(patch: Patch) -> None:

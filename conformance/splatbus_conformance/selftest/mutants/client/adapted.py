@@ -23,6 +23,7 @@ from splatbus_wire.conventions import (
     UNREAL,
     Engine,
 )
+from splatbus_wire.messages import CameraPose
 from splatbus_wire.poses import Pose, view_matrix
 
 from splatbus_conformance.selftest.patching import Patch
@@ -48,10 +49,48 @@ def sends_world_to_camera(patch: Patch) -> None:
     wrap(patch, Session, "send_camera", send)
 
 
-@mutant("CNV-1", check="check_understands_cameras", reason="was taken for", axes="unity")
+@mutant("CNV-1", check="check_understands_cameras", reason="in the wire's axes", axes="unity")
 def takes_replies_as_they_are(patch: Patch) -> None:
     """Puts the engine's camera where the reply says, without a change of axes."""
     patch.setattr(Engine, "from_wire", lambda self, pose: pose)
+
+
+@mutant("CNV-1", check=CAMERAS, reason="the pose that was given before", axes="unity")
+def sends_the_pose_before(patch: Patch) -> None:
+    """Sends each time the pose that it was given the time before."""
+    former: list[Pose] = []
+
+    def send(original: Any, self: Session, pose: Pose) -> None:
+        for before in former:
+            original(self, before)
+        former[:] = [pose]
+
+    wrap(patch, Session, "send_camera", send)
+
+
+@mutant(
+    "CNV-1",
+    check="check_says_its_camera_again_as_it_was",
+    reason="was said again as",
+    axes="blender",
+)
+def says_its_camera_again_in_other_axes(patch: Patch) -> None:
+    """Says its last camera again, when it has come back, in the axes of its engine."""
+
+    def begin(original: Any, self: Steering) -> Any:
+        for key, message in self._newest.items():
+            if isinstance(message, CameraPose):
+                pose = BLENDER_CAMERA.from_wire(message.pose)
+                self._newest[key] = message._replace(pose=pose)
+        return original(self)
+
+    wrap(patch, Steering, "begin", begin)
+
+
+@mutant("CNV-1", check="check_understands_cameras", reason="in the other direction", axes="unreal")
+def converts_replies_in_the_other_direction(patch: Patch) -> None:
+    """Converts the camera of a reply as if it were the engine's own."""
+    patch.setattr(Engine, "from_wire", Engine.to_wire)
 
 
 @mutant(
@@ -309,7 +348,7 @@ def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
         wrap(patch, HostImages, name, lambda original, self, slot: original(self, slot)[::-1])
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="'alpha': 'premultiplied'", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, reason="(as straight)", axes="opencv")
 def blends_premultiplied_as_straight(patch: Patch) -> None:
     """Multiplies colour by alpha once more."""
     patch.setattr(display, "over_premultiplied", over_straight)
@@ -322,13 +361,13 @@ def _meant(patch: Patch, **otherwise: Any) -> None:
     wrap(patch, display, "planar_depth", planar)
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="'kind': 'ray_distance'", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, reason="(as planar_z)", axes="opencv")
 def takes_distances_for_depths(patch: Patch) -> None:
     """Compares the distance along the ray with the depth of its own geometry."""
     _meant(patch, depth_kind="planar_z")
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="'empty': 100.0", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, reason="(as if inf alone were empty)", axes="opencv")
 def knows_one_empty_depth(patch: Patch) -> None:
     """Takes only infinity for empty."""
     _meant(patch, depth_empty=float("inf"))

@@ -1,10 +1,10 @@
 """Mutants that break CHN: the life of the two channels."""
 
-import itertools
 import time
+from collections.abc import Callable
 from typing import Any
 
-from splatbus_client import channel, ipc_protocol, message_protocol, reading, settings
+from splatbus_client import ipc_protocol, message_protocol, reading, settings
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.host_memory import CannotOpenError
@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
 
 
-def _all_channels(patch: Patch) -> list[Channel]:
+def all_channels(patch: Patch) -> list[Channel]:
     """The channels of the client, once it has made them."""
     made: list[Channel] = []
 
@@ -40,16 +40,45 @@ def ipc_port_that_cannot_be_set(patch: Patch) -> None:
 
 
 @mutant("CHN-3", check="check_either_channel_first", reason="ipc refused its connection")
-def message_channel_only_after_ipc(patch: Patch) -> None:
-    """Does not try the message channel before the IPC channel is connected."""
-    made = _all_channels(patch)
+def gives_up_what_refused_when_the_other_accepts(patch: Patch) -> None:
+    """Does not try the IPC channel any more that refused while the message channel accepted."""
+    made = all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        refused = self._machine is None
+        original(self, reason, now)
+        if refused and self is made[0] and made[1]._machine is not None:
+            self._due = now + 600
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-3", check="check_either_channel_first", reason="ipc kept waiting its connection")
+def gives_up_what_is_accepted_late(patch: Patch) -> None:
+    """Leaves the IPC channel for ever if it says nothing within 0.3 seconds."""
+    given_up: list[float] = []
+
+    def limit(self: IpcProtocol) -> float:
+        since: float = vars(self).setdefault("since", time.monotonic())
+        return since + 0.3 if self.version is None else float("inf")
+
+    def deadline(original: Any, self: IpcProtocol) -> float:
+        return min(limit(self), original(self) or float("inf"))
+
+    def expire(original: Any, self: IpcProtocol, now: float) -> Any:
+        if now < limit(self):
+            return original(self, now)
+        given_up.append(now)
+        return [MustClose("a limit of the mutant")]
 
     def connect(original: Any, self: Channel, now: float) -> None:
-        if self is not made[0] and made[0]._machine is None:
-            self._due = now + 0.2
-            return
-        original(self, now)
+        if given_up and self._name == "IPC":
+            self._due = now + 600
+        else:
+            original(self, now)
 
+    wrap(patch, IpcProtocol, "deadline", deadline)
+    wrap(patch, IpcProtocol, "expire", expire)
     wrap(patch, Channel, "_connect", connect)
 
 
@@ -57,6 +86,23 @@ def message_channel_only_after_ipc(patch: Patch) -> None:
 def impatient_for_the_init_packet(patch: Patch) -> None:
     """Closes the IPC connection if no init packet has come within a second."""
     _limit(patch, lambda machine: not machine._slots, 1.0)
+
+
+@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="an init packet that came after")
+def deaf_to_a_late_init_packet(patch: Patch) -> None:
+    """Ignores the first init packet if it comes later than a second after the connection."""
+    begun: dict[IpcProtocol, float] = {}
+
+    def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        begun[self] = time.monotonic()
+
+    def take(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if self._slots or time.monotonic() < begun[self] + 1.0:
+            yield from original(self, packet)
+
+    wrap(patch, IpcProtocol, "__init__", init)
+    wrap(patch, IpcProtocol, "_on_init_packet", take)
 
 
 @mutant("CHN-10", check="check_keeps_the_ipc_connection", reason="while it used the buffers")
@@ -103,6 +149,19 @@ def deaf_to_the_end_of_the_stream(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
+@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="of the msg channel")
+def waits_for_a_reply_after_the_end_of_the_stream(patch: Patch) -> None:
+    """Keeps its side open when the server has ended the stream and still owes it a reply."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if reason == "the server ended it" and getattr(self._machine, "_asked", None) is not None:
+            time.sleep(0.02)
+        else:
+            original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
 @mutant("CHN-17", check="check_closes_after_end_of_stream", reason="died")
 def crashes_at_the_end_of_the_stream(patch: Patch) -> None:
     """Crashes when the server ends the stream."""
@@ -142,7 +201,7 @@ def hangs_when_reset(patch: Patch) -> None:
 @mutant("CHN-20", check="check_connects_again", reason="a connection to ipc that was")
 def never_connects_to_ipc_again(patch: Patch) -> None:
     """Does not connect to the IPC channel again."""
-    made = _all_channels(patch)
+    made = all_channels(patch)
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         original(self, reason, now)
@@ -152,22 +211,10 @@ def never_connects_to_ipc_again(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-21", check="check_paces_its_attempts", reason="ms apart")
-def connects_again_at_once(patch: Patch) -> None:
-    """Connects again without a pause."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
-
-
-@mutant("CHN-22", check="check_comes_back_soon", reason="within 5")
-def backs_off_too_far(patch: Patch) -> None:
-    """Waits 0.125 seconds after the first failure, and 8 after the second."""
-    patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))
-
-
 @mutant("CHN-23", check="check_keeps_the_other_channel", reason="channel when")
 def drops_both_channels(patch: Patch) -> None:
     """Closes both connections when one is lost."""
-    made = _all_channels(patch)
+    made = all_channels(patch)
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         original(self, reason, now)
@@ -178,9 +225,33 @@ def drops_both_channels(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reconnect was not opened")
+@mutant("CHN-23", check="check_keeps_the_other_channel", reason="was lost (reset)")
+def drops_both_channels_when_one_is_reset(patch: Patch) -> None:
+    """Closes both connections when one is reset."""
+    made = all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        for other in made:
+            if other._machine is not None and "reset" in reason:
+                original(other, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="a reconnect, was not opened")
 def insists_on_the_first_size(patch: Patch) -> None:
     """Opens no memory of another size than the first that it saw."""
+    _insists(patch, lambda reason: False)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reset, and a reconnect")
+def insists_on_the_former_size_when_it_was_reset(patch: Patch) -> None:
+    """Forgets the size of the images when its connection is closed, but not when it is reset."""
+    _insists(patch, lambda reason: "reset" not in reason)
+
+
+def _insists(patch: Patch, forgets: Callable[[str], bool]) -> None:
     seen: list[tuple[int, int]] = []
 
     def images(original: Any, packet: Any) -> Any:
@@ -189,7 +260,13 @@ def insists_on_the_first_size(patch: Patch) -> None:
             raise CannotOpenError(f"the images are not {seen[0]} any more")
         return original(packet)
 
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if forgets(reason):
+            seen.clear()
+        original(self, reason, now)
+
     wrap(patch, reading, "HostImages", images)
+    wrap(patch, Channel, "_lose", lose)
 
 
 @mutant("CHN-6", reason="on the IPC channel, without hello", through="CHN-9")

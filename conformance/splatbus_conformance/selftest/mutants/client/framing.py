@@ -6,10 +6,12 @@ from typing import Any
 
 from splatbus_client import channel, incoming, ipc_protocol, message_protocol
 from splatbus_client.events import MustClose
+from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import encoding, framing
 from splatbus_wire.errors import FramingError
 from splatbus_wire.framing import PacketDecoder
 
+from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import packets, wrap
@@ -125,6 +127,84 @@ def drops_what_follows_a_packet(patch: Patch) -> None:
     wrap(patch, PacketDecoder, "next_packet", next_packet)
 
 
+@mutant("FRM-3", check="check_bad_length_closes_unheard", reason="1,048,577 bytes: the testee")
+def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and waits for as many bytes as any header announces."""
+    speaks_1_0(patch)
+
+    def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
+        usual = framing._MAX_PAYLOAD_BYTES
+        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
+        yield from original(self, data, now)
+        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", usual)
+
+    wrap(patch, IpcProtocol, "receive", receive)
+
+
+@mutant("FRM-3", check="check_bad_length_closes_unheard", reason="4,294,967,295 bytes: the testee")
+def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and takes the length for a signed integer; a negative one announces nothing."""
+    speaks_1_0(patch)
+
+    def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
+        begins = not self._incoming._decoder._unfinished
+        return original(self, data[4:] if begins and data[3:4] >= b"\x80" else data, now)
+
+    wrap(patch, IpcProtocol, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
+def decodes_each_piece_by_itself(patch: Patch) -> None:
+    """Decodes what each read brings of a payload, and loses what ends inside a character."""
+
+    def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
+        begun = decoder._unfinished
+        if len(begun) >= 4:
+            rest = 4 + int.from_bytes(begun[:4], "little") - len(begun)
+            try:
+                data[:rest].decode()
+            except UnicodeDecodeError:
+                data = bytes(len(data[:rest])) + data[rest:]
+        original(decoder, data)
+
+    wrap(patch, PacketDecoder, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation_of_replies", reason="replies to")
+def takes_one_read_for_a_reply(patch: Patch) -> None:
+    """Takes what one `recv` returned on the message channel for one reply."""
+
+    def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
+        if int.from_bytes(data[:4], "little") != len(data) - 4 and b"welcome" not in data:
+            return iter(())
+        return original(machine, data, now)
+
+    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation_of_welcome", reason="a welcome of")
+def takes_one_read_for_a_welcome(patch: Patch) -> None:
+    """Drops a welcome that one `recv` did not return whole, and all that comes before the next."""
+
+    def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
+        if machine.version is None and int.from_bytes(data[:4], "little") > len(data) - 4:
+            return iter(())
+        return original(machine, data, now)
+
+    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+
+
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="with a byte a second")
+def each_byte_gives_a_packet_more_time(patch: Patch) -> None:
+    """Begins to count anew with each byte of a packet."""
+
+    def receive(original: Any, self: incoming.Incoming, data: bytes, now: float) -> Any:
+        self.deadline = None
+        yield from original(self, data, now)
+
+    wrap(patch, incoming.Incoming, "receive", receive)
+
+
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="stays incomplete")
 def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
     """Waits for ever for the rest of a packet."""
@@ -136,6 +216,13 @@ def half_a_packet_continues(patch: Patch) -> None:
     """Keeps half a packet when the connection ends, and goes on with it on the next one."""
     kept = incoming.Incoming()
     patch.setattr(ipc_protocol, "Incoming", lambda: kept)
+
+
+@mutant("FRM-6", check="check_half_reply_is_discarded", reason="on the next connection")
+def half_a_reply_continues(patch: Patch) -> None:
+    """Keeps half a reply when the connection ends, and goes on with it on the next one."""
+    kept = incoming.Incoming()
+    patch.setattr(message_protocol, "Incoming", lambda: kept)
 
 
 @mutant("FRM-7", reason="the header arrived alone")

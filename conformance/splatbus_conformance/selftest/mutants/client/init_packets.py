@@ -3,12 +3,13 @@
 from typing import Any
 
 from splatbus_client import host_memory, ipc_protocol, reading
-from splatbus_client.events import Ignored, MustClose
+from splatbus_client.events import Declined, Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
-from splatbus_wire import init_packet
+from splatbus_wire import decoding, init_packet
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import InitPacket
 
+from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import Json, crash, init_packets, wrap
@@ -109,6 +110,19 @@ def crashes_without_a_format(patch: Patch) -> None:
     wrap(patch, ipc_protocol, "decode_from_server_ipc", parse)
 
 
+@mutant("INI-9", check=REFUSES, reason="the testee died")
+def crashes_on_a_first_packet_that_is_broken(patch: Patch) -> None:
+    """Crashes on a broken init packet before it has opened any memory on the connection."""
+
+    def on_payload(original: Any, self: Any, payload: bytes) -> Any:
+        for event in original(self, payload):
+            if isinstance(event, Declined) and not self._slots and "/meta" in event.reason:
+                crash()
+            yield event
+
+    wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
+
+
 @mutant("INI-10", check="check_computes_in_64_bits", reason="4294967296")
 def computes_in_32_bits(patch: Patch) -> None:
     """Keeps offsets, strides and sizes in 32 bits."""
@@ -147,6 +161,49 @@ def closes_on_other_objects(patch: Patch) -> None:
             yield MustClose("no init packet") if closing else event
 
     wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
+
+
+STRANGERS = "check_ignores_what_is_no_init_packet"
+
+
+@mutant("INI-11", check=STRANGERS, reason='{"type":"init_packet","version"')
+def takes_what_has_meta_for_an_init_packet(patch: Patch) -> None:
+    """Takes each object with `meta` for an init packet, whatever its `type`."""
+    _takes(patch, lambda kind: True)
+
+
+@mutant("INI-11", check=STRANGERS, reason='{"type":null,"version"')
+def takes_a_type_of_null_for_none(patch: Patch) -> None:
+    """Takes a `type` that is null for one that is absent."""
+    _takes(patch, lambda kind: kind is None)
+
+
+@mutant("INI-11", check=STRANGERS, reason="on the IPC channel: the testee took")
+def takes_a_type_that_is_no_string_for_none(patch: Patch) -> None:
+    """Looks at a `type` only if it is a string."""
+    _takes(patch, lambda kind: not isinstance(kind, str))
+
+
+def _takes(patch: Patch, overlooked: Any) -> None:
+    def parse(original: Any, payload: bytes) -> Json:
+        message: Json = original(payload)
+        if "meta" in message and overlooked(message.get("type")):
+            message.pop("type", None)
+        return message
+
+    for module in (decoding, ipc_protocol):
+        wrap(patch, module, "parse_object", parse)
+
+
+@mutant(
+    "INI-11",
+    check="check_ignores_what_is_no_init_packet_unheard",
+    reason="no init packets, the first",
+)
+def closes_on_other_objects_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and closes the connection on an object that is no init packet."""
+    speaks_1_0(patch)
+    closes_on_other_objects(patch)
 
 
 @mutant("INI-13", check="check_goes_on_without_images", reason="memory that does not exist")

@@ -126,6 +126,12 @@ def finds_members_at_any_level(patch: Patch) -> None:
     wrap(patch, decoding, "parse_init_packet", parse)
 
 
+@mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
+def reads_ascii_only(patch: Patch) -> None:
+    """Takes a text with characters beyond ASCII for broken."""
+    _refuses(patch, lambda payload: not payload.isascii())
+
+
 @mutant(
     "JSN-7",
     check="check_ignores_unknown_members_on_the_message_channel",

@@ -76,6 +76,58 @@ def exits_on_a_size_that_is_no_array(patch: Patch) -> None:
     _on_a_bad_reply(patch, fail)
 
 
+@mutant("REQ-13", check="check_survives_bad_replies", reason="[64.0, 48.0]}: the testee died")
+def crashes_on_a_size_with_a_fraction(patch: Patch) -> None:
+    """Crashes on a size that is written with a fraction of zero."""
+    _crashes(patch, lambda size: b".0," in size and b"." in size)
+
+
+@mutant(
+    "REQ-13", check="check_survives_bad_replies", reason='"viewport_size": null}: the testee died'
+)
+def crashes_on_a_size_of_null(patch: Patch) -> None:
+    """Crashes on a size that is null."""
+    _crashes(patch, lambda size: b"null" in size)
+
+
+def _crashes(patch: Patch, at: Any) -> None:
+    def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
+        _, found, size = payload.partition(b'"viewport_size":')
+        if found and at(size):
+            crash()
+        return original(self, payload, now)
+
+    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+
+
+@mutant(
+    "JSN-6",
+    check="check_takes_any_spelling_on_the_message_channel",
+    reason="messages on the message channel",
+)
+def asks_once_and_crashes_on_white_space(patch: Patch) -> None:
+    """Asks on its first connection only, and crashes on a reply that begins with white space."""
+    asks_once(patch)
+
+    def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
+        if payload[:1] != b"{" and self._asked is not None:
+            crash()
+        return original(self, payload, now)
+
+    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+
+
+def asks_once(patch: Patch) -> None:
+    """Make no request on a connection after the first."""
+    first: list[MessageProtocol] = []
+
+    def ask(original: Any, self: MessageProtocol, request: Any) -> int:
+        first.append(self)
+        return int(original(self, request)) if self is first[0] else -1
+
+    wrap(patch, MessageProtocol, "ask", ask)
+
+
 def _on_a_bad_reply(patch: Patch, react: Any) -> None:
     def decode(original: Any, payload: bytes, request: Any) -> Any:
         try:

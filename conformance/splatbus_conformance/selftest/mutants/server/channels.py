@@ -18,6 +18,7 @@ from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
 
+MISDEEDS = "check_others_are_served_whatever_one_does"
 NEWS = {"type": "news", "of": "today"}
 
 
@@ -174,6 +175,88 @@ def server_dies_of_a_reset(patch: Patch) -> None:
         original(self, peer)
 
     wrap(patch, Service, "_drop", drop)
+
+
+@mutant("CHN-14", check=MISDEEDS, reason="no reply after a client that")
+def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
+    """Accepts no message connection any more once a client has left before its reply came."""
+
+    def drop(original: Any, self: Service, peer: Peer) -> None:
+        if peer.connection.channel == "message" and not peer.connection.input_ended:
+            lost.append(peer)
+        original(self, peer)
+
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        if lost and channel == "message":
+            self._selector.unregister(listener)
+        else:
+            original(self, channel, listener)
+
+    lost: list[Peer] = []
+    wrap(patch, Service, "_drop", drop)
+    wrap(patch, Service, "_accept", accept)
+
+
+@mutant("CHN-14", check=MISDEEDS, reason="no reply beside a client that never reads")
+def server_waits_for_who_does_not_read(patch: Patch) -> None:
+    """Waits, with all that it does, until a client has taken its replies."""
+
+    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
+        with suppress(OSError):
+            peer.socket.setblocking(True)
+            peer.socket.sendall(peer.connection.unsent)
+            peer.connection.unsent.clear()
+            peer.socket.setblocking(False)
+        original(self, peer, now)
+
+    wrap(patch, Service, "_flush", flush)
+
+
+@mutant("CHN-14", check=MISDEEDS, reason="the connection of another is ended beside a client that")
+def server_ends_everybody_for_one(patch: Patch) -> None:
+    """Ends every message connection when a length on one of them is bad."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if "[FRM-3]" in reason and self.channel == "message":
+            for other in there:
+                original(other, reason, now)
+            there.clear()
+
+    def init(original: Any, self: Connection, channel: str, *arguments: Any) -> None:
+        original(self, channel, *arguments)
+        if channel == "message":
+            there.append(self)
+
+    there: list[Connection] = []
+    wrap(patch, Connection, "__init__", init)
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("CHN-16", check="check_answers_before_the_end", reason="kept the connection open after 0")
+def server_waits_where_nothing_was_asked(patch: Patch) -> None:
+    """Does not see the end of the stream of a client that has asked nothing."""
+
+    def next_event(original: Any, self: Connection, now: float) -> Any:
+        if self.input_ended and self._decoder._offset == 0:
+            return None
+        return original(self, now)
+
+    wrap(patch, Connection, "next_event", next_event)
+
+
+@mutant("CHN-16", check="check_answers_before_the_end", reason="after hello")
+def server_answers_the_old_to_the_end(patch: Patch) -> None:
+    """Answers those that have said hello nothing more once they have ended their stream."""
+
+    def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
+        original(self, peer, data)
+        time.sleep(0.002)
+        with suppress(OSError):
+            if peer.connection.welcome and not peer.socket.recv(1, socket.MSG_PEEK):
+                peer.connection.unsent.clear()
+
+    wrap(patch, Service, "_take", take)
 
 
 @mutant("CHN-16", check="check_answers_before_the_end", reason="replies to")

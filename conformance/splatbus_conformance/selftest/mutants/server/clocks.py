@@ -4,7 +4,9 @@ import time
 from typing import Any
 
 from splatbus_server import session
+from splatbus_server.connection import Connection
 from splatbus_server.control import Poses
+from splatbus_server.session import Session
 from splatbus_server.telemetry import Readings
 from splatbus_wire.messages import SetTime
 
@@ -127,6 +129,27 @@ def server_tells_a_kind_of_its_own(patch: Patch) -> None:
         return series | {"kind": "number"} if series["kind"] == "scalar" else series
 
     telemetry(patch, lambda told: {"series": [renamed(it) for it in told["series"]]})
+
+
+@mutant("TEL-3", check=ASKED, reason="to who has come after a subscriber")
+def server_tells_the_next_what_one_asked_for(patch: Patch) -> None:
+    """Goes on telling what a client had subscribed to, to the next that comes."""
+    left: list[Any] = []
+
+    def unsubscribe(original: Any, self: Readings, connection: Any) -> None:
+        if connection in self._subscribers:
+            left.append(self._subscribers[connection].names)
+        original(self, connection)
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if left and connection.has("telemetry") and connection not in self._readings._subscribers:
+            self._readings.subscribe(connection, left.pop())
+        return original(self, connection, message, *rest)
+
+    wrap(patch, Readings, "unsubscribe", unsubscribe)
+    wrap(patch, Session, "handle", handle)
 
 
 @mutant("TEL-3", check=ASKED, reason="was subscribed to, of")

@@ -5,13 +5,14 @@ from typing import Any
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control
 from splatbus_server.session import Session
-from splatbus_wire.messages import CameraPose
+from splatbus_wire.messages import CameraPose, ObjectPose, PointCloudPose, SetTime
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
 TOLD, ONCE = "check_tells_who_has_no_control", "check_tells_it_once"
+OTHERS = "check_no_pose_of_another_is_applied"
 PASSES = "check_control_passes_with_the_newest_poses"
 ENDS, REFUSED = "check_lens_and_time_end_with_their_client", "check_refused_poses_count_for_nothing"
 
@@ -83,6 +84,58 @@ def server_keeps_the_lens_of_who_left(patch: Patch) -> None:
     wrap(patch, Control, "leave", leave)
 
 
+@mutant("CTL-3", check=ENDS, reason="had moved the Gaussians alone: of intrinsics")
+def server_keeps_the_lens_until_the_next_camera(patch: Patch) -> None:
+    """Leaves intrinsics in force when their client has gone, until another poses the camera."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        lens, serial = self.poses.intrinsics, self.poses.serial
+        had_control = original(self, connection)
+        if had_control and self.poses.serial == serial:
+            self.poses = self.poses._replace(intrinsics=lens)
+        return had_control
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        lent = isinstance(message, CameraPose) and message.intrinsics is None
+        if lent and CameraPose not in self._sent.get(connection, {}):
+            self.poses = self.poses._replace(intrinsics=None)
+        return original(self, connection, message)
+
+    wrap(patch, Control, "leave", leave)
+    wrap(patch, Control, "move", move)
+
+
+@mutant("CTL-4", check=REFUSED, reason="gave control to its connection")
+def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
+    """Gives control to a client whose intrinsics or object it refuses, if nobody has it."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        if refusal.pointer in ("/intrinsics", "/object") and not control[0]._sent:
+            control[0]._sent[self] = {}
+        return original(self, refusal)
+
+    def begin(original: Any, self: Control, poses: Any) -> None:
+        original(self, poses)
+        control[:] = [self]
+
+    control: list[Control] = []
+    wrap(patch, Control, "__init__", begin)
+    wrap(patch, Connection, "complain", complain)
+
+
+@mutant("CTL-1", check=TOLD, reason="the only client that there is was told busy")
+def server_says_to_everyone_that_it_is_busy(patch: Patch) -> None:
+    """Says of every pose that another client has control, and applies it if none has."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if connection not in self._told_busy:
+            self._told_busy.add(connection)
+            connection.complain(Refusal("busy", "another client steers the scene"))
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)
+
+
 @mutant("CTL-4", check=REFUSED, reason="was answered busy as well")
 def server_is_busy_for_broken_poses(patch: Patch) -> None:
     """Says of every pose that is refused that it is busy, too."""
@@ -145,3 +198,57 @@ def server_remembers_the_first_pose(patch: Patch) -> None:
         return original(self, connection, message)
 
     wrap(patch, Control, "move", move)
+
+
+def leaves(patch: Patch, **changes: Any) -> None:
+    """Change what is in force when control has passed on."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        had_control = original(self, connection)
+        if had_control and self._sent:
+            self.poses = self.poses._replace(**changes)
+        return had_control
+
+    wrap(patch, Control, "leave", leave)
+
+
+def obeys(patch: Patch, *kinds: Any) -> None:
+    """Apply poses of these kinds, whoever sends them."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        has_control = original(self, connection, message)
+        if not has_control and isinstance(message, kinds):
+            self.poses = self.poses.moved_by(message)
+        return has_control
+
+    wrap(patch, Control, "move", move)
+
+
+@mutant("POS-11", check=OTHERS, reason="sent point_cloud_pose, and it was applied")
+def server_moves_objects_for_anyone(patch: Patch) -> None:
+    """Applies the poses of objects of every client, and the cameras of one."""
+    obeys(patch, PointCloudPose, ObjectPose)
+
+
+@mutant("POS-11", check=OTHERS, reason="sent set_time, and it was applied")
+def server_sets_time_for_anyone(patch: Patch) -> None:
+    """Lets every client set the time."""
+    obeys(patch, SetTime)
+
+
+@mutant("CTL-5", check=PASSES, reason="it had sent intrinsics, and fx is")
+def server_passes_on_no_lens(patch: Patch) -> None:
+    """Leaves out the intrinsics that a client sent before it had control."""
+    leaves(patch, intrinsics=None)
+
+
+@mutant("CTL-5", check=PASSES, reason="it had set the time to")
+def server_passes_on_no_time(patch: Patch) -> None:
+    """Leaves out the time that a client set before it had control."""
+    leaves(patch, time=None)
+
+
+@mutant("CTL-5", check=PASSES, reason="its newest tag is heir 2, and []")
+def server_passes_on_no_tag(patch: Patch) -> None:
+    """Leaves out the tag of the camera that a client sent before it had control."""
+    leaves(patch, tag=None)

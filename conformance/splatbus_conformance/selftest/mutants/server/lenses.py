@@ -54,6 +54,18 @@ def server_scales_by_the_width_alone(patch: Patch) -> None:
     wrap(patch, exchange, "scaled", scaled)
 
 
+@mutant("CAM-5", check="check_lenses_are_scaled_to_another_size", reason="images became")
+def server_scales_lenses_to_its_first_size(patch: Patch) -> None:
+    """Scales intrinsics to the size that images had at first, whatever they have now."""
+    first: list[int] = []
+
+    def to_first(original: Any, lens: Any, *size: int) -> Any:
+        first[:] = first or size
+        return original(lens, *first)
+
+    wrap(patch, exchange, "scaled", to_first)
+
+
 @mutant("CAM-5", check=SEEN, reason="of the pixels are not as seen so")
 def server_renders_with_its_own_lens(patch: Patch) -> None:
     """Names the intrinsics that it was sent, and renders with its own."""
@@ -135,6 +147,36 @@ def server_takes_the_lens_of_anyone(patch: Patch) -> None:
         if isinstance(message, CameraPose):
             newest[0] = message.intrinsics or newest[0]
         self.poses = self.poses._replace(intrinsics=newest[0])
+        return has_control
+
+    wrap(patch, Control, "move", move)
+
+
+@mutant("CAM-7", check=KEEPS, reason="others of another shape were refused")
+def server_keeps_a_lens_that_it_refused(patch: Patch) -> None:
+    """Reports intrinsics of another shape, keeps the pose, and looks through them all the same."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        refusal = original(self, connection, message)
+        if isinstance(refusal, Refusal) and refusal.pointer == "/intrinsics":
+            control = self._control
+            control.poses = control.poses._replace(intrinsics=message.intrinsics)
+        return refusal
+
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("CAM-7", check=KEEPS, reason="another client had sent its own")
+def server_has_the_lens_of_anyone_until_the_next_pose(patch: Patch) -> None:
+    """Looks through the intrinsics of a client without control until the one in control poses."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        has_control = original(self, connection, message)
+        if not has_control and isinstance(message, CameraPose) and message.intrinsics is not None:
+            self.poses = self.poses._replace(intrinsics=message.intrinsics)
+        elif isinstance(message, CameraPose):
+            own = self._sent[connection][CameraPose]
+            self.poses = self.poses._replace(intrinsics=own.intrinsics)  # type: ignore[union-attr]
         return has_control
 
     wrap(patch, Control, "move", move)

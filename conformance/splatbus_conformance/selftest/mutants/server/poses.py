@@ -6,7 +6,7 @@ from typing import Any
 from splatbus_server.connection import Connection
 from splatbus_server.control import Control
 from splatbus_server.session import Session
-from splatbus_wire import decoding
+from splatbus_wire import decoding, plain_poses, rotations
 from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
 from splatbus_wire.poses import IDENTITY
 
@@ -48,6 +48,24 @@ def server_scales_every_rotation(patch: Patch) -> None:
         return message | {"rotation": {name: part / norm for name, part in rotation.items()}}
 
     _repairs(patch, scaled)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm 0.989999999")
+def server_rounds_norms(patch: Patch) -> None:
+    """Takes norms that are 0.99 or 1.01 in single precision for ones within the limits."""
+    tolerating(patch, 0.01 + 2.0**-23)
+
+
+@mutant("POS-7", check="check_poses_at_the_limits_are_poses", reason="the valid pose")
+def server_is_strict_with_norms(patch: Patch) -> None:
+    """Refuses rotations whose norm differs from 1 by nearly 0.01."""
+    tolerating(patch, 0.00999)
+
+
+def tolerating(patch: Patch, tolerance: float) -> None:
+    """Judge rotations by another tolerance."""
+    for module in (plain_poses, rotations):
+        patch.setattr(module, "NORM_TOLERANCE", tolerance)
 
 
 @mutant("POS-10", reason="after a message of type", through="POS-5")

@@ -1,17 +1,24 @@
 """Mutants that break REQ: their answers are wrong, too many, too few or too late."""
 
+import itertools
 from typing import Any
 
 from splatbus_server import cli
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import Exchange
 from splatbus_server.session import Session
-from splatbus_wire.messages import GetCameraPose, GetViewportSize, ViewportSize
+from splatbus_wire.messages import (
+    GetCameraPose,
+    GetScene,
+    GetViewportSize,
+    SetViewport,
+    ViewportSize,
+)
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
-from splatbus_conformance.selftest.surgery import Json, messages, wrap
+from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
 
@@ -117,12 +124,44 @@ def server_answers_broken_requests(patch: Patch) -> None:
 @mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="without an image")
 def server_answers_between_images(patch: Patch) -> None:
     """Answers when it has rendered the next image."""
+    _answers_between_images(patch, GetViewportSize | GetCameraPose)
+
+
+@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="'get_scene'")
+def server_tells_of_its_scene_between_images(patch: Patch) -> None:
+    """Tells of its scene when it has rendered the next image."""
+    _answers_between_images(patch, GetScene)
+
+
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by camera")
+def server_passes_over_the_size_that_it_has(patch: Patch) -> None:
+    """Does not answer who asks for images of the size that they have."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        memory = self._exchange.memory
+        if isinstance(message, SetViewport) and message[:2] == (memory.width, memory.height):
+            return None
+        return original(self, connection, message, *rest)
+
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("NEG-28", reason="the request's was", through="NEG-29")
+def server_numbers_its_pongs(patch: Patch) -> None:
+    """Answers pings with ids of its own."""
+    ids = itertools.count(1)
+    messages(patch, of_type("pong", lambda it: it | {"id": next(ids)} if "id" in it else it))
+
+
+def _answers_between_images(patch: Patch, kinds: Any) -> None:
     waiting: list[tuple[Any, ...]] = []
 
     def handle(
         original: Any, self: Session, connection: Connection, message: Any, *rest: Any
     ) -> Any:
-        if isinstance(message, GetViewportSize | GetCameraPose):
+        if isinstance(message, kinds):
             waiting.append((original, self, connection, message, *rest))
             return None
         return original(self, connection, message, *rest)

@@ -27,6 +27,18 @@ def server_waits_for_hello_for_ever(patch: Patch) -> None:
     wrap(patch, Connection, "__init__", connect)
 
 
+@mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
+def server_waits_for_who_says_something(patch: Patch) -> None:
+    """Gives who says anything ten seconds more for hello."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        original(self, data, now)
+        if self._hello_by < math.inf:
+            self._hello_by = now + 10.0
+
+    wrap(patch, Connection, "receive", receive)
+
+
 @mutant(
     "NEG-17",
     check="check_listens_on_loopback_without_a_token",

@@ -8,7 +8,7 @@ from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
 from splatbus_server.viewport import Change, Viewport
-from splatbus_wire.messages import ViewportSize
+from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
 
 from splatbus_conformance.selftest.mutants.server.views import cameras
 from splatbus_conformance.selftest.patching import Patch
@@ -59,6 +59,40 @@ def server_swaps_sides(patch: Patch) -> None:
 def server_cuts_off_who_cannot_follow(patch: Patch) -> None:
     """Changes the size, whoever reads."""
     unhindered(patch, "VPT-3", "")
+
+
+@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", reason="had gone")
+def server_remembers_who_could_not_follow(patch: Patch) -> None:
+    """Changes no size any more once there was a reader without `reinit`."""
+    remembered: list[Refusal] = []
+
+    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+        refusal: Refusal | None = original(self, asker)
+        if refusal is not None and refusal.code == "unsupported":
+            remembered.append(refusal)
+        return remembered[-1] if remembered else refusal
+
+    wrap(patch, Session, "_hindrance", hindrance)
+
+
+@mutant("VPT-2", check=ANSWERS, reason="was refused, and then the size is told as")
+def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
+    """Tells the size that was asked for last, whether images have it or not."""
+    asked: list[int] = []
+
+    def answer(original: Any, self: Session, connection: Connection, *more: Any) -> Any:
+        request = more[0]
+        if isinstance(request, SetViewport):
+            asked[:] = request.width, request.height
+            if request.width == 1:
+                return connection.complain(Refusal("unsupported", "too small", id=request.id))
+        if isinstance(request, GetViewportSize) and asked:
+            width, height = asked
+            connection.send(ViewportSize(width, height, request.id))
+            return None
+        return original(self, connection, *more)
+
+    wrap(patch, Session, "_answer", answer)
 
 
 @mutant("VPT-4", check="check_obeys_who_has_control", reason="a client without control")

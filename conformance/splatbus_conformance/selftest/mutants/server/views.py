@@ -203,6 +203,12 @@ def server_renders_the_first_camera_only(patch: Patch) -> None:
 
 
 @mutant("IMG-5", check="check_every_pixel_is_of_the_camera", reason="is not what the camera at")
+def server_has_pixel_centres_at_integers(patch: Patch) -> None:
+    """Takes the corner of a pixel for its centre, and so draws everything half a pixel off."""
+    cameras(patch, lambda it: replace(it, cx=it.cx + 0.5, cy=it.cy + 0.5))
+
+
+@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", reason="is not what the camera at")
 def server_is_one_camera_late(patch: Patch) -> None:
     """Names the camera that it was sent, and renders with the one before it."""
     seen: list[Any] = []

@@ -1,0 +1,195 @@
+"""Checks on when a client connects again (spec 1.0 section 3.3, spec 1.1 section 2.5)."""
+
+import random
+import time
+from collections.abc import Sequence
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
+from splatbus_conformance.messages import error
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.recording import Channel
+from splatbus_conformance.trial import REACTION_SECONDS, SETTLE_SECONDS
+
+LEAST: float = LIMITS["reconnect_min_seconds"]
+MOST: float = LIMITS["reconnect_max_seconds"]
+ENDS = ("close", "reset", "end")
+"""How a connection is lost; `end` is a half-close."""
+SLOW_SECONDS = 10 * LEAST
+"""Whoever was away for so long needs no second look: each costs as long."""
+TOMORROW = "a_code_of_tomorrow"
+CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, TOMORROW)
+TIMES = 8
+"""That a hot loop is there at once when a channel accepts again."""
+AT_ONCE_SECONDS = LEAST / 5
+"""Whoever leaves LEAST between attempts is there so soon one time of five."""
+
+
+def lose(trial: ClientTrial, connection: Connection, how: str) -> float:
+    """End a connection in one of the ENDS, or by an `error` of this code; when it began.
+
+    After an error whose code does not close the testee may go on.
+    """
+    trial.rest(0.0)
+    began = time.monotonic()
+    if how == "close":
+        connection.close()
+    elif how == "reset":
+        connection.reset()
+    elif how in OTHER_ERRORS or how == TOMORROW:
+        trial.role.say(connection, error(how))
+        trial.ends(connection, REACTION_SECONDS)
+    else:
+        if how != "end":
+            trial.role.say(connection, error(how))
+        connection.end_stream()
+        trial.ends(connection)
+        connection.close()
+    return began
+
+
+def kind_of_code(code: str) -> str:
+    """Whether an `error` of this code closes; that of tomorrow is of a kind of its own."""
+    return code if code == TOMORROW else "closes" if code in CLOSING_ERRORS else "stays"
+
+
+def after(trial: ClientTrial, channel: Channel, lost: float) -> Connection:
+    """The next connection of this testee that it made after one was lost."""
+    connection = trial.next_connection(channel)
+    while connection is not None and connection.opened < lost:
+        connection = trial.next_connection(channel)
+    if connection is None:
+        trial.not_observable(f"the testee did not come back to the {channel} channel")
+    return connection
+
+
+def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: str) -> None:
+    """Every channel is lost, and lost again at once: attempts may not begin within LEAST.
+
+    The first of two attempts begins after a connection was lost, and the second before it is
+    accepted, however late the harness looks.
+    """
+    met = [trial.connection(channel) for channel in channels]
+    trial.rest(SETTLE_SECONDS)
+    trial.role.welcomes = how in ENDS
+    lost = [lose(trial, connection, how) for connection in met]
+    again = []
+    for connection, begun in zip(met, lost, strict=True):
+        if connection.open and not connection.ended:
+            continue
+        back = after(trial, connection.channel, begun)
+        if back.opened - begun < SLOW_SECONDS:
+            again.append((back, begun))
+        else:
+            trial.delivered += 1
+    for connection, _ in again:
+        if how not in ENDS and not trial.says_hello(connection):
+            trial.not_observable("the testee said no hello when it came back")
+    second = [lose(trial, connection, how) for connection, _ in again]
+    trial.role.welcomes = True
+    for (connection, begun), once_more in zip(again, second, strict=True):
+        if connection.open and not connection.ended:
+            continue
+        apart = after(trial, connection.channel, once_more).opened - begun
+        trial.expect(
+            apart >= LEAST,
+            f"{what}, on the {connection.channel} channel: two attempts began at most "
+            f"{1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
+        )
+        trial.delivered += 1
+
+
+@check(
+    "CHN-21",
+    observable="the time between the connections that the testee makes",
+)
+def check_paces_its_attempts(trial: ClientTrial) -> None:
+    """Connections are closed, reset and half-closed, each way twice, on each channel."""
+    for how in trial.each(ENDS):
+        judge_pace(trial, coming_back(trial), how, f"after a {how}")
+
+
+@check(
+    "CHN-21",
+    observable="how soon after the harness listens again the testee connects, each time",
+)
+def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
+    """A channel refuses for a while, of another length each time, then accepts; a testee that is
+    there at once each time tries all the time.
+    """
+    lengths = random.Random(trial.seed)
+    for channel in coming_back(trial):
+        lost = lose(trial, trial.connection(channel), "close")
+        usual = after(trial, channel, lost).opened - lost
+        for _ in range(TIMES):
+            trial.peer.refuse(channel)
+            trial.next_connection(channel, 0.0)  # closes the one before
+            trial.rest(usual + lengths.uniform(0.2, 0.4))
+            listening = time.monotonic()
+            trial.peer.listen(channel)
+            if after(trial, channel, listening).opened - listening > AT_ONCE_SECONDS:
+                break
+        else:
+            trial.violated(
+                f"each of {TIMES} times that the {channel} channel accepted again, an attempt came "
+                f"within {1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused"
+            )
+        trial.delivered += 1
+
+
+@check(
+    "NEG-24",
+    observable="the time between the connections that the testee makes",
+)
+def check_pauses_after_errors(trial: ClientTrial) -> None:
+    """An `error` in place of `welcome`, twice in a row, with codes that close and others."""
+    channels = [it for it in coming_back(trial) if trial.facts.speaks_1_1(it)]
+    if not channels:
+        trial.not_observable("the testee says no hello where it comes back")
+    for code in trial.each(CODES, kind=kind_of_code, spare=1):
+        judge_pace(trial, channels, code, f"after an error {code}")
+
+
+@check(
+    "CHN-22",
+    observable="how long after it could connect again the testee does",
+)
+def check_comes_back_soon(trial: ClientTrial) -> None:
+    """Connections are refused for a second (8 in the full profile), then accepted; and lost, in
+    1.1 by an `error`.
+    """
+    channels = coming_back(trial)
+    for channel in channels:
+        trial.connection(channel)
+        trial.peer.refuse(channel)
+    trial.peer.clear()
+    trial.rest(8.0 if trial.thorough else 1.0)
+    for channel in channels:
+        trial.peer.listen(channel)
+    for channel in channels:
+        _expect_soon(trial, channel, 0, "it accepts again")
+    for channel in channels:
+        how = CLOSING_ERRORS[trial.seed % len(CLOSING_ERRORS)]
+        how = how if trial.facts.speaks_1_1(channel) else ENDS[trial.seed % len(ENDS)]
+        connection = trial.connection(channel)
+        if how not in ENDS:
+            trial.says_hello(connection)
+        before = sum(c.channel == channel for c in trial.peer.connections)
+        lose(trial, connection, how)
+        _expect_soon(trial, channel, before, f"it was lost ({how})")
+
+
+def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:
+    came = trial.arrives(channel, MOST + 1.0, before)
+    trial.expect(came, f"no attempt on the {channel} channel within {MOST} s after {when}")
+    trial.delivered += 1
+
+
+def coming_back(trial: ClientTrial) -> list[Channel]:
+    """The channels whose attempts can be seen."""
+    if not trial.facts.returns:
+        trial.not_observable("the testee does not connect again")
+    return sorted(trial.facts.returns)

@@ -1,0 +1,24 @@
+"""Allowed variations in the life of the two channels."""
+
+from typing import Any
+
+from splatbus_client.channel import Channel
+
+from splatbus_conformance.selftest.mutants.client.channels import all_channels
+from splatbus_conformance.selftest.patching import Patch
+from splatbus_conformance.selftest.specimen import variation
+from splatbus_conformance.selftest.surgery import wrap
+
+
+@variation()
+def one_channel_after_the_other(patch: Patch) -> None:
+    """Tries the IPC channel until it is connected, and only then the message channel."""
+    made = all_channels(patch)
+
+    def connect(original: Any, self: Channel, now: float) -> None:
+        if self is not made[0] and made[0]._machine is None:
+            self._due = now + 0.05
+            return
+        original(self, now)
+
+    wrap(patch, Channel, "_connect", connect)

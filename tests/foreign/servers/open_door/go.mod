@@ -1,0 +1,3 @@
+module open_door
+
+go 1.19

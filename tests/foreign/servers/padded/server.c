@@ -1,0 +1,1 @@
+../spheres/server.c
