@@ -154,7 +154,8 @@ def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opi
 
 
 def _words(side: Side, phase: Phase) -> str:
-    return " ".join(filter(None, (side, phase.profile, phase.axes, *(phase.environment or ())))
+    names = phase.environment or {}
+    return " ".join(filter(None, (side, phase.profile, phase.axes, *names)))
 
 
 def _by_run(change: str, side: Side, phase: Phase) -> Opinion:
