@@ -21,10 +21,10 @@ from splatbus_conformance.selftest.machine.lines import Lines
 from splatbus_conformance.selftest.machine.trials import (
     PHASES,
     ROOT,
+    ByTests,
     Fate,
     Judged,
     Phase,
-    Tested,
     judge,
 )
 from splatbus_conformance.selftest.trials import run_harness
@@ -86,7 +86,7 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
             result.save(path)
     in_order = [result.judged[it.change.name] for it in drawn]
     for survivor in in_order:
-        if survivor.fate is not Fate.KILLED and survivor.tested is Tested.KILLED:
+        if survivor.fate is not Fate.KILLED and survivor.tested is ByTests.KILLED:
             _tell(survivor, out)
     for sentence in sentences(in_order):
         out.print(sentence, markup=False)
@@ -116,7 +116,7 @@ def run(trials: Sequence[Callable[[], Judged]], out: Console) -> Iterator[Judged
         running = [pool.submit(trial) for trial in trials]
         for done, future in enumerate(as_completed(running), 1):
             it = future.result()
-            tests = "" if it.tested is Tested.UNKNOWN else f", by the tests {it.tested}"
+            tests = "" if it.tested is ByTests.UNKNOWN else f", by the tests {it.tested}"
             out.print(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}", markup=False)
             yield it
 
@@ -165,7 +165,7 @@ def sentences(judged: Iterable[Judged]) -> list[str]:
     """The two figures, and what is left out of them."""
     every = list(judged)
     executed = [it for it in every if it.fate not in (Fate.UNTOUCHED, Fate.UNMET)]
-    tested = [it for it in every if it.tested is Tested.KILLED and it.fate is not Fate.UNMET]
+    tested = [it for it in every if it.tested is ByTests.KILLED and it.fate is not Fate.UNMET]
     counts = {fate: sum(it.fate is fate for it in every) for fate in Fate}
     return [
         f"{_share(executed)} in lines that a run executes die by the harness",

@@ -67,7 +67,7 @@ class Fate(StrEnum):
     """No run of the harness executes its line, so that none was made."""
 
 
-class Tested(StrEnum):
+class ByTests(StrEnum):
     """What our tests make of it."""
 
     KILLED = "killed"
@@ -85,7 +85,7 @@ class Judged:
     before: str
     after: str
     fate: Fate
-    tested: Tested
+    tested: ByTests
     by: str = ""
     """Which run found what."""
     test: str = ""
@@ -99,7 +99,7 @@ class Judged:
     @classmethod
     def from_json(cls, members: dict[str, Any]) -> "Judged":
         """The reverse."""
-        fate, tested = Fate(members["fate"]), Tested(members["tested"])
+        fate, tested = Fate(members["fate"]), ByTests(members["tested"])
         return cls(**{**members, "fate": fate, "tested": tested})
 
 
@@ -120,7 +120,7 @@ def judge(drawn: Drawn, executed: Executed | None = None, former: str = "") -> J
     opinion = by_harness(drawn, executed, former)
     judged_at = time.monotonic()
     it = drawn.change
-    tested, first = by_tests(it.name) if executed else (Tested.UNKNOWN, "")
+    tested, first = by_tests(it.name) if executed else (ByTests.UNKNOWN, "")
     seconds = {
         "harness": round(judged_at - began, 1),
         "tests": round(time.monotonic() - judged_at, 1),
@@ -189,17 +189,17 @@ def _unmet(cells: list[Cell]) -> bool:
     return any(cell.check == "run" for cell in cells)
 
 
-def by_tests(change: str) -> tuple[Tested, str]:
+def by_tests(change: str) -> tuple[ByTests, str]:
     """Run the tests of the changed module's package, and of those that stand upon it.
 
     The one that fails has to pass on what is unchanged, else it says nothing.
     """
     failed = _failing(tests_of(change.partition(":")[0]), change)
     if failed is None:
-        return Tested.SURVIVED, ""
+        return ByTests.SURVIVED, ""
     if failed and failed != HANGS and _failing([failed]) is not None:
-        return Tested.UNKNOWN, f"{failed} fails on what is unchanged too"
-    return Tested.KILLED, failed
+        return ByTests.UNKNOWN, f"{failed} fails on what is unchanged too"
+    return ByTests.KILLED, failed
 
 
 def _failing(tests: Iterable[Path | str], change: str = "") -> str | None:
