@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
 from splatbus_conformance.plan import SIDES, Side
 from splatbus_conformance.selftest import harnesses
@@ -77,7 +78,7 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
     if arguments.resume and path and path.exists():
         result = Result.read(path)
     else:
-        out.print("which lines does a run execute?", markup=False)
+        out.print(Text("which lines does a run execute?"))
         result = Result(arguments.seed, _commit(), executed_lines())
     left = [it for it in drawn if it.change.name not in result.judged]
     for judged in run([partial(judge, it, result.lines) for it in left], out):
@@ -89,7 +90,7 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
         if survivor.fate is not Fate.KILLED and survivor.tested is ByTests.KILLED:
             _tell(survivor, out)
     for sentence in sentences(in_order):
-        out.print(sentence, markup=False)
+        out.print(Text(sentence))
     return EXIT_CONFORMING
 
 
@@ -103,9 +104,10 @@ def judge_again(former: Result, count: int, out: Console) -> int:
         _tell(survivor, out)
     gone = len(killed) - len(drawn)
     out.print(
-        f"{len(found) - len(alive)} of {len(found)} are killed again"
-        + (f"; {gone} are not there any more" if gone else ""),
-        markup=False,
+        Text(
+            f"{len(found) - len(alive)} of {len(found)} are killed again"
+            + (f"; {gone} are not there any more" if gone else "")
+        )
     )
     return EXIT_NOT_CONFORMING if alive else EXIT_CONFORMING
 
@@ -117,7 +119,7 @@ def run(trials: Sequence[Callable[[], Judged]], out: Console) -> Iterator[Judged
         for done, future in enumerate(as_completed(running), 1):
             it = future.result()
             tests = "" if it.tested is ByTests.UNKNOWN else f", by the tests {it.tested}"
-            out.print(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}", markup=False)
+            out.print(Text(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}"))
             yield it
 
 
@@ -180,10 +182,10 @@ def _share(judged: Sequence[Judged]) -> str:
 
 
 def _tell(it: Judged, out: Console) -> None:
-    out.print(f"\n{it.fate}  {it.name}, line {it.line}", markup=False)
-    out.print(f"  {it.before}  →  {it.after}", markup=False)
+    out.print(Text(f"\n{it.fate}  {it.name}, line {it.line}"))
+    out.print(Text(f"  {it.before}  →  {it.after}"))
     if it.by or it.test:
-        out.print(f"  {it.by or it.test}", markup=False)
+        out.print(Text(f"  {it.by or it.test}"))
 
 
 def _folded(executed: Lines) -> dict[str, list[int]]:

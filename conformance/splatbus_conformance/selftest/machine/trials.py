@@ -141,14 +141,14 @@ def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opi
     runs = [(side, PHASES[side][number]) for number in range(every) for side in sides]
     runs.sort(key=lambda run: not former.startswith(f"{_words(*run)}: "))
     found = [Opinion(Fate.UNTOUCHED)]
-    unmet: set[Side] = set()
+    unmet: set[tuple[Side, str]] = set()
     for side, phase in runs:
-        if side not in unmet:
+        if (side, phase.axes) not in unmet:
             found.append(_by_run(drawn.change.name, side, phase))
             if found[-1].fate is Fate.KILLED:
                 return found[-1]
             if found[-1].fate is Fate.UNMET:
-                unmet.add(side)
+                unmet.add((side, phase.axes))
     order = list(Fate)
     return min(found, key=lambda opinion: order.index(opinion.fate))
 
