@@ -168,9 +168,14 @@ def test_the_first_must_that_is_broken_ends_it(monkeypatch):
 
 
 def test_a_side_that_is_not_met_is_not_tried_again(monkeypatch):
-    runs = told(monkeypatch, UNMET, *[ALIVE] * 9)
+    runs = told(monkeypatch, UNMET, UNMET, *[ALIVE] * 9)
     assert trials.by_harness(wire(), None) == UNMET
-    assert runs[0][0] not in [side for side, _ in runs[1:]]
+    assert [side for side, _ in runs] == ["client", "client", "server", "server", "server"]
+
+
+def test_a_client_that_no_adapter_can_speak_for_is_tried_without_one(monkeypatch):
+    told(monkeypatch, UNMET, DEAD)
+    assert trials.by_harness(wire(), None) == DEAD
 
 
 def test_the_run_that_killed_it_formerly_is_the_first(monkeypatch):
@@ -250,9 +255,10 @@ def test_two_figures_leave_out_what_cannot_count():
         judged("d", Fate.UNTOUCHED),
         judged("e", Fate.UNMET),
     ]
-    executed, tested, counts = command.sentences(found)
+    executed, tested, both, counts = command.sentences(found)
     assert executed.startswith("1 of 3 (33.3%) in lines that a run executes")
     assert tested.startswith("1 of 3 (33.3%) that a test kills")
+    assert both.startswith("1 of 2 (50.0%) of which both is true")
     assert counts == "killed: 1; not met: 1; survived: 2; not executed: 1"
 
 

@@ -168,10 +168,12 @@ def sentences(judged: Iterable[Judged]) -> list[str]:
     every = list(judged)
     executed = [it for it in every if it.fate not in (Fate.UNTOUCHED, Fate.UNMET)]
     tested = [it for it in every if it.tested is ByTests.KILLED and it.fate is not Fate.UNMET]
+    both = [it for it in tested if it in executed]
     counts = {fate: sum(it.fate is fate for it in every) for fate in Fate}
     return [
         f"{_share(executed)} in lines that a run executes die by the harness",
         f"{_share(tested)} that a test kills die by the harness",
+        f"{_share(both)} of which both is true die by the harness",
         "; ".join(f"{fate}: {count}" for fate, count in counts.items() if count),
     ]
 

@@ -31,17 +31,17 @@ OWN: dict[Side, tuple[str, ...]] = {
     "server": tuple(
         f"splatbus_server.{name}"
         for name in (
-            *("api", "connection", "control", "exchange", "lens", "memory", "publish", "reader"),
-            *("ring", "service", "session", "shared_memory", "steering", "telemetry", "view"),
-            "viewport",
+            *("connection", "control", "exchange", "lens", "memory", "reader", "ring", "service"),
+            *("session", "shared_memory", "steering", "telemetry", "view", "viewport"),
         )
     ),
 }
 """What speaks, remembers what was agreed, or holds what is lent.
 
-Not what draws the scene, shows images or reads a command line, which a server or client of others
-does in its own way; nor the client's adapter, which is the harness's instrument; nor what is for
-CUDA or compiled, whose lines are not executed here.
+Not what takes images and orders from a renderer (`api`, `publish`), draws the scene, shows images
+or reads a command line, which others do in their own way and no peer sees; nor the client's
+adapter, which is the harness's instrument; nor what is for CUDA or compiled, whose lines are not
+executed here.
 """
 
 

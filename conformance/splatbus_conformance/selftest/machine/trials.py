@@ -41,7 +41,7 @@ class Phase(NamedTuple):
 
 
 PHASES: Mapping[Side, tuple[Phase, ...]] = {
-    "client": (Phase("brief", PARTNER), Phase("brief"), Phase("quick", PARTNER)),
+    "client": (Phase("brief", PARTNER), Phase("quick", PARTNER)),
     "server": (
         Phase("brief"),
         Phase("brief", environment={"SPLATBUS_TOKEN": "a token that both are given"}),
@@ -138,17 +138,23 @@ def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opi
         if executed is None or lines.executes(executed[side], drawn.change)
     ]
     every = max(map(len, PHASES.values()))
-    runs = [(side, PHASES[side][number]) for number in range(every) for side in sides]
+    runs = [
+        (side, it) for number in range(every) for side in sides for it in PHASES[side][number:][:1]
+    ]
     runs.sort(key=lambda run: not former.startswith(f"{_words(*run)}: "))
     found = [Opinion(Fate.UNTOUCHED)]
-    unmet: set[tuple[Side, str]] = set()
+    unmet: set[Side] = set()
     for side, phase in runs:
-        if (side, phase.axes) not in unmet:
-            found.append(_by_run(drawn.change.name, side, phase))
-            if found[-1].fate is Fate.KILLED:
-                return found[-1]
-            if found[-1].fate is Fate.UNMET:
-                unmet.add((side, phase.axes))
+        if side in unmet:
+            continue
+        opinion = _by_run(drawn.change.name, side, phase)
+        if opinion.fate is Fate.UNMET:
+            unmet.add(side)
+            if phase.axes:  # what cannot speak through its adapter may do so by itself
+                opinion = _by_run(drawn.change.name, side, Phase(phase.profile))
+        if opinion.fate is Fate.KILLED:
+            return opinion
+        found.append(opinion)
     order = list(Fate)
     return min(found, key=lambda opinion: order.index(opinion.fate))
 
