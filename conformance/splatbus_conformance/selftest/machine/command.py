@@ -1,16 +1,16 @@
 """`splatbus-conformance selftest --machine`."""
 
 import argparse
-import contextlib
 import json
 import subprocess
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.text import Text
@@ -27,12 +27,16 @@ from splatbus_conformance.selftest.machine.trials import (
     Judged,
     Phase,
     judge,
+    stop_tests,
 )
 from splatbus_conformance.selftest.trials import run_harness
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
 
 WORKERS = 4
 WATCHED_SECONDS = 900.0
+ENDING_SECONDS = 0.2
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -114,45 +118,43 @@ def judge_again(former: Result, count: int, out: Console) -> int:
 
 def run(trials: Sequence[Callable[[], Judged]], out: Console) -> Iterator[Judged]:
     """Judge mutants, some at a time, and say what became of each."""
-    with _pool(WORKERS) as pool:
-        running = [pool.submit(trial) for trial in trials]
-        for done, future in enumerate(as_completed(running), 1):
-            it = future.result()
-            tests = "" if it.tested is ByTests.UNKNOWN else f", by the tests {it.tested}"
-            out.print(Text(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}"))
-            yield it
+    for done, it in enumerate(_some_at_a_time(trials, WORKERS), 1):
+        tests = "" if it.tested is ByTests.UNKNOWN else f", by the tests {it.tested}"
+        out.print(Text(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}"))
+        yield it
 
 
-@contextlib.contextmanager
-def _pool(workers: int) -> Iterator[ThreadPoolExecutor]:
-    """Whatever runs in it ends with it."""
+def _some_at_a_time(jobs: Sequence[Callable[[], T]], workers: int) -> Iterator[T]:
+    """What each comes to, as it does; whatever a job has started ends with this."""
     pool = ThreadPoolExecutor(workers)
+    futures = [pool.submit(job) for job in jobs]
     try:
-        yield pool
+        for future in as_completed(futures):
+            yield future.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        harnesses.stop_all()
+        while not all(future.done() for future in futures):  # one run is followed by another
+            harnesses.stop_all()
+            stop_tests()
+            time.sleep(ENDING_SECONDS)
         pool.shutdown()
 
 
 def executed_lines() -> dict[Side, Lines]:
     """Watch the reference through the runs that mutants are judged by."""
-    runs = [(side, phase) for side in SIDES for phase in PHASES[side]]
-    with _pool(len(runs)) as pool, tempfile.TemporaryDirectory() as folder:
-        paths = [Path(folder, str(number)) for number in range(len(runs))]
-        running = [
-            pool.submit(_watched, *each, path) for each, path in zip(runs, paths, strict=True)
+    executed: dict[Side, Lines] = dict.fromkeys(SIDES, frozenset())
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [
+            partial(_watched, side, phase, Path(folder, f"{side}-{number}"))
+            for side in SIDES
+            for number, phase in enumerate(PHASES[side])
         ]
-        found = [future.result() for future in running]
-    return {
-        side: frozenset().union(
-            *(it for it, (of, _) in zip(found, runs, strict=True) if of == side)
-        )
-        for side in SIDES
-    }
+        for side, found in _some_at_a_time(runs, len(runs)):
+            executed[side] |= found
+    return executed
 
 
-def _watched(side: Side, phase: Phase, path: Path) -> Lines:
+def _watched(side: Side, phase: Phase, path: Path) -> tuple[Side, Lines]:
     name = specimens.named(specimens.WATCHED, side, phase.axes, str(path))
     more = ("--profile", phase.profile, "--parallel", "1")
     _, status, last_words = run_harness(
@@ -160,7 +162,7 @@ def _watched(side: Side, phase: Phase, path: Path) -> Lines:
     )
     if status not in (EXIT_CONFORMING, EXIT_NOT_CONFORMING):
         raise RuntimeError(f"the reference was not judged while watched: {last_words}")
-    return lines.noted(path.read_text("utf-8"))
+    return side, lines.noted(path.read_text("utf-8"))
 
 
 def sentences(judged: Iterable[Judged]) -> list[str]:

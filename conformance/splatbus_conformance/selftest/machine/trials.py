@@ -27,6 +27,7 @@ TESTS_SECONDS = 900.0
 TEST_SECONDS = 60
 """A single test that takes so long hangs: usually the slowest takes four."""
 Executed = Mapping[Side, Lines]
+_testing: set[subprocess.Popen[str]] = set()
 HANGS = "they hang"
 PARTNER = "unity"
 """Whose axes the client's adapter uses."""
@@ -225,6 +226,7 @@ def _failing(tests: Iterable[Path | str], change: str = "") -> str | None:
             text=True,
             errors="replace",
         )
+        _testing.add(process)
         try:
             output, _ = process.communicate(timeout=TESTS_SECONDS)
         except subprocess.TimeoutExpired:
@@ -232,10 +234,17 @@ def _failing(tests: Iterable[Path | str], change: str = "") -> str | None:
         finally:
             process.kill()
             process.wait()
+            _testing.discard(process)
     if process.returncode == 0:
         return None
     failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output, re.MULTILINE)
     return failed[1] if failed else ""
+
+
+def stop_tests() -> None:
+    """End the tests that run now."""
+    for process in list(_testing):
+        process.kill()
 
 
 def tests_of(module: str) -> Iterator[Path]:
