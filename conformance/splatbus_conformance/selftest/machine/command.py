@@ -99,8 +99,9 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
 
 
 def judge_again(former: Result, count: int, out: Console) -> int:
-    """Whether what was killed is killed; 1 if not. What is not there any more is counted."""
-    killed = [it for it in former.judged.values() if it.fate is Fate.KILLED][:count]
+    """Whether what was killed most quickly is killed; 1 if not. What is gone is counted."""
+    killed = [it for it in former.judged.values() if it.fate is Fate.KILLED]
+    killed = sorted(killed, key=lambda it: it.seconds.get("harness", 0.0))[:count]
     drawn = modules.named(it.name for it in killed)
     by = {it.name: it.by for it in killed}
     found = list(run([partial(judge, it, None, by[it.change.name]) for it in drawn], out))
