@@ -301,3 +301,9 @@ def test_what_was_killed_has_to_be_killed_again(monkeypatch, tmp_path):
     printed = io.StringIO()
     assert command.machine(given(again=str(tmp_path / "former.json")), Console(file=printed)) == 1
     assert "0 of 1 are killed again; 1 are not there any more" in printed.getvalue()
+
+
+def test_most_of_the_mutants_that_have_to_die_are_still_there():
+    former = command.Result.read(Path(__file__).parents[1] / "data" / "machine_mutants.json")
+    assert {it.fate for it in former.judged.values()} == {Fate.KILLED}
+    assert len(modules.named(former.judged)) >= len(former.judged) / 2
