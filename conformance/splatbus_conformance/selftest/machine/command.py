@@ -32,7 +32,8 @@ from splatbus_conformance.selftest.machine.trials import (
 from splatbus_conformance.selftest.trials import run_harness
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
 
-WORKERS = 4
+WORKERS = 8
+"""Most of a run is waiting, though less than in the zoo, for there are tests to run too."""
 WATCHED_SECONDS = 900.0
 ENDING_SECONDS = 0.2
 
