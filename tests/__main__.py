@@ -1,12 +1,14 @@
 """Run all that must pass: linters, types, import rules, the specification, the tests, the selftest.
 
-`python -m tests` runs every step, `python -m tests lint types` those that are named.
+`python -m tests` runs every step, `python -m tests lint types` those that are named;
+`python -m tests long` what takes hours (`long.py`).
 """
 
 import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses these, but a checkout runs without it
@@ -31,22 +33,35 @@ STEPS = {
     "prose": (*PYTHON, "splatbus_schemas.prose"),
     "tests": (*PYTHON, "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"),
     "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
+    "machine": (
+        *(*PYTHON, "splatbus_conformance", "--plain", "selftest", "--machine"),
+        *("--count", "20", "--again", "tests/data/machine_mutants.json"),
+    ),
 }
 
 
 def main(wanted: list[str]) -> int:
     """Run the steps named, or all, and stop at the first that fails."""
+    if wanted[:1] == ["long"]:
+        return run((*PYTHON, "tests.long", *wanted[1:]))
     if unknown := set(wanted) - set(STEPS):
         print(f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(STEPS)}")
         return 2
+    for name in wanted or STEPS:
+        print(f"== {name}", flush=True)
+        if status := run(STEPS[name]):
+            print(f"== {name} failed", flush=True)
+            return status
+    if not wanted:
+        return run((*PYTHON, "tests.long", "--behind"))
+    return 0
+
+
+def run(command: Sequence[str]) -> int:
+    """Its exit status."""
     with tempfile.TemporaryDirectory(prefix="splatbus-bytecode-") as folder:
         environment = caching(dict(os.environ), folder)
-        for name in wanted or STEPS:
-            print(f"== {name}", flush=True)
-            if status := subprocess.run(STEPS[name], cwd=ROOT, env=environment).returncode:
-                print(f"== {name} failed", flush=True)
-                return status
-    return 0
+        return subprocess.run(command, cwd=ROOT, env=environment).returncode
 
 
 def caching(environment: dict[str, str], folder: str) -> dict[str, str]:

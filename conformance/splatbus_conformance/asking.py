@@ -58,6 +58,7 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
         allow_crash=arguments.allow_crash,
         adapter=adapter,
         parallel=arguments.parallel,
+        exitfirst=arguments.exitfirst,
         record=arguments.record,
         stand_in_cuda=arguments.stand_in_cuda,
     )

@@ -215,6 +215,18 @@ def parser() -> argparse.ArgumentParser:
         default=0,
         help="only the references, with N seeds, which must not change a verdict",
     )
+    made = selftest.add_argument_group("mutants made by machine")
+    made.add_argument(
+        "--machine",
+        action="store_true",
+        help="small changes of the reference's own sources, drawn by seed, in place of the zoo",
+    )
+    made.add_argument("--count", type=int, metavar="N", default=60, help="how many (%(default)s)")
+    made.add_argument("--seed", type=int, default=0, help="of the draw (%(default)s)")
+    made.add_argument("--resume", action="store_true", help="go on with what --json FILE holds")
+    made.add_argument(
+        "--again", metavar="FILE", help="those that were killed in a FILE of --json must be again"
+    )
     selftest.set_defaults(run=commands.selftest)
     return top
 

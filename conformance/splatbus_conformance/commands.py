@@ -146,5 +146,8 @@ def explain(arguments: argparse.Namespace, out: Console) -> int:
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the harness."""
     from splatbus_conformance.selftest.command import selftest as judge_the_harness
+    from splatbus_conformance.selftest.machine.command import machine
 
+    if arguments.machine:
+        return machine(arguments, out)
     return judge_the_harness(arguments, out)

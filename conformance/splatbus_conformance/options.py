@@ -82,6 +82,10 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         help="without --launch: also run what may crash a testee that breaks a requirement",
     )
 
+    what.add_argument(
+        "--exitfirst", action="store_true", help="with --parallel 1: end it once a MUST is broken"
+    )
+
     failing = command.add_argument_group("what fails the run besides a broken MUST")
     failing.add_argument("--strict", action="store_true", help="a warning")
     failing.add_argument(

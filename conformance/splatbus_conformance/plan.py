@@ -34,6 +34,8 @@ class Plan:
     """What is launched finds the stand-in CUDA runtime (conformance/STAND_IN_CUDA.md)."""
     parallel: int = 1
     """How many testees are judged at a time, each on ports of its own; 0 for as many as do well."""
+    exitfirst: bool = False
+    """The run ends with the check in which a MUST was broken."""
     record: str | None = None
     """The folder that keeps what crosses the wire."""
 

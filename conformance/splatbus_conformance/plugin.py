@@ -164,6 +164,8 @@ class CheckPlugin:
         if not trial.killed:
             self._note_end()
         self._keep(request.node.stash[PLACE], request.node.name)
+        if self.plan.exitfirst and self._a_must_is_broken():
+            request.session.shouldfail = "a MUST is broken"
         if testee.ended() is not None and trial.killed:
             trial.end_testee()
         elif self.plan.side == "server" or testee.ended() is not None:
@@ -177,6 +179,11 @@ class CheckPlugin:
             self._charge(self._latest, lost)
         if lost or self.stand.testee.ended() is not None:
             self.stand.testee.stop()
+
+    def _a_must_is_broken(self) -> bool:
+        by_rule = (name for name, count in self.traffic.tally.items() if count.broken)
+        musts = [name for name in by_rule if failing(self.known[name].level) is Verdict.FAIL]
+        return bool(musts or self.traffic.losses) or self._last_verdict is Verdict.FAIL
 
     def _deed(self, check: Check, name: str) -> "Deed":
         script = self._script(check.requirement, name, by_rule=False)

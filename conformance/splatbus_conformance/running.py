@@ -64,7 +64,7 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
             plugin.look_after()
         findings.traffic.add(plugin.traffic)
         if workers == 1:
-            _note_what_did_not_run(gathering, status)
+            _note_what_did_not_run(gathering, status, plan)
             return findings
         # What the rules see of the introduction; the workers have none of their own.
         findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
@@ -76,7 +76,7 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         why = str(error).splitlines()[0]
         progress.say(f"Another beside it could not be met ({why}): going on with one.")
         return run_checks(replace(plan, parallel=1), progress)
-    _note_what_did_not_run(gathering, status)
+    _note_what_did_not_run(gathering, status, plan)
     return findings
 
 
@@ -123,7 +123,7 @@ def _what_happens(peer: Peer, plan: Plan) -> str:
     return f"Waiting for a client on {where}, {limit}: start yours now (in an engine: press Play)."
 
 
-def _note_what_did_not_run(gathering: Gathering, status: int) -> None:
+def _note_what_did_not_run(gathering: Gathering, status: int, plan: Plan) -> None:
     """Raises KeyboardInterrupt where pytest has handled one."""
     if status == pytest.ExitCode.INTERRUPTED and not gathering.uncollected:
         raise KeyboardInterrupt
@@ -133,7 +133,8 @@ def _note_what_did_not_run(gathering: Gathering, status: int) -> None:
     ):
         why = gathering.uncollected or f"pytest ended with {pytest.ExitCode(status)!r}"
         gathering.findings.put(0, Result("", "collection", Level.WIRE, Verdict.ERROR, why))
-    gathering.close("it was selected and did not run")
+    if not (plan.exitfirst and status == pytest.ExitCode.TESTS_FAILED):
+        gathering.close("it was selected and did not run")
 
 
 def _pytest(plan: Plan, plugins: list[object], *more: str) -> int:

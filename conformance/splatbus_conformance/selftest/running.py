@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from splatbus_conformance.selftest.machine.specimens import MachineMade
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import Mutant, Variation
 
@@ -15,7 +16,7 @@ MOST_SECONDS = 300.0
 """A specimen ends by itself after this time, whatever becomes of the harness."""
 
 
-def altered(specimen: Mutant | Variation) -> Program:
+def altered(specimen: Mutant | Variation | MachineMade) -> Program:
     """Alter this process to the specimen's taste, then import the program that it alters.
 
     No other is imported: what a module has taken from another by name cannot be altered any more.

@@ -185,7 +185,13 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str, side: Side, select: str, seconds: float, axes: str = "", more: Sequence[str] = ()
+    name: str,
+    side: Side,
+    select: str,
+    seconds: float,
+    axes: str = "",
+    more: Sequence[str] = (),
+    environment: dict[str, str] | None = None,
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -201,6 +207,6 @@ def run_harness(
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
         line += ["--parallel", "1", "--shrink", "0", "--scripts", folder, *more]
-        status, output = harnesses.run(line, seconds, TOLD.get(name, {}))
+        status, output = harnesses.run(line, seconds, environment or TOLD.get(name, {}))
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

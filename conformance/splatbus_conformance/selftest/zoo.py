@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from splatbus_conformance.selftest import mutants as families
 from splatbus_conformance.selftest import variations as allowed
+from splatbus_conformance.selftest.machine.specimens import MachineMade, machine_made
 from splatbus_conformance.selftest.specimen import SIDES, Mutant, Variation
 
 S = TypeVar("S", Mutant, Variation)
@@ -27,8 +28,12 @@ def variations() -> tuple[Variation, ...]:
     return tuple(each for module in _modules(allowed) for each in _declared(module, Variation))
 
 
-def specimen_named(name: str) -> Mutant | Variation | None:
-    """A mutant or variation; no module is imported but the one that declares it."""
+def specimen_named(name: str) -> Mutant | Variation | MachineMade | None:
+    """A mutant or variation, or one made by machine; no module is imported but the one that
+    declares it.
+    """
+    if made := machine_made(name):
+        return made
     declared = f"\ndef {name.replace('-', '_')}("
     for package in (families, allowed):
         folder = Path(package.__path__[0])

@@ -1,0 +1,214 @@
+"""`splatbus-conformance selftest --machine`."""
+
+import argparse
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.text import Text
+
+from splatbus_conformance.plan import SIDES, Side
+from splatbus_conformance.selftest import harnesses
+from splatbus_conformance.selftest.machine import lines, modules, specimens
+from splatbus_conformance.selftest.machine.lines import Lines
+from splatbus_conformance.selftest.machine.trials import (
+    PHASES,
+    ROOT,
+    ByTests,
+    Fate,
+    Judged,
+    Phase,
+    judge,
+    stop_tests,
+)
+from splatbus_conformance.selftest.trials import run_harness
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
+
+WORKERS = 8
+"""Most of a run is waiting, though less than in the zoo, for there are tests to run too."""
+WATCHED_SECONDS = 900.0
+ENDING_SECONDS = 0.2
+
+T = TypeVar("T")
+
+
+@dataclass
+class Result:
+    """What is stored: more is added until all that were drawn are judged."""
+
+    seed: int
+    commit: str
+    lines: dict[Side, Lines]
+    judged: dict[str, Judged] = field(default_factory=dict)
+
+    def save(self, path: Path) -> None:
+        """Write it, so that an interruption leaves the former or this."""
+        found = list(self.judged.values())
+        members = {
+            "format": "1",
+            "summary": sentences(found),
+            "seed": self.seed,
+            "commit": self.commit,
+            "lines": {side: _folded(executed) for side, executed in self.lines.items()},
+        }
+        head = json.dumps(members, ensure_ascii=False)
+        rows = ",\n".join(json.dumps(it.as_json(), ensure_ascii=False) for it in found)
+        beside = path.with_suffix(".new")
+        beside.write_text(f'{head[:-1]},\n"judged": [\n{rows}\n]}}\n', "utf-8")
+        beside.replace(path)
+
+    @classmethod
+    def read(cls, path: Path) -> "Result":
+        """What was saved."""
+        members = json.loads(path.read_text("utf-8"))
+        executed = {side: _unfolded(it) for side, it in members["lines"].items()}
+        judged = {it["name"]: Judged.from_json(it) for it in members["judged"]}
+        return cls(members["seed"], members["commit"], executed, judged)
+
+
+def machine(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge mutants that are drawn, or again those that a result says were killed."""
+    if arguments.again:
+        return judge_again(Result.read(Path(arguments.again)), arguments.count, out)
+    drawn = modules.draw(arguments.count, arguments.seed)
+    path = Path(arguments.json) if arguments.json else None
+    if arguments.resume and path and path.exists():
+        result = Result.read(path)
+    else:
+        out.print(Text("which lines does a run execute?"))
+        result = Result(arguments.seed, _commit(), executed_lines())
+    left = [it for it in drawn if it.change.name not in result.judged]
+    for judged in run([partial(judge, it, result.lines) for it in left], out):
+        result.judged[judged.name] = judged
+        if path:
+            result.save(path)
+    in_order = [result.judged[it.change.name] for it in drawn]
+    for survivor in in_order:
+        if survivor.fate is not Fate.KILLED and survivor.tested is ByTests.KILLED:
+            _tell(survivor, out)
+    for sentence in sentences(in_order):
+        out.print(Text(sentence))
+    return EXIT_CONFORMING
+
+
+def judge_again(former: Result, count: int, out: Console) -> int:
+    """Whether what was killed most quickly is killed; 1 if not. What is gone is counted."""
+    killed = [it for it in former.judged.values() if it.fate is Fate.KILLED]
+    killed = sorted(killed, key=lambda it: it.seconds.get("harness", 0.0))[:count]
+    drawn = modules.named(it.name for it in killed)
+    by = {it.name: it.by for it in killed}
+    found = list(run([partial(judge, it, None, by[it.change.name]) for it in drawn], out))
+    for survivor in (alive := [it for it in found if it.fate is not Fate.KILLED]):
+        _tell(survivor, out)
+    gone = len(killed) - len(drawn)
+    out.print(
+        Text(
+            f"{len(found) - len(alive)} of {len(found)} are killed again"
+            + (f"; {gone} are not there any more" if gone else "")
+        )
+    )
+    return EXIT_NOT_CONFORMING if alive else EXIT_CONFORMING
+
+
+def run(trials: Sequence[Callable[[], Judged]], out: Console) -> Iterator[Judged]:
+    """Judge mutants, some at a time, and say what became of each."""
+    for done, it in enumerate(_some_at_a_time(trials, WORKERS), 1):
+        tests = "" if it.tested is ByTests.UNKNOWN else f", by the tests {it.tested}"
+        out.print(Text(f"{done:4}/{len(trials)}  {it.fate}{tests}  {it.name}"))
+        yield it
+
+
+def _some_at_a_time(jobs: Sequence[Callable[[], T]], workers: int) -> Iterator[T]:
+    """What each comes to, as it does; whatever a job has started ends with this."""
+    pool = ThreadPoolExecutor(workers)
+    futures = [pool.submit(job) for job in jobs]
+    try:
+        for future in as_completed(futures):
+            yield future.result()
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        while not all(future.done() for future in futures):  # one run is followed by another
+            harnesses.stop_all()
+            stop_tests()
+            time.sleep(ENDING_SECONDS)
+        pool.shutdown()
+
+
+def executed_lines() -> dict[Side, Lines]:
+    """Watch the reference through the runs that mutants are judged by."""
+    executed: dict[Side, Lines] = dict.fromkeys(SIDES, frozenset())
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [
+            partial(_watched, side, phase, Path(folder, f"{side}-{number}"))
+            for side in SIDES
+            for number, phase in enumerate(PHASES[side])
+        ]
+        for side, found in _some_at_a_time(runs, len(runs)):
+            executed[side] |= found
+    return executed
+
+
+def _watched(side: Side, phase: Phase, path: Path) -> tuple[Side, Lines]:
+    name = specimens.named(specimens.WATCHED, side, phase.axes, str(path))
+    more = ("--profile", phase.profile, "--parallel", "1")
+    _, status, last_words = run_harness(
+        name, side, "", WATCHED_SECONDS, phase.axes, more, phase.environment
+    )
+    if status not in (EXIT_CONFORMING, EXIT_NOT_CONFORMING):
+        raise RuntimeError(f"the reference was not judged while watched: {last_words}")
+    return side, lines.noted(path.read_text("utf-8"))
+
+
+def sentences(judged: Iterable[Judged]) -> list[str]:
+    """The two figures, and what is left out of them."""
+    every = list(judged)
+    executed = [it for it in every if it.fate not in (Fate.UNTOUCHED, Fate.UNMET)]
+    tested = [it for it in every if it.tested is ByTests.KILLED and it.fate is not Fate.UNMET]
+    both = [it for it in tested if it in executed]
+    counts = {fate: sum(it.fate is fate for it in every) for fate in Fate}
+    return [
+        f"{_share(executed)} in lines that a run executes die by the harness",
+        f"{_share(tested)} that a test kills die by the harness",
+        f"{_share(both)} of which both is true die by the harness",
+        "; ".join(f"{fate}: {count}" for fate, count in counts.items() if count),
+    ]
+
+
+def _share(judged: Sequence[Judged]) -> str:
+    killed = sum(it.fate is Fate.KILLED for it in judged)
+    return f"{killed} of {len(judged)} ({killed / max(1, len(judged)):.1%})"
+
+
+def _tell(it: Judged, out: Console) -> None:
+    out.print(Text(f"\n{it.fate}  {it.name}, line {it.line}"))
+    out.print(Text(f"  {it.before}  →  {it.after}"))
+    if it.by or it.test:
+        out.print(Text(f"  {it.by or it.test}"))
+
+
+def _folded(executed: Lines) -> dict[str, list[int]]:
+    found: dict[str, list[int]] = {}
+    for module, line in sorted(executed):
+        found.setdefault(module, []).append(line)
+    return found
+
+
+def _unfolded(members: dict[str, Any]) -> Lines:
+    return frozenset((module, line) for module, found in members.items() for line in found)
+
+
+def _commit() -> str:
+    """Of the checkout; nothing where there is no git."""
+    line = ["git", "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(line, cwd=ROOT, capture_output=True, text=True).stdout.strip()
+    except OSError:
+        return ""

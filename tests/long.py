@@ -1,0 +1,258 @@
+"""`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
+
+Each foreign program in two profiles with three seeds; the reference pair in two profiles with
+twenty; 1,500 mutants made by machine. What is done stays done as long as the sources of what is
+judged, and of what judges, are those of the first sitting; the results are stored beside.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tests.foreign.programs import Lacking, Program, differences, judge, programs
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULT = ROOT / "tests" / "results" / "long.json"
+MUTANTS = RESULT.with_name("machine.json")
+JUDGES = ("conformance", "schemas/splatbus_wire")
+JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
+"""A result is of these sources."""
+PROFILES = ("quick", "full")
+FOREIGN_SEEDS = range(3)
+PAIR_SEEDS = range(20)
+COUNT, SEED = 1500, 1
+"""Of the mutants."""
+PAIR = {
+    "client": ("client", "--launch", "splatbus_client view", {}),
+    "client beside its adapter": ("client", "--adapter", "splatbus_client.adapter", {}),
+    "server": ("server", "--launch", "splatbus_server --quiet --size 64x48", {}),
+    "server with a token": (
+        *("server", "--launch", "splatbus_server --quiet --size 64x48"),
+        {"SPLATBUS_TOKEN": "a token that both are given"},
+    ),
+}
+GOOD = frozenset({"pass", "skip", "warn"})
+AT_A_TIME = os.cpu_count() or 1
+RUN_SECONDS = 1800
+Outcome = dict[str, Any]
+"""What is stored of a task: what is wrong, in sentences, and which verdicts are no passes."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One program, judged once."""
+
+    name: str
+    run: Callable[[Path], Outcome]
+    """In a folder of its own."""
+
+
+def plan() -> Iterator[Task]:
+    """Every task but the mutants, the short ones first."""
+    for profile in PROFILES:
+        for seed in FOREIGN_SEEDS:
+            for program in (*programs("client"), *programs("server")):
+                name = f"{program.side} {program.name}, {profile}, seed {seed}"
+                yield Task(name, partial(foreign, program, profile, seed))
+        for seed in PAIR_SEEDS:
+            for name in PAIR:
+                yield Task(f"our {name}, {profile}, seed {seed}", partial(own, name, profile, seed))
+
+
+def foreign(program: Program, profile: str, seed: int, scratch: Path) -> Outcome:
+    """Judge a foreign program: the verdict has to be what is pinned."""
+    try:
+        return {"wrong": differences(program, judge(program, scratch, profile=profile, seed=seed))}
+    except Lacking as missing:
+        return {"wrong": [str(missing)]}
+
+
+def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
+    """Judge one of the pair: anything but a run that conforms is wrong."""
+    side, how, module, environment = PAIR[name]
+    report = scratch / "report.json"
+    line = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
+    line += [how, f'"{sys.executable}" -m {module}', "--json", str(report), "--shrink", "0"]
+    line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed)]
+    ended = subprocess.run(
+        line,
+        cwd=scratch,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        timeout=RUN_SECONDS,
+    )
+    if not report.is_file():
+        return {"wrong": [f"no report was written: {ended.stdout[-400:]}"]}
+    judged = json.loads(report.read_text("utf-8"))
+    verdicts = {it["id"]: it["verdict"] for it in judged["requirements"]}
+    wrong = [
+        f"{name_}: {verdict}" for name_, verdict in verdicts.items() if verdict not in GOOD
+    ] + [f"{it['check']}: {it['text']}" for it in judged["others"] if it["verdict"] not in GOOD]
+    if ended.returncode and not wrong:
+        wrong = [f"it ended with {ended.returncode}: {judged['summary']}"]
+    return {"wrong": wrong, "others": {k: v for k, v in verdicts.items() if v != "pass"}}
+
+
+def long(words: list[str]) -> int:
+    """Go on with the plan for so many minutes; 1 if something is wrong, or is not done."""
+    parser = argparse.ArgumentParser(prog="python -m tests long", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="of this sitting")
+    parser.add_argument("--behind", action="store_true", help="only say how far the result is")
+    given = parser.parse_args(words)
+    if given.behind:
+        if told := behind():
+            print(f"== {told}")
+        return 0
+    until = time.monotonic() + 60 * given.minutes
+    if changed := git("status", "--porcelain", "--", *JUDGED):
+        print(f"a result is of a commit, and this is of none yet:\n{changed}")
+        return 2
+    state = begun()
+    tasks = [task for task in plan() if task.name not in state["tasks"]]
+    print(f"{len(state['tasks'])} tasks are done, {len(tasks)} are left, then {COUNT} mutants")
+    sit(tasks, state, until)
+    if time.monotonic() < until:
+        mutants(state, until)
+    for sentence in (told := sentences(state)):
+        print(sentence)
+    return 1 if told[1:] or not whole(state) else 0
+
+
+def begun() -> dict[str, Any]:
+    """The state of the sittings so far, if they were of these sources."""
+    head = git("rev-parse", "HEAD")
+    if RESULT.is_file():
+        state: dict[str, Any] = json.loads(RESULT.read_text("utf-8"))
+        with contextlib.suppress(subprocess.CalledProcessError):  # a commit that is not here
+            if not git("diff", "--name-only", state["commit"], "--", *JUDGED):
+                return state
+        print(f"the sources have changed since {state['commit'][:12]}: all begins anew")
+        MUTANTS.unlink(missing_ok=True)
+    return {"commit": head, "seconds": 0, "tasks": {}, "mutants": []}
+
+
+def sit(tasks: list[Task], state: dict[str, Any], until: float) -> None:
+    """Do tasks, some at a time, until it is time; each is stored as soon as it is done."""
+    running: dict[Future[Outcome], Task] = {}
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        while running or (tasks and time.monotonic() < until):
+            while tasks and len(running) < AT_A_TIME and time.monotonic() < until:
+                task = tasks.pop(0)
+                running[pool.submit(done, task)] = task
+            finished, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in finished:
+                task, outcome = running.pop(future), future.result()
+                state["tasks"][task.name] = outcome
+                state["seconds"] += outcome["seconds"]
+                save(state)
+                print(f"{task.name}: {'; '.join(outcome['wrong']) or 'as it must be'}", flush=True)
+
+
+def done(task: Task) -> Outcome:
+    """What came of a task, and how long it took."""
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="splatbus-long-") as folder:
+        try:
+            outcome = task.run(Path(folder))
+        except (RuntimeError, subprocess.TimeoutExpired) as error:
+            outcome = {"wrong": [str(error)[-400:]]}
+    return {**outcome, "seconds": round(time.monotonic() - began)}
+
+
+def mutants(state: dict[str, Any], until: float) -> None:
+    """Go on with the mutants; what was judged stays when they are interrupted."""
+    began = time.monotonic()
+    line = [sys.executable, "-m", "splatbus_conformance", "--plain", "selftest", "--machine"]
+    line += ["--count", str(COUNT), "--seed", str(SEED), "--json", str(MUTANTS), "--resume"]
+    MUTANTS.parent.mkdir(exist_ok=True)
+    process = subprocess.Popen(line, cwd=ROOT)
+    try:
+        process.wait(None if until == float("inf") else until - time.monotonic())
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGINT)
+        process.wait()
+    if MUTANTS.is_file():
+        state["mutants"] = json.loads(MUTANTS.read_text("utf-8"))["summary"]
+    state["judged"] = process.returncode == 0
+    state["seconds"] += round(time.monotonic() - began)
+    save(state)
+
+
+def save(state: dict[str, Any]) -> None:
+    """Store it, whole or not at all."""
+    RESULT.parent.mkdir(exist_ok=True)
+    beside = RESULT.with_suffix(".new")
+    beside.write_text(json.dumps(state, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    beside.replace(RESULT)
+
+
+def whole(state: dict[str, Any]) -> bool:
+    """Everything in the plan was done."""
+    return bool(state.get("judged")) and all(task.name in state["tasks"] for task in plan())
+
+
+def sentences(state: dict[str, Any]) -> list[str]:
+    """How far it is, and everything that is wrong."""
+    tasks: dict[str, Outcome] = state["tasks"]
+    total = sum(1 for _ in plan())
+    return [
+        f"{len(tasks)} of {total} tasks in {state['seconds'] / 3600:.1f} h; "
+        + ("; ".join(state["mutants"]) or "no mutants yet"),
+        *(f"{name}: {'; '.join(it['wrong'])}" for name, it in tasks.items() if it["wrong"]),
+        *differing(tasks),
+    ]
+
+
+def differing(tasks: dict[str, Outcome]) -> Iterator[str]:
+    """The verdicts on our pair that hang on the seed."""
+    for name in PAIR:
+        for profile in PROFILES:
+            found = [
+                outcome["others"]
+                for task, outcome in tasks.items()
+                if task.startswith(f"our {name}, {profile}, ") and "others" in outcome
+            ]
+            for requirement in sorted(set().union(*found)):
+                told = [each.get(requirement, "pass") for each in found]
+                if len(set(told)) > 1:
+                    counts = ", ".join(f"{it} {told.count(it)} times" for it in sorted(set(told)))
+                    yield f"our {name}, {profile}: {requirement} is {counts}"
+
+
+def behind() -> str:
+    """How far the stored result is behind, as a sentence; nothing where git does not tell."""
+    if not RESULT.is_file():
+        return "there is no result of `python -m tests long` yet"
+    commit = json.loads(RESULT.read_text("utf-8"))["commit"]
+    try:
+        count = int(git("rev-list", "--count", f"{commit}..HEAD", "--", *JUDGES))
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    told = f"the result of `python -m tests long` is {count} changes of harness and wire behind"
+    return told if count else ""
+
+
+def git(*words: str) -> str:
+    """What git prints. Raises OSError, CalledProcessError."""
+    line = ["git", *words]
+    ended = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True)
+    return ended.stdout.strip()
+
+
+if __name__ == "__main__":
+    sys.exit(long(sys.argv[1:]))

@@ -1,0 +1,105 @@
+"""The long run: its plan is whole, it goes on where it stopped, it says how far it is behind."""
+
+import json
+import subprocess
+import time
+
+import pytest
+
+from tests import long
+from tests.foreign.programs import programs
+
+
+@pytest.fixture
+def result(tmp_path, monkeypatch):
+    monkeypatch.setattr(long, "RESULT", tmp_path / "results" / "long.json")
+    monkeypatch.setattr(long, "MUTANTS", tmp_path / "results" / "machine.json")
+    return long.RESULT
+
+
+def state(**values):
+    return {"commit": "c0ffee", "seconds": 0, "tasks": {}, "mutants": [], **values}
+
+
+def repository(monkeypatch, **answers):
+    """A git that answers so, by its first word."""
+
+    def git(*words):
+        answer = answers.get(words[0].replace("-", "_"), "")
+        if answer is None:
+            raise subprocess.CalledProcessError(128, "git")
+        return answer
+
+    monkeypatch.setattr(long, "git", git)
+
+
+def test_everything_is_in_the_plan_and_once():
+    names = [task.name for task in long.plan()]
+    count = len(programs("client")) + len(programs("server"))
+    assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4)
+    assert [", quick, " in name for name in names] == sorted(
+        (", quick, " in name for name in names), reverse=True
+    )
+
+
+def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
+    tasks = [long.Task(name, lambda scratch: {"wrong": []}) for name in "abc"]
+    first = state()
+    long.sit(list(tasks), first, time.monotonic() - 1)
+    assert not result.exists()
+    long.sit(tasks, first, time.monotonic() + 60)
+    assert set(json.loads(result.read_text())["tasks"]) == set("abc")
+
+
+def test_a_task_that_raises_is_wrong():
+    def run(scratch):
+        raise RuntimeError("no report was written")
+
+    assert long.done(long.Task("it", run))["wrong"] == ["no report was written"]
+
+
+@pytest.mark.parametrize(("diff", "goes_on"), [("", True), ("conformance/x.py", False)])
+def test_what_was_done_counts_for_the_same_sources_only(result, monkeypatch, diff, goes_on):
+    former = state(tasks={"a": {"wrong": [], "seconds": 1}})
+    long.save(former)
+    repository(monkeypatch, diff=diff, rev_parse="f00d")
+    assert (long.begun() == former) is goes_on
+
+
+def test_a_commit_that_is_not_here_begins_anew(result, monkeypatch):
+    long.save(state(tasks={"a": {}}))
+    repository(monkeypatch, diff=None, rev_parse="f00d")
+    assert long.begun()["commit"] == "f00d"
+    assert long.begun()["tasks"] == {}
+
+
+def test_what_is_not_committed_has_no_result(result, monkeypatch, capsys):
+    repository(monkeypatch, status=" M conformance/x.py")
+    assert long.long([]) == 2
+    assert "conformance/x.py" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("count", "told"),
+    [("3", "the result of `python -m tests long` is 3 changes"), ("0", ""), (None, "")],
+)
+def test_how_far_it_is_behind_is_told_where_git_knows(result, monkeypatch, count, told):
+    long.save(state())
+    repository(monkeypatch, rev_list=count)
+    assert long.behind().startswith(told)
+    assert bool(long.behind()) == bool(told)
+
+
+def test_that_there_is_no_result_is_told(result):
+    assert "no result" in long.behind()
+
+
+def test_a_verdict_that_hangs_on_the_seed_is_told():
+    def ours(seed, **others):
+        return {f"our server, quick, seed {seed}": {"wrong": [], "others": others}}
+
+    same = ours(0, FRM="skip") | ours(1, FRM="skip")
+    assert list(long.differing(same)) == []
+    assert list(long.differing(same | ours(2))) == [
+        "our server, quick: FRM is pass 1 times, skip 2 times"
+    ]
