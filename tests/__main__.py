@@ -31,7 +31,11 @@ STEPS = {
     "types": (*PYTHON, "mypy", *PACKAGES),
     "imports": (str(Path(sys.executable).with_name("lint-imports")),),
     "prose": (*PYTHON, "splatbus_schemas.prose"),
-    "tests": (*PYTHON, "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"),
+    "tests": (
+        *(*PYTHON, "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"),
+        *("--ignore", "tests/foreign"),
+    ),
+    "foreign": (*PYTHON, "pytest", "-n", "2", "--dist", "load", "tests/foreign"),
     "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
     "machine": (
         *(*PYTHON, "splatbus_conformance", "--plain", "selftest", "--machine"),
