@@ -73,12 +73,17 @@ def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[
     with HostMemory(ROOM) as memory:
         chosen = trial.each(breaches, kind=lambda breach: breach.kind)
         for number, breach in enumerate(chosen):
-            connection = for_broken_packet(trial, number)
-            generation = trial.role.init_packet(connection)["generation"]
-            broken = packet(encode(breach.packet(memory.name, generation)))
-            outcome = trial.outcome_on_ipc(connection, broken)
+            outcome = outcome_of(trial, breach, memory, number)
             what = f"an init packet with {breach.what} ({breach.requirement})"
             trial.judge(kinder.get(outcome, outcome), what)
+
+
+def outcome_of(trial: ClientTrial, breach: Breach, memory: HostMemory, number: int) -> str:
+    """What becomes of good memory that is offered in a packet that breaks a rule."""
+    connection = for_broken_packet(trial, number)
+    generation = trial.role.init_packet(connection)["generation"]
+    broken = packet(encode(breach.packet(memory.name, generation)))
+    return trial.outcome_on_ipc(connection, broken)
 
 
 @check(
@@ -125,7 +130,14 @@ def check_refuses_broken_init_packets(trial: ClientTrial) -> None:
     may_crash=True,
 )
 def check_computes_in_64_bits(trial: ClientTrial) -> None:
-    """Images, offsets, strides and sizes that exceed the memory, but not modulo 2³²."""
+    """Images, offsets, strides and sizes that exceed the memory, but not modulo 2³²; the testee is
+    first seen to refuse what exceeds it plainly.
+    """
+    trial.role.offers_memory = False
+    with HostMemory(ROOM) as memory:
+        plainly = Breach("MEM-10", {"ring/depthOffset": ROOM})
+        if outcome_of(trial, plainly, memory, 0) == "accepts":
+            trial.not_observable("the testee takes a ring that is larger than its memory (MEM-10)")
     refused = dict.fromkeys(("declines", "ignores", "closes"), "conforms")
     judge_breaches(trial, wrapping_in_32_bits(), refused)
 
