@@ -20,6 +20,8 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.values import strings
 
+CROSSING_SECONDS = 0.005
+"""In which what was sent before an answer arrives beside it: that is left to NEG-5."""
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
 WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
