@@ -1,5 +1,6 @@
 """Which bytes of a recording a failure is about, for those who show it to people."""
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
 from splatbus_conformance.excerpt import Mark, excerpt
@@ -7,6 +8,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.recording import Channel, Direction, Entry
 from splatbus_conformance.rules import Sighting, sightings
 
+MOST_CONNECTIONS = 64
 DIRECTIONS: dict[str, Direction] = {"client": "c2s", "server": "s2c"}
 
 
@@ -49,7 +51,8 @@ def marks(
         since: the number of entries before the last case.
     """
     began = entries[since].t if since < len(entries) else 0.0
-    breaches = [it for it in sightings(entries) if it.breach and it.t >= began]
+    breaches = [it for it in sightings(of_the_last_connections(entries)) if it.breach]
+    breaches = [it for it in breaches if it.t >= began]
     hostile = _last(it for it in breaches if DIRECTIONS[it.peer] == ours)
     theirs = _last(
         it for it in breaches if DIRECTIONS[it.peer] != ours and it.requirement == requirement
@@ -58,6 +61,15 @@ def marks(
     late = [it for place, it in sent if place >= since]
     last = next(reversed(late or [it for _, it in sent]), None)
     return [it for it in (hostile or last, theirs) if it]
+
+
+def of_the_last_connections(entries: Sequence[Entry]) -> list[Entry]:
+    """What crossed the last connections: a testee in a hot loop makes thousands, and rules compare
+    each with all.
+    """
+    newest = dict.fromkeys((it.channel, it.conn) for it in reversed(entries))
+    kept = set(itertools.islice(newest, MOST_CONNECTIONS))
+    return [it for it in entries if (it.channel, it.conn) in kept]
 
 
 def _last(found: Iterable[Sighting]) -> Mark | None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from splatbus_conformance.client_introduction import ClientFacts
 from splatbus_conformance.conversation import conversations
+from splatbus_conformance.guilty import of_the_last_connections
 from splatbus_conformance.meeting import NAMES, does_not_come
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel, Entry
@@ -30,9 +31,10 @@ def forbids_loss(side: str, entries: Sequence[Entry]) -> str:
     """
     if side == "server":
         return "CHN-14"
-    if any(it.breach and it.peer == "server" for it in sightings(entries)):
+    last = of_the_last_connections(entries)
+    if any(it.breach and it.peer == "server" for it in sightings(last)):
         return "JSN-10"
-    for conversation in conversations(entries):
+    for conversation in conversations(last):
         left = conversation.ended.get("c2s", math.inf)
         if conversation.of("init_packet") and left < conversation.ended.get("s2c", math.inf):
             return "INI-8"
