@@ -25,7 +25,7 @@ def line_break_after_each_packet(patch: Patch) -> None:
     packets(patch, lambda packet: packet + b"\n")
 
 
-@mutant("FRM-1", reason="bytes into a packet", through="FRM-5")
+@mutant("FRM-1", reason="counts the four bytes of the header", through="FRM-5")
 def length_that_counts_its_header(patch: Patch) -> None:
     """Counts the four bytes of the header in the length."""
     packets(patch, lambda packet: len(packet).to_bytes(4, "little") + packet[4:])

@@ -195,7 +195,7 @@ def tags_to_a_1_0_server(patch: Patch) -> None:
 @mutant(
     "NEG-24",
     check="check_survives_errors_on_the_message_channel",
-    reason="an error busy on the message channel",
+    reason="errors in place of all replies: the testee died",
 )
 def crashes_when_another_has_control(patch: Patch) -> None:
     """Dies when it is told that another client has control."""
