@@ -163,6 +163,7 @@ NOT_HOW = {
     "selection": Selection(("FRM",)),
     "allow_crash": True,
     "parallel": 4,
+    "exitfirst": True,
     "record": "sessions",
 }
 """What a script says itself, or what a replay has no use for."""
