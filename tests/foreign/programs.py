@@ -9,6 +9,7 @@ Each is a folder with its source and a `program.toml`:
     launch = "{built}/client"
     needs = ["gcc"]                  programs that have to be on PATH
     options = ["--stand-in-cuda"]    for the harness
+    settled = false                  its verdict still differs from run to run: only the long run
     press = true                     judged with --wait: started only when the harness says so
     conforms = false                 not one MUST is broken
     environment = {NAME = "value"}   for the harness and the program
