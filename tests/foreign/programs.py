@@ -87,6 +87,7 @@ class Program:
     needs: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     press: bool = False
+    settled: bool = True
     environment: dict[str, str] = field(default_factory=dict)
     defects: tuple[Defect, ...] = ()
     exit: int | None = None
