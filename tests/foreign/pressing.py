@@ -50,6 +50,8 @@ def pressed(words: list[str], start: str, scratch: Path, seconds: float) -> tupl
         timer.cancel()
         harness.kill()
         harness.wait()
+        if harness.stdout:
+            harness.stdout.close()
         _stop(engine)
     return "".join(printed), presses
 

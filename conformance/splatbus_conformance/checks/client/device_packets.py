@@ -214,7 +214,7 @@ def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
 @check(
     "FRM-6",
     observable="whether the memory of a whole packet is opened after half of another",
-    needs=(*OPENS, "returns:ipc"),
+    needs=(*OPENS, "reconnects:ipc"),
     may_crash=True,
 )
 def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
