@@ -214,7 +214,8 @@ def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFact
         return {c.channel for c in peer.connections if c not in met}
 
     peer.until(lambda: back() == facts.connects or testee.ended(), RETURN_SECONDS)
-    facts.returns = back()
+    facts.returns = back() & {c.channel for c in met}  # a late first connection is no return
+    facts.connects |= back()
     ended = testee.ended()
     facts.leaves = ended is not None and not ended.crashed
 

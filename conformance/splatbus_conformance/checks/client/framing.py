@@ -267,7 +267,7 @@ def inside(case: tuple[int, str]) -> tuple[bool, str]:
 @check(
     "FRM-6",
     observable="after half an init packet and a new connection, the testee opens a whole one",
-    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
+    needs=(*OPENS_HOST_MEMORY, "reconnects:ipc"),
     may_crash=True,
 )
 def check_half_packet_is_discarded(trial: ClientTrial) -> None:
@@ -287,7 +287,7 @@ def check_half_packet_is_discarded(trial: ClientTrial) -> None:
 @check(
     "FRM-6",
     observable="after half a reply and a new connection, the testee takes whole ones",
-    needs=("asks", "returns:msg"),
+    needs=("asks", "reconnects:msg"),
     may_crash=True,
 )
 def check_half_reply_is_discarded(trial: ClientTrial) -> None:

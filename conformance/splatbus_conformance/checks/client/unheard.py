@@ -75,7 +75,7 @@ def check_bad_length_closes_unheard(trial: ClientTrial) -> None:
 @check(
     "FRM-6",
     observable="the testee connects again after half an init packet",
-    needs=("ipc", "returns:ipc"),
+    needs=("ipc", "reconnects:ipc"),
     may_crash=True,
 )
 def check_half_packet_is_discarded_unheard(trial: ClientTrial) -> None:
