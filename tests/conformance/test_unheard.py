@@ -25,7 +25,8 @@ CLOSES_ON_STRANGERS = """
                 raise Bad("a stranger")
 """
 CHECKS = checks_in(unheard)
-SEEN_WITHOUT_RETURN = {n: it for n, it in CHECKS.items() if "returns:ipc" not in it.check.needs}
+COMES_BACK = {"returns:ipc", "reconnects:ipc"}
+SEEN_WITHOUT_RETURN = {n: it for n, it in CHECKS.items() if not COMES_BACK & {*it.check.needs}}
 
 
 def findings(tmp_path: Path, checks: dict, *changes: tuple[str, str]) -> dict[str, str]:
