@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.data import read_json
-from splatbus_conformance.parallel import paired
+from splatbus_conformance.parallel import dealt
+from splatbus_conformance.plugin import MEETING
 
 from tests.conformance.commanding import GOOD, broken, run, start
 
@@ -111,7 +113,7 @@ def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "3")
     names = wait_for(folder, 3)
-    assert len(names) == 3
+    assert len(names) >= 3
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=90)
     assert process.returncode == 130, output
@@ -122,7 +124,7 @@ def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
 def test_testees_end_with_a_controller_that_is_killed(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "2")
-    assert len(wait_for(folder, 2)) == 2
+    assert len(wait_for(folder, 2)) >= 2
     process.kill()
     process.communicate()
     until = time.monotonic() + 60
@@ -174,13 +176,16 @@ def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
     assert not (tmp_path / ".hypothesis").exists(), "nothing is left where the user works"
 
 
-@given(st.integers(0, 40), st.integers(1, 8))
-def test_the_longest_two_do_not_go_to_one_worker(count: int, workers: int) -> None:
-    dealt = paired(range(count), workers)
-    assert sorted(dealt) == list(range(count))
-    if count >= 2 * workers > 2:
-        pairs = [sum(dealt[2 * k : 2 * k + 2]) for k in range(workers)]
-        assert set(pairs) == {2 * workers - 1}
+@given(st.lists(st.booleans()))
+def test_long_checks_come_first_and_those_that_may_crash_last(crashes: list[bool]) -> None:
+    seconds = read_json("durations.json")["quick"]
+    names = list(seconds)[: len(crashes)]
+    checks = {
+        name: replace(MEETING, may_crash=it) for name, it in zip(names, crashes, strict=False)
+    }
+    order = [(checks[name].may_crash, -seconds[name]) for name in dealt(checks, "quick")]
+    assert order == sorted(order)
+    assert len(order) == len(checks)
 
 
 def test_durations_are_of_checks_that_there_are() -> None:
