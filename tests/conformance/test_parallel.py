@@ -7,6 +7,7 @@ import signal
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -17,6 +18,7 @@ from splatbus_conformance.parallel import dealt
 from splatbus_conformance.plugin import MEETING
 
 from tests.conformance.commanding import GOOD, broken, run, start
+from tests.durations import durations
 
 SOME = "FRM,NEG-8,JSN-7,CHN-2"
 POSIX = pytest.mark.skipif(os.name == "nt", reason="signals and process ids as POSIX has them")
@@ -191,3 +193,13 @@ def test_long_checks_come_first_and_those_that_may_crash_last(crashes: list[bool
 def test_durations_are_of_checks_that_there_are() -> None:
     known = {it.__name__ for side in ("client", "server") for it in check_functions(side)}
     assert set().union(*read_json("durations.json").values()) <= known
+
+
+def test_durations_are_those_of_the_quickest_report() -> None:
+    def report(**seconds: float) -> dict[str, Any]:
+        told = [{"check": name, "seconds": it, "delivered": it > 0} for name, it in seconds.items()]
+        requirement = {"id": "FRM-1", "sentence": "", "acceptable": [], "results": told}
+        return {"profile": "quick", "requirements": [requirement], "others": []}
+
+    found = durations([report(a=1.0, b=0.2, c=9.0), report(a=2.0, c=4.04), report(c=0.0)])
+    assert found == {"quick": {"c": 4.0, "a": 1.0}, "full": {}}
