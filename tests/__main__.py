@@ -35,7 +35,10 @@ STEPS = {
         *(*PYTHON, "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"),
         *("--ignore", "tests/foreign"),
     ),
-    "foreign": (*PYTHON, "pytest", "-n", "2", "--dist", "load", "tests/foreign"),
+    "foreign": (
+        *(*PYTHON, "pytest", "-n", "3", "--dist", "load", "--maxschedchunk", "1"),
+        "tests/foreign",
+    ),
     "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
     "machine": (
         *(*PYTHON, "splatbus_conformance", "--plain", "selftest", "--machine"),
