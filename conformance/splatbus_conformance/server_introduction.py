@@ -119,6 +119,15 @@ class ServerFacts:
             seconds,
         )
 
+    def at_once_is_late(self) -> bool:
+        """No init packet came at once, from one who has nothing else to say there: a busy machine
+        makes this too, so it is waited for once more, and longer.
+        """
+        if self.at_once or self.guarded or self.unauthorized:
+            return False
+        lent = within(within(self.init_packet, "memory"), "kind")
+        return self.welcome["ipc"] is None or lent == "cuda_ipc"
+
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
         kind, _, of = need.partition(":")
@@ -199,6 +208,12 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
             facts.scene = _scene(dealings)
     facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
+    if facts.listens["ipc"] and facts.at_once_is_late():
+        later = reach(peer, testee, "ipc", patience)
+        peer.until(lambda: later is None or later.ended or later.packets, FRAME_SECONDS)
+        told = viewer.with_(later).init_packets if later is not None else []
+        facts.at_once = bool(told)
+        facts.init_packet = facts.init_packet or next(iter(told), None)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     facts.advice = meeting.on_server([_met(it, viewer) for it in peer.connections])

@@ -110,8 +110,7 @@ def test_a_worker_that_dies_is_a_harness_error(tmp_path: Path) -> None:
 def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "3")
-    names = wait_for(folder, 3)
-    assert len(names) == 3
+    assert len(wait_for(folder, 3)) >= 3
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=90)
     assert process.returncode == 130, output
@@ -122,7 +121,7 @@ def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
 def test_testees_end_with_a_controller_that_is_killed(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "2")
-    assert len(wait_for(folder, 2)) == 2
+    assert len(wait_for(folder, 2)) >= 2
     process.kill()
     process.communicate()
     until = time.monotonic() + 60
