@@ -196,8 +196,6 @@ class CheckPlugin:
         """
         if deed.failed:
             return
-        printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
-        told = f"; the last that it printed: {' | '.join(printed)}" if printed else ""
         requirement = forbids_loss(self.plan.side, deed.entries)
         script = deed.script and as_text(replace(from_text(deed.script), requirement=requirement))
         loss = Result(
@@ -205,11 +203,15 @@ class CheckPlugin:
             deed.name,
             Level(deed.check.level),
             failing(self.known[requirement].level),
-            f"after this check the {self.plan.side} is not what it was: {what}{told}",
+            f"after this check the {self.plan.side} is not what it was: {what}{self._last_words()}",
             tuple(excerpt(deed.entries, EVIDENCE_LINES)),
             script=script,
         )
         self.traffic.losses.append(result_as_text(loss))
+
+    def _last_words(self) -> str:
+        printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
+        return f"; the last that it printed: {' | '.join(printed)}" if printed else ""
 
     def _note_end(self) -> None:
         if ended := self.stand.testee.ended():
@@ -266,6 +268,7 @@ class CheckPlugin:
             evidence = self._evidence(check.requirement)
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
+                text += self._last_words() if self.stand.testee.ended() else ""
                 script = self._script(check.requirement, item.name, by_rule=False)
             elif isinstance(error.value, pytest.skip.Exception):
                 verdict, evidence = Verdict.SKIP, ()
