@@ -29,6 +29,8 @@ STEP = 2.0**-4
 """How far apart the places are where a trial poses the camera, in scene units."""
 GREETINGS = 10
 """How often a server is greeted that closes at once: it may not have seen the last viewer leave."""
+LATE_SECONDS = 1.0
+"""For a close that was waited for while an answer was."""
 _places = itertools.count(1)
 
 
@@ -249,7 +251,7 @@ class ServerTrial(Trial):
             if len(said) == 1:
                 return "ignores"
             return "reports" if all(kind == "error" for kind in said[:-1]) else "replies"
-        return self.end_of(connection)
+        return self.end_of(connection, LATE_SECONDS)
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on an IPC connection; the control is that images still follow the camera,
@@ -336,8 +338,8 @@ class ServerTrial(Trial):
         """
         if self.ends(connection, seconds):
             connection.close()
-        if self.serves():
-            return "closes" if connection.ended else "hangs"
+            if self.serves():
+                return "closes"
         self.wait(self.fate, 0.05)
         return self.fate() or "hangs"
 
