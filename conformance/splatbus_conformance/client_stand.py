@@ -71,7 +71,7 @@ class ClientStand:
                 self.plan.patience,
             )
 
-    def lost(self) -> str:
+    def lost(self, *, briefly: bool) -> str:
         """Which vital sign the client has lost since it was met, in words; nothing if none."""
         return lost_by_client(self.peer, self._role(), self.testee, self.facts, self.plan.patience)
 

@@ -175,7 +175,7 @@ class CheckPlugin:
         """Look for the testee's vital signs; what it has lost is charged to the latest check, and
         one that the harness can start is started anew.
         """
-        if lost := self.stand.lost():
+        if lost := self.stand.lost(briefly=self._latest.failed):
             self._charge(self._latest, lost)
         if lost or self.stand.testee.ended() is not None:
             self.stand.testee.stop()

@@ -3,6 +3,7 @@
 Checks ask no more of it than it has shown here.
 """
 
+import time
 from dataclasses import dataclass, field
 
 from splatbus_conformance import meeting, mistakes
@@ -10,13 +11,14 @@ from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
-from splatbus_conformance.peer import CHANNELS, Connection, Peer
+from splatbus_conformance.peer import CHANNELS, DIAL_SECONDS, Connection, Peer
 from splatbus_conformance.photographs import Photograph, photograph_of, shows_the_scene
 from splatbus_conformance.pinhole import Placed, placed_in
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.testee import Testee, not_met
+from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.values import finite, finites, texts, within
 from splatbus_conformance.viewer import Dealings, Viewer
 
@@ -38,7 +40,7 @@ class ServerFacts:
     listens: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, True))
     """It accepts connections on that channel."""
     alone: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, False))
-    """It closes a connection on that channel, old or new, as soon as there are two (CHN-13)."""
+    """It serves one connection at a time on that channel: of two, one is closed or not answered."""
     welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
     answers: bool = False
     """It answered a request for the size."""
@@ -220,19 +222,40 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
     facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()
     peer.pump(GONE_SECONDS)
-    pairs = {
-        channel: [reach(peer, testee, channel, patience) for _ in range(2)]
-        for channel in CHANNELS
-        if facts.listens[channel]
-    }
-    peer.pump(GONE_SECONDS)
-    for channel, pair in pairs.items():
-        facts.alone[channel] = any(each is not None and each.ended for each in pair)
+    for channel in (channel for channel in CHANNELS if facts.listens[channel]):
+        facts.alone[channel] = _serves_one(channel, peer, viewer, testee, facts, patience)
     peer.close_all()
     ended = testee.ended()
     if ended and not (facts.answers or facts.init_packet or any(facts.welcome.values())):
         raise NoVerdict(mistakes.ended_by_itself(f"the server {ended}", testee.output()))
     return facts
+
+
+def _serves_one(
+    channel: Channel,
+    peer: Peer,
+    viewer: Viewer,
+    testee: Testee,
+    facts: ServerFacts,
+    patience: float,
+) -> bool:
+    """Whether, of two connections on a channel, one is closed, or is not answered while the other
+    is there; a further one may be kept waiting before it is closed (CHN-13).
+    """
+    pair = [it for _ in range(2) if (it := reach(peer, testee, channel, patience))]
+    if channel == "msg" and facts.answers:
+        for connection in pair:
+            if facts.guarded:
+                viewer.greet(connection, capabilities=[])
+            viewer.ask(connection, {"type": "get_viewport_size"})
+        most = 1 + facts.guarded
+        peer.until(
+            lambda: any(it.ended for it in pair) or all(len(it.packets) >= most for it in pair),
+            EFFECT_SECONDS,
+        )
+        return any(it.ended or len(it.packets) < most for it in pair)
+    peer.pump(GONE_SECONDS)
+    return any(it.ended for it in pair)
 
 
 def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool:
@@ -250,12 +273,16 @@ def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool
 
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:
-    """A new connection, tried again until the server listens, for so many seconds."""
+    """A new connection, tried again until the server listens, for so many seconds; one that was
+    started before has no longer than it may let a client wait (CHN-13).
+    """
     found: list[Connection] = []
+    if testee.expendable:
+        seconds = min(seconds, max(EFFECT_SECONDS, testee.started + seconds - time.monotonic()))
 
     def tried() -> bool:
         try:
-            found.append(peer.dial(channel))
+            found.append(peer.dial(channel, min(DIAL_SECONDS, seconds)))
         except OSError:
             return testee.ended() is not None
         return True

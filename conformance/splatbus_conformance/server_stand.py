@@ -12,8 +12,9 @@ from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_introduction import ServerFacts, introduce, reach
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched, Say, not_met
+from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.viewer import Viewer
-from splatbus_conformance.vital_signs import lost_by_server
+from splatbus_conformance.vital_signs import BRIEF_SECONDS, lost_by_server
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
 """Holds the token for a server that requires one, as NEG-21 advises."""
@@ -70,11 +71,13 @@ class ServerStand:
             raise not_met(self.testee, "server", where, self.plan.host, patience)
         self.peer.close_all()
 
-    def lost(self) -> str:
+    def lost(self, *, briefly: bool) -> str:
         """Which vital sign the server has lost since it was met, in words; nothing if none."""
-        return lost_by_server(
-            self.peer, self._new_viewer(), self.testee, self.facts, self.plan.patience
-        )
+        viewer, facts, patience = self._new_viewer(), self.facts, self.plan.patience
+        seconds = EFFECT_SECONDS
+        if briefly and self.testee.expendable:
+            patience = seconds = BRIEF_SECONDS
+        return lost_by_server(self.peer, viewer, self.testee, facts, patience, seconds)
 
     def close(self) -> None:
         """End the server and every connection to it."""

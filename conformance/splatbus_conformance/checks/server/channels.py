@@ -115,12 +115,18 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
 
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
-    """Twelve clients on the message channel, none of which goes."""
-    for number in trial.each(range(1, FURTHER + 1)):
-        newest = trial.served("msg")
-        served = newest is not None and (trial.answers(newest) or newest.ended)
+    """Twelve clients on the message channel, which ask at once, and none of which goes."""
+    numbers = list(trial.each(range(1, FURTHER + 1)))
+    came: list[Connection | None] = []
+    while len(came) < len(numbers) and None not in came:
+        came.append(trial.served("msg"))
+        if came[-1] is not None:
+            trial.viewer.say(came[-1], VIEWPORT_REQUEST)
+    for number, client in enumerate(came, 1):
+        served = client is not None and trial.wait(lambda: trial.replies(client) or client.ended)  # noqa: B023
         if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
+        trial.delivered += bool(client and trial.replies(client))
 
 
 @check(
@@ -235,6 +241,8 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
         if not others.can_stay:
             trial.peer.close_all()
             commit(trial, channel, misdeed).close()
+        if trial.facts.alone["msg"]:
+            trial.peer.close_all()
         if not trial.serves():
             trial.wait(trial.fate, ENDING_SECONDS)
             trial.violated(f"no reply after {what}")
