@@ -291,16 +291,40 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
         trial.judge("ignores" if outcome in ("accepts", "declines") else outcome, what)
 
 
-@check(
-    "JSN-10",
-    observable="the process lives, and the testee goes on or connects again",
-    needs=("asks",),
-    may_crash=True,
-)
+GOES_ON = "the process lives, and the testee goes on or connects again"
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
 def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
-    """Broken texts in place of a reply and after it, and messages that miss or mistype members."""
-    size = [trial.role.width, trial.role.height]
-    payloads = [*broken_texts({"viewport_size": size}), *_odd_messages()]
+    """What is no JSON object in UTF-8, in place of a reply and after it."""
+    judge_row(trial, _broken_replies(trial, "JSN-1", "JSN-2"))
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+def check_survives_names_twice_and_depths_on_the_message_channel(trial: ClientTrial) -> None:
+    """Replies with equal names, and nested too deep."""
+    judge_row(trial, _broken_replies(trial, "JSN-3", "JSN-5"))
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+def check_survives_numbers_out_of_range_on_the_message_channel(trial: ClientTrial) -> None:
+    """Replies with numbers that are not finite, or that no type of numbers holds."""
+    judge_row(trial, _broken_replies(trial, "JSN-4"))
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+def check_survives_odd_messages_on_the_message_channel(trial: ClientTrial) -> None:
+    """Messages that miss or mistype members, in place of a reply and after it."""
+    judge_row(trial, _odd_messages())
+
+
+def _broken_replies(trial: ClientTrial, *requirements: str) -> list[BrokenText]:
+    texts = broken_texts({"viewport_size": [trial.role.width, trial.role.height]})
+    return [text for text in texts if text.requirement in requirements]
+
+
+def judge_row(trial: ClientTrial, payloads: Sequence[BrokenText]) -> None:
+    """Send broken payloads in a row; where that goes wrong, each by itself."""
     chosen = list(trial.each(payloads, kind=lambda broken: broken.kind))
     outcome = outcome_of_row(trial, chosen)
     if outcome not in trial.requirement.acceptable:
