@@ -61,7 +61,6 @@ class Adapted:
     """A testee that the harness starts, and asks, through its adapter."""
 
     expendable = True
-    group = None
 
     def __init__(
         self, command: str, environment: Mapping[str, str], peer: Peer, patience: float
@@ -79,6 +78,11 @@ class Adapted:
         self._last = 0
         self._mute = False
         """It broke off: nothing more is asked of it."""
+
+    @property
+    def group(self) -> int | None:
+        """Its processes and the client's, while they run."""
+        return self._process.pid if self._process and os.name == "posix" else None
 
     def ensure_running(self) -> bool:
         """Start it if it does not run, with its client. Raises NoVerdict, AdapterBroken."""

@@ -1,4 +1,4 @@
-"""How much a run has to have seen: too little is a failure too."""
+"""How much a run has to have seen: too little is a failure too, or is told."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -6,6 +6,11 @@ from dataclasses import dataclass
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
+
+LATE_SECONDS = 0.1
+"""Half of the shortest time that a check gives a testee: one that the machine keeps waiting for so
+long may not have had the other half.
+"""
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,25 @@ def observed(
         for name, group in by_requirement(enough).items()
         if name in judged and worst(group) not in (Verdict.SKIP, Verdict.ERROR)
     }
+
+
+def missing(
+    results: Iterable[Result], judged: Mapping[str, Requirement], late_seconds: float, load: str
+) -> str:
+    """Which requirements a busy machine may have kept from being observed, in words: of each the
+    testee has shown what it takes, and yet nothing came of it. Nothing where the harness was never
+    so late that it could be by that.
+    """
+    results = list(results)
+    shown = {it.requirement for it in results if it.missed and it.requirement in judged}
+    missed = [name for name in judged if name in shown - observed(results, judged)]
+    if not missed or late_seconds < LATE_SECONDS:
+        return ""
+    return (
+        f"Fewer than usual were observed: {', '.join(missed)}, of which the testee has shown what "
+        f"it takes. The machine was busy: the harness itself came up to {late_seconds:.1f} s too "
+        f"late{load}."
+    )
 
 
 def shortfalls(

@@ -47,6 +47,8 @@ class Traffic:
     """The last that it had printed then."""
     scripts: dict[str, str] = field(default_factory=dict)
     """What was delivered where a rule first saw a requirement broken, by that requirement."""
+    late_seconds: float = 0.0
+    """By how much the harness came too late to look, at worst."""
 
     def add(self, other: "Traffic") -> None:
         """Count what happened elsewhere as well."""
@@ -57,6 +59,7 @@ class Traffic:
         self.left_out += other.left_out
         self.busy_seconds += other.busy_seconds
         self.waiting_seconds += other.waiting_seconds
+        self.late_seconds = max(self.late_seconds, other.late_seconds)
         tally.add(self.tally, other.tally)
         latencies.add(self.latencies, other.latencies)
         self.advice = list(dict.fromkeys([*self.advice, *other.advice]))

@@ -41,17 +41,12 @@ class Gathering:
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         """The checks run in this process, and these are they."""
-        self._begin([item.nodeid for item in session.items])
+        self.begin([_name(item.nodeid) for item in session.items])
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """A module of checks was read."""
         if report.failed:
             self.uncollected = str(report.longrepr)
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_xdist_node_collection_finished(self, ids: Sequence[str]) -> None:
-        """The checks run in others, and this is what each of them found."""
-        self._begin(ids)
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """A check begins."""
@@ -64,21 +59,25 @@ class Gathering:
         if RESULT in properties:
             place, text = _pair(properties[RESULT])
             self._put(place, result_from_text(text))
-        elif report.failed and name not in self._told:
-            self._put(self._beyond(), self._error(name, str(report.longrepr)))
+        elif report.failed:
+            self.note(name, str(report.longrepr))
         if TRAFFIC in properties:
             self.findings.traffic.add(Traffic.from_text(str(properties[TRAFFIC])))
+
+    def begin(self, names: Sequence[str]) -> None:
+        """These checks have to run."""
+        self.names = list(names)
+        self.progress.begin(len(names))
+
+    def note(self, name: str, why: str) -> None:
+        """A check has come to no result."""
+        if name not in self._told:
+            self._put(self._beyond(), self._error(name, why))
 
     def close(self, why: str) -> None:
         """Note each check that should have run and did not."""
         for name in self.names:
-            if name not in self._told:
-                self._put(self._beyond(), self._error(name, why))
-
-    def _begin(self, ids: Sequence[str]) -> None:
-        if not self.names:
-            self.names = [_name(it) for it in ids]
-            self.progress.begin(len(ids))
+            self.note(name, why)
 
     def _put(self, place: int, result: Result) -> None:
         self._told.add(result.check)

@@ -1,5 +1,6 @@
 """A whole run on a live testee: meet it, judge it, say what came of it."""
 
+import os
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -11,7 +12,7 @@ from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import expected, mistakes
 from splatbus_conformance.asking import Wishes, selectable_on
-from splatbus_conformance.demands import observed, shortfalls
+from splatbus_conformance.demands import missing, observed, shortfalls
 from splatbus_conformance.failures import work_out
 from splatbus_conformance.findings import Findings, Traffic
 from splatbus_conformance.plan import NoVerdict, Plan
@@ -110,10 +111,15 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     ended = "" if observed(results, judged) else traffic.ended
     if ended:
         traffic.advice.append(mistakes.ended_by_itself(ended, traffic.printed))
+    fewer = missing(results, judged, traffic.late_seconds, _load())
+    if fewer:
+        traffic.advice.append(fewer)
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
     sentence, verdicts = summary(results, judged, reached(results), level, ended)
+    if fewer:
+        sentence += "; fewer than usual were observed: busy machine"
     deselected = left_out(plan)
     if deselected:
         sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
@@ -141,6 +147,13 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     if wishes.write_expected:
         return write_expected(wishes.write_expected, found, wishes, out)
     return status
+
+
+def _load() -> str:
+    """How many wanted the processors lately, where systems count that."""
+    if not hasattr(os, "getloadavg"):
+        return ""
+    return f", with a load of {os.getloadavg()[1]:.0f} on {os.cpu_count()} processors"
 
 
 def left_out(plan: Plan) -> dict[str, list[str]]:

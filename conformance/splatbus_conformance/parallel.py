@@ -1,160 +1,200 @@
-"""Several testees at a time: pytest-xdist starts workers, and each has a stand of its own.
+"""Several testees at a time: each worker has a stand of its own, and is dealt one check at a time.
 
-A worker loads this module as a plugin (`-p`). The controller hands it the plan and the user's
-environment, which the testee has to find as it was.
+Workers are forked, where systems fork, from a process that has imported all that they need while
+the testee was met. Each finds the environment as the user left it.
 """
 
-import atexit
-import base64
 import contextlib
-import json
+import multiprocessing
 import os
-import pickle
 import signal
-from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any, TypeVar
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from enum import Enum, auto
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
 
 import pytest
 
+from splatbus_conformance.checking import isolated, run_pytest
+from splatbus_conformance.checks import Check
 from splatbus_conformance.data import read_json
-from splatbus_conformance.findings import Findings, Traffic
+from splatbus_conformance.findings import Traffic
+from splatbus_conformance.gathering import Gathering
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
-from splatbus_conformance.plugin import CheckPlugin, declared
-from splatbus_conformance.stand import Facts, Stand, set_up
+from splatbus_conformance.plugin import CheckPlugin
+from splatbus_conformance.stand import Facts, set_up
 from splatbus_conformance.trial import THOROUGH
 
-T = TypeVar("T")
-GIVEN, NO_VERDICT, LEFT = "splatbus_given", "splatbus_no_verdict", "splatbus_left"
-"""What a worker is given, and what it gives back at its end: the last two, where there are any."""
+FORKS = sys.platform == "linux"
+"""Elsewhere there is no fork, or libraries of the system do not stand it."""
+PRELOADED = ["splatbus_conformance.preload"]
 USUAL_SECONDS = 0.2
+ENDING_SECONDS = 30.0
+"""How long a worker may take to end its testee."""
+_context: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
 
 
-def arguments(workers: int) -> list[str]:
-    """What pytest is told, so that it starts workers and deals them one check after the other."""
-    return [
-        *("-p", "xdist.plugin", "-p", __name__),
-        *("-n", str(workers), "--dist", "load", "--maxschedchunk", "1"),
-    ]
+class Word(Enum):
+    """What a worker tells, with something that belongs to it."""
+
+    READY = auto()
+    REPORT = auto()
+    NO_VERDICT = auto()
+    LEFT = auto()
 
 
-class Controller:
-    """The plugin of the process that starts the workers."""
+def prepare() -> None:
+    """Import what workers need, in a process of its own, while something else is waited for."""
+    if FORKS:
+        with isolated():
+            _context.set_forkserver_preload(PRELOADED)
+            forkserver.ensure_running()
+
+
+class Workers:
+    """The workers of a run, as the process sees them that deals the checks.
+
+    Args:
+        plan: of the run.
+        facts: what was found out of the testee.
+        names: of the checks, in the order in which they are dealt.
+        gathering: told of all that comes back.
+    """
 
     def __init__(
-        self, plan: Plan, environment: Mapping[str, str], facts: Facts, findings: Findings
+        self, plan: Plan, facts: Facts, names: Iterable[str], gathering: Gathering
     ) -> None:
-        self.findings = findings
-        self.no_verdict = ""
-        """Why a worker could not meet its testee."""
-        self._given = json.dumps(
-            {
-                "plan": plan.as_text(),
-                "environment": dict(environment),
-                "facts": base64.b64encode(pickle.dumps(facts)).decode("ascii"),
-            }
-        )
-        self._workers: list[int] = []
+        self._given = plan, dict(os.environ), facts
+        self._left = list(names)[::-1]
+        self._gathering = gathering
+        self._processes: dict[Connection, BaseProcess] = {}
+        self._under_way: dict[Connection, str] = {}
 
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_configure_node(self, node: Any) -> None:
-        """A worker is about to start."""
-        node.workerinput[GIVEN] = self._given
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_testnodeready(self, node: Any) -> None:
-        """A worker has started."""
-        self._workers.append(node.gateway._rinfo().pid)
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_testnodedown(self, node: Any) -> None:
-        """A worker has ended."""
-        given_back: dict[str, Any] = getattr(node, "workeroutput", {})
-        if left := given_back.get(LEFT):
-            self.findings.traffic.add(Traffic.from_text(left))
-        if text := given_back.get(NO_VERDICT):
-            self.no_verdict = text
-            pytest.exit(text)
-
-    def pytest_keyboard_interrupt(self) -> None:
-        """Let the workers end their testees at once, and not only when their check is through."""
-        for pid in self._workers if os.name == "posix" else ():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGINT)
-
-
-class Worker:
-    """The plugin of a worker: sets up its stand, for a testee that was met, and registers the
-    checks.
-    """
-
-    def __init__(self, config: pytest.Config, given: str, workers: int) -> None:
-        values = json.loads(given)
-        os.environ.clear()
-        os.environ.update(values["environment"])
-        self.config, self.workers = config, workers
-        self.plan = Plan.from_text(values["plan"])
-        self.facts: Facts = pickle.loads(base64.b64decode(values["facts"]))
-        self.stand: Stand | None = None
-        self.checks: CheckPlugin | None = None
-
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_collection(self) -> None:
-        """Start the testee, before the checks are asked for."""
+    def run(self, count: int) -> None:
+        """Have so many workers share the checks. Raises NoVerdict if one cannot meet a testee."""
         try:
-            self.stand = set_up(self.plan)
-            self.stand.meet_again(self.facts)
-        except (NoVerdict, Usage) as error:
-            self.config.workeroutput[NO_VERDICT] = _printable(str(error))  # type: ignore[attr-defined]
-            pytest.exit("the testee was not met")
-        profile = "full" if self.plan.profile in THOROUGH else "quick"
-        order = partial(dealt, workers=self.workers, profile=profile)
-        self.checks = CheckPlugin(self.plan, self.stand, order)
-        self.config.pluginmanager.register(self.checks)
+            for _ in range(count):
+                self._start()
+            while self._processes:
+                for connection in wait(list(self._processes)):
+                    assert isinstance(connection, Connection)
+                    self._hear(connection)
+        finally:
+            self._end_all()
 
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_sessionfinish(self) -> None:
-        """End the testee: without a controller, nothing that comes later is called."""
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
-        if self.checks:
-            self.checks.look_after()
-            self.config.workeroutput[LEFT] = self.checks.traffic.as_text()  # type: ignore[attr-defined]
-        if self.stand:
-            self.stand.close()
-        # All is given back; taking down each module first would take longer than many a check.
-        atexit.register(os._exit, 0)
+    def _start(self) -> None:
+        here, there = _context.Pipe()
+        process = _context.Process(target=work, args=(*self._given, there))
+        with isolated():
+            process.start()
+        there.close()
+        self._processes[here] = process
+
+    def _hear(self, connection: Connection) -> None:
+        try:
+            word, what = connection.recv()
+        except (EOFError, OSError):
+            self._bury(connection)
+            return
+        if word is Word.READY:
+            name = self._left.pop() if self._left else ""
+            self._under_way[connection] = name
+            if name:
+                self._gathering.pytest_runtest_logstart(name)
+            with contextlib.suppress(OSError):  # it will be heard to have ended
+                connection.send(name)
+        elif word is Word.REPORT:
+            self._gathering.pytest_runtest_logreport(what)
+        elif word is Word.LEFT:
+            self._gathering.findings.traffic.add(Traffic.from_text(what))
+        else:
+            raise NoVerdict(what)
+
+    def _bury(self, connection: Connection) -> None:
+        """A worker has ended; another takes the place of one that died over a check."""
+        process = self._processes.pop(connection)
+        process.join()
+        if name := self._under_way.pop(connection, ""):
+            self._gathering.note(name, f"the worker crashed while running it: {process.exitcode}")
+            if self._left:
+                self._start()
+
+    def _end_all(self) -> None:
+        """Let them end their testees at once, and not only when their check is through."""
+        for process in self._processes.values() if os.name == "posix" else ():
+            if process.pid is not None and process.is_alive():
+                os.kill(process.pid, signal.SIGINT)
+        for connection, process in self._processes.items():
+            connection.close()
+            process.join(ENDING_SECONDS)
+            process.kill()
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Be a worker, if this process is one."""
-    workerinput: dict[str, Any] | None = getattr(config, "workerinput", None)
-    if workerinput is not None:
-        worker = Worker(config, workerinput[GIVEN], workerinput["workercount"])
-        config.pluginmanager.register(worker)
+def work(plan: Plan, environment: Mapping[str, str], facts: Facts, there: Connection) -> None:
+    """Be a worker: runs in a process of its own."""
+    for ending in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, ending):
+            signal.signal(getattr(signal, ending), signal.default_int_handler)
+    os.environ.clear()
+    os.environ.update(environment)
+    with contextlib.suppress(KeyboardInterrupt, OSError):  # nobody listens any more
+        _work(plan, facts, there)
 
 
-def dealt(items: list[pytest.Item], workers: int, profile: str) -> list[pytest.Item]:
+def _work(plan: Plan, facts: Facts, there: Connection) -> None:
+    try:
+        with contextlib.closing(set_up(plan)) as stand:
+            stand.meet_again(facts)
+            checks = CheckPlugin(plan, stand, lambda items: items)
+            status = run_pytest(plan.side, [checks, Dealt(there)])
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
+            if status != pytest.ExitCode.INTERRUPTED:
+                checks.look_after()
+                there.send((Word.LEFT, checks.traffic.as_text()))
+    except (NoVerdict, Usage) as error:
+        there.send((Word.NO_VERDICT, str(error)))
+
+
+class Dealt:
+    """The plugin of a worker: runs the checks that it is dealt, and sends what they say."""
+
+    def __init__(self, there: Connection) -> None:
+        self._there = there
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """In place of pytest's own, which runs all."""
+        items = {item.name: item for item in session.items}
+        for name in self._names():
+            items[name].config.hook.pytest_runtest_protocol(item=items[name], nextitem=None)
+        return True
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """A part of a check has come to its end."""
+        self._there.send((Word.REPORT, report))
+
+    def _names(self) -> Iterator[str]:
+        while True:
+            self._there.send((Word.READY, None))
+            try:
+                name = self._there.recv()
+            except EOFError:
+                return
+            if not name:
+                return
+            yield name
+
+
+def dealt(checks: Mapping[str, Check], profile: str) -> list[str]:
     """The order in which workers are dealt checks: long ones first, those that may crash last.
 
-    How long a check took once on the reference client is an estimate, and decides nothing else.
+    How long a check took once on the reference pair is an estimate, and decides nothing else.
     """
-    durations: dict[str, float] = read_json("durations.json")[profile]
-    ordered = sorted(
-        items,
-        key=lambda it: (declared(it).may_crash, -durations.get(it.name, USUAL_SECONDS)),
+    seconds: dict[str, float] = read_json("durations.json")[
+        "full" if profile in THOROUGH else "quick"
+    ]
+    return sorted(
+        checks, key=lambda name: (checks[name].may_crash, -seconds.get(name, USUAL_SECONDS))
     )
-    return paired(ordered, workers)
-
-
-def paired(ordered: Sequence[T], workers: int) -> list[T]:
-    """Each worker is dealt two to begin with: give each that has a long one a short one with it."""
-    first, rest = ordered[: 2 * workers], ordered[2 * workers :]
-    if len(first) < 2 * workers:
-        return list(ordered)
-    pairs = zip(first[:workers], reversed(first[workers:]), strict=True)
-    return [item for pair in pairs for item in pair] + list(rest)
-
-
-def _printable(text: str) -> str:
-    """Without what cannot be sent: half a pair of surrogates."""
-    return text.encode("utf-8", "replace").decode("utf-8")

@@ -186,6 +186,8 @@ class Peer:
         self._listeners: dict[Channel, socket.socket] = {}
         self.last_opened: dict[Channel, float] = dict.fromkeys(CHANNELS, 0.0)
         """When the last connection of each channel was made, by the monotonic clock."""
+        self.late_seconds = 0.0
+        """By how much the longest of all waits was longer than asked for."""
         self._start = time.monotonic()
         self._count = dict.fromkeys(CHANNELS, 0)
 
@@ -275,7 +277,11 @@ class Peer:
             self._selector.unregister(sock)
 
     def _step(self, seconds: float) -> None:
-        for key, _ in self._selector.select(seconds):
+        until = time.monotonic() + seconds
+        happened = self._selector.select(seconds)
+        if not happened:
+            self.late_seconds = max(self.late_seconds, time.monotonic() - until)
+        for key, _ in happened:
             if isinstance(key.data, Connection):
                 self._handle(key.data)
             else:

@@ -1,7 +1,6 @@
 """The plan of a run: what the command line asks for, as data that another process can be given."""
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Literal
 
 from splatbus_conformance.selection import ALL, Selection
@@ -43,19 +42,6 @@ class Plan:
     def starts_it(self) -> bool:
         """The harness starts the testee itself."""
         return bool(self.launch or self.adapter)
-
-    def as_text(self) -> str:
-        """For another process."""
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_text(cls, text: str) -> "Plan":
-        """The reverse of `as_text`."""
-        members = json.loads(text)
-        given = members["selection"]
-        members["selection"] = Selection(tuple(given["only"]), tuple(given["never"]))
-        members["ports"], members["viewport"] = tuple(members["ports"]), tuple(members["viewport"])
-        return cls(**members)
 
 
 class Usage(Exception):  # noqa: N818 - a finding, no error of ours

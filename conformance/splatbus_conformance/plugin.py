@@ -249,6 +249,7 @@ class CheckPlugin:
             self.traffic.scripts |= {it: self._script(it, name, by_rule=True) for it in broken}
         busy = time.process_time() - self._began[1]
         self.traffic.busy_seconds += busy
+        self.traffic.late_seconds = max(self.traffic.late_seconds, self.stand.peer.late_seconds)
         self.traffic.waiting_seconds += max(0.0, time.monotonic() - self._began[0] - busy)
         if self.plan.record:
             recording.save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
@@ -299,6 +300,7 @@ class CheckPlugin:
             measurements,
             script,
             delivered=delivered,
+            missed=verdict is Verdict.SKIP and self.trial_now is not None,
         )
 
     def _evidence(self, requirement: str) -> tuple[str, ...]:

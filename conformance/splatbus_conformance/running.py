@@ -1,16 +1,14 @@
 """Run the checks against a testee, or against several at a time, and gather the results."""
 
 import contextlib
-import os
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from splatbus_schemas.requirements import requirements
 
-import splatbus_conformance.checks
 from splatbus_conformance import parallel, room
+from splatbus_conformance.checking import run_pytest
 from splatbus_conformance.checks import Check
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.findings import Findings
@@ -18,21 +16,11 @@ from splatbus_conformance.gathering import Gathering, Progress
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.plugin import CheckPlugin, declared, selectable
-from splatbus_conformance.stand import Facts, set_up
+from splatbus_conformance.stand import set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
-ISOLATED = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONSAFEPATH": "1"}
-"""No plugins of the user's, and in workers no modules of the folder that the user is in."""
-NOT_NEEDED = (
-    *("cacheprovider", "doctest", "faulthandler", "freeze_support", "junitxml", "legacypath"),
-    *("logging", "monkeypatch", "pastebin", "recwarn", "setuponly", "setupplan", "stepwise"),
-    *("subtests", "terminal", "threadexception", "tmpdir", "unittest", "unraisableexception"),
-    "warnings",
-)
-"""Plugins of pytest that only take time here, in each process anew."""
 FEWEST_CHECKS = 24
 """Fewer than these are done before further testees have started."""
-FOREIGN = ("PYTEST_ADDOPTS", "PYTEST_PLUGINS")
 
 
 def run_checks(plan: Plan, progress: Progress) -> Findings:
@@ -47,6 +35,14 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     """
     findings = Findings()
     checks: dict[str, Check] = {it.__name__: it.check for it in check_functions(plan.side)}
+    selected = {
+        name: it
+        for name, it in checks.items()
+        if plan.selection.takes(selectable(name, it), plan.profile)
+    }
+    alone = not plan.starts_it or plan.ports != (0, 0) or len(selected) < FEWEST_CHECKS
+    if plan.parallel > 1 or not (plan.parallel or alone):
+        parallel.prepare()
     gathering = Gathering(findings, progress, checks)
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
@@ -57,10 +53,9 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         for advice in stand.facts.advice:
             progress.say(advice)
         plugin = CheckPlugin(plan, stand, in_order)
-        alone = plan.ports != (0, 0) or _selected(plan) < FEWEST_CHECKS
         workers = plan.parallel or (1 if alone else room.at_a_time(stand))
         if workers == 1:
-            status = _pytest(plan, [plugin, gathering])
+            status = run_pytest(plan.side, [plugin, gathering])
             plugin.look_after()
         findings.traffic.add(plugin.traffic)
         if workers == 1:
@@ -68,36 +63,21 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
             return findings
         # What the rules see of the introduction; the workers have none of their own.
         findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
+    progress.say(
+        f"Judging {workers} of them at a time, each on ports of its own (--parallel 1: one)."
+    )
+    names = parallel.dealt(selected, plan.profile)
+    gathering.begin(names)
     try:
-        status = _run_apart(plan, stand.facts, workers, gathering)
+        parallel.Workers(plan, stand.facts, names, gathering).run(workers)
     except NoVerdict as error:
         if plan.parallel:
             raise
         why = str(error).splitlines()[0]
         progress.say(f"Another beside it could not be met ({why}): going on with one.")
         return run_checks(replace(plan, parallel=1), progress)
-    _note_what_did_not_run(gathering, status, plan)
+    _note_what_did_not_run(gathering, 0, plan)
     return findings
-
-
-def _selected(plan: Plan) -> int:
-    """How many checks the plan selects."""
-    return sum(
-        plan.selection.takes(selectable(it.__name__, it.check), plan.profile)
-        for it in check_functions(plan.side)
-    )
-
-
-def _run_apart(plan: Plan, facts: Facts, workers: int, gathering: Gathering) -> int:
-    """Share the checks out among so many testees. Raises NoVerdict if one cannot be met."""
-    gathering.progress.say(
-        f"Judging {workers} of them at a time, each on ports of its own (--parallel 1: one)."
-    )
-    controller = parallel.Controller(plan, dict(os.environ), facts, gathering.findings)
-    status = _pytest(plan, [gathering, controller], *parallel.arguments(workers))
-    if controller.no_verdict:
-        raise NoVerdict(controller.no_verdict)
-    return status
 
 
 def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
@@ -135,32 +115,3 @@ def _note_what_did_not_run(gathering: Gathering, status: int, plan: Plan) -> Non
         gathering.findings.put(0, Result("", "collection", Level.WIRE, Verdict.ERROR, why))
     if not (plan.exitfirst and status == pytest.ExitCode.TESTS_FAILED):
         gathering.close("it was selected and did not run")
-
-
-def _pytest(plan: Plan, plugins: list[object], *more: str) -> int:
-    folder = Path(splatbus_conformance.checks.__file__).parent / plan.side
-    arguments = [
-        str(folder),
-        *("-c", os.devnull, "--rootdir", str(folder), "--confcutdir", str(folder)),
-        "--import-mode=importlib",
-        *(argument for name in NOT_NEEDED for argument in ("-p", f"no:{name}")),
-        *("--capture=no", "--assert=plain"),
-        *("-o", "python_files=*.py", "-o", "python_functions=check_*"),
-        *more,
-    ]
-    with _isolated():
-        return int(pytest.main(arguments, plugins=plugins))
-
-
-@contextlib.contextmanager
-def _isolated() -> Iterator[None]:
-    """Keep what the user has set for pytest away from it."""
-    before = dict(os.environ)
-    os.environ.update(ISOLATED)
-    for name in FOREIGN:
-        os.environ.pop(name, None)
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)

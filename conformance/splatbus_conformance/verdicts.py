@@ -62,6 +62,8 @@ class Result:
     """The command that shows it again."""
     delivered: int = 0
     """Cases that were delivered, each followed by a control that the testee met."""
+    missed: bool = False
+    """A skip, though the testee has shown all that the check needs."""
 
 
 def worst(results: Iterable[Result]) -> Verdict:

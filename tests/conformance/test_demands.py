@@ -1,6 +1,8 @@
 """Too little observed is a failure where somebody asked for more."""
 
-from splatbus_conformance.demands import Demands, observed, shortfalls
+from dataclasses import replace
+
+from splatbus_conformance.demands import LATE_SECONDS, Demands, missing, observed, shortfalls
 from splatbus_conformance.verdicts import Level, Result, Verdict
 from splatbus_schemas.requirements import requirements
 
@@ -12,6 +14,23 @@ RESULTS = [
     Result("FRM-4", "check", Level.WIRE, Verdict.SKIP),
     Result("FRM-2", "check", Level.WIRE, Verdict.ERROR),
 ]
+
+
+def test_what_the_testee_could_have_shown_is_named_where_the_machine_was_busy() -> None:
+    missed = Result("FRM-4", "check", Level.WIRE, Verdict.SKIP, missed=True)
+    found = [*RESULTS, missed, replace(missed, requirement="FRM-1")]
+    told = missing(found, JUDGED, LATE_SECONDS, ", with a load of 9 on 2 processors")
+    assert told.startswith("Fewer than usual were observed: FRM-4, of which")
+    assert "0.1 s too late, with a load of 9 on 2 processors" in told
+
+
+def test_who_was_never_late_missed_nothing_by_it() -> None:
+    missed = Result("FRM-4", "check", Level.WIRE, Verdict.SKIP, missed=True)
+    assert missing([missed], JUDGED, LATE_SECONDS / 2, "") == ""
+
+
+def test_what_the_testee_cannot_show_is_not_missed() -> None:
+    assert missing(RESULTS, JUDGED, 9.0, "") == ""
 
 
 def test_skips_and_errors_are_not_observed() -> None:

@@ -5,16 +5,20 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.data import read_json
-from splatbus_conformance.parallel import paired
+from splatbus_conformance.parallel import dealt
+from splatbus_conformance.plugin import MEETING
 
 from tests.conformance.commanding import GOOD, broken, run, start
+from tests.durations import durations
 
 SOME = "FRM,NEG-8,JSN-7,CHN-2"
 POSIX = pytest.mark.skipif(os.name == "nt", reason="signals and process ids as POSIX has them")
@@ -173,15 +177,28 @@ def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
     assert not (tmp_path / ".hypothesis").exists(), "nothing is left where the user works"
 
 
-@given(st.integers(0, 40), st.integers(1, 8))
-def test_the_longest_two_do_not_go_to_one_worker(count: int, workers: int) -> None:
-    dealt = paired(range(count), workers)
-    assert sorted(dealt) == list(range(count))
-    if count >= 2 * workers > 2:
-        pairs = [sum(dealt[2 * k : 2 * k + 2]) for k in range(workers)]
-        assert set(pairs) == {2 * workers - 1}
+@given(st.lists(st.booleans()))
+def test_long_checks_come_first_and_those_that_may_crash_last(crashes: list[bool]) -> None:
+    seconds = read_json("durations.json")["quick"]
+    names = list(seconds)[: len(crashes)]
+    checks = {
+        name: replace(MEETING, may_crash=it) for name, it in zip(names, crashes, strict=False)
+    }
+    order = [(checks[name].may_crash, -seconds[name]) for name in dealt(checks, "quick")]
+    assert order == sorted(order)
+    assert len(order) == len(checks)
 
 
 def test_durations_are_of_checks_that_there_are() -> None:
     known = {it.__name__ for side in ("client", "server") for it in check_functions(side)}
     assert set().union(*read_json("durations.json").values()) <= known
+
+
+def test_durations_are_those_of_the_quickest_report() -> None:
+    def report(**seconds: float) -> dict[str, Any]:
+        told = [{"check": name, "seconds": it, "delivered": it > 0} for name, it in seconds.items()]
+        requirement = {"id": "FRM-1", "sentence": "", "acceptable": [], "results": told}
+        return {"profile": "quick", "requirements": [requirement], "others": []}
+
+    found = durations([report(a=1.0, b=0.2, c=9.0), report(a=2.0, c=4.04), report(c=0.0)])
+    assert found == {"quick": {"c": 4.0, "a": 1.0}, "full": {}}

@@ -11,8 +11,10 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from splatbus_conformance import parallel
+
 STOP_SECONDS = 15.0
-PRELOADED = ["splatbus_conformance.selftest.preload"]
+PRELOADED = [*parallel.PRELOADED, "splatbus_conformance.selftest.nursery"]
 
 _running: set[BaseProcess] = set()
 _starting = threading.Lock()

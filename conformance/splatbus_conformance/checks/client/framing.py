@@ -186,6 +186,7 @@ def check_any_segmentation_of_welcome(trial: ClientTrial) -> None:
         outcome = trial.fate() or ("accepts" if closes else "hangs")
         trial.judge(outcome, f"a welcome of {len(data)} bytes, cut {cuts}")
         trial.delivered += cuts != "nowhere"
+        trial.reassure("msg")
 
 
 @check(

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.client.pacing import CODES, kind_of_code, lose
+from splatbus_conformance.checks.client.replies import asking
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import (
     ADDED_MEMBERS,
@@ -293,8 +294,9 @@ def check_survives_errors(trial: ClientTrial) -> None:
         trial.judge(outcome, f"an error {code} on the IPC channel")
     if trial.facts.asks and trial.facts.speaks_1_1("msg"):
         trial.role.offers_memory = True
-        sent = packet(encode(error("internal")))
-        trial.judge(trial.outcome_of_reply(sent), "an error in place of a reply")
+        connection = asking(trial)
+        trial.role.say(connection, error("internal"))
+        trial.judge(trial.outcome_on_msg(connection), "an error in place of a reply")
 
 
 @check(

@@ -88,7 +88,8 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
     lost = [lose(trial, connection, how) for connection in met]
     again = []
     for connection, begun in zip(met, lost, strict=True):
-        if connection.open and not connection.ended:
+        if not connection.gone:
+            connection.close()
             continue
         back = after(trial, connection.channel, begun)
         if back.opened - begun < SLOW_SECONDS:
@@ -101,7 +102,8 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
     second = [lose(trial, connection, how) for connection, _ in again]
     trial.role.welcomes = True
     for (connection, begun), once_more in zip(again, second, strict=True):
-        if connection.open and not connection.ended:
+        if not connection.gone:
+            connection.close()
             continue
         apart = after(trial, connection.channel, once_more).opened - begun
         trial.expect(
@@ -110,6 +112,8 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
             f"{1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
         )
         trial.delivered += 1
+    for channel in channels:
+        trial.reassure(channel)
 
 
 @check(
@@ -240,6 +244,8 @@ def check_comes_back_soon(trial: ClientTrial) -> None:
     for channel in channels:
         how = CLOSING_ERRORS[trial.seed % len(CLOSING_ERRORS)]
         how = how if trial.facts.speaks_1_1(channel) else ENDS[trial.seed % len(ENDS)]
+        trial.connection(channel)
+        trial.reassure(channel)
         connection = trial.connection(channel)
         if how not in ENDS:
             trial.says_hello(connection)

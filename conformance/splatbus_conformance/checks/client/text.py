@@ -261,6 +261,7 @@ def check_handles_the_next_packet_on_the_message_channel(trial: ClientTrial) -> 
         trial.judge(outcome, f"the packet after {_named(row)}")
         trial.delivered += 1
         ignored += len(row)
+        trial.reassure("msg")
     if not ignored:
         trial.not_observable("the testee closes the connection on all such texts: it ignores none")
 

@@ -114,8 +114,8 @@ class Opinion(NamedTuple):
 def judge(drawn: Drawn, executed: Executed | None = None, former: str = "") -> Judged:
     """By the harness on each side that executes what was changed, and by the tests.
 
-    Where nobody looked what is executed, by the harness only, and first by the run that killed it
-    formerly.
+    Where nobody looked what is executed, by the harness only, and first by the check, and then by
+    the run, that killed it formerly.
     """
     began = time.monotonic()
     opinion = by_harness(drawn, executed, former)
@@ -143,6 +143,11 @@ def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opi
         (side, it) for number in range(every) for side in sides for it in PHASES[side][number:][:1]
     ]
     runs.sort(key=lambda run: not former.startswith(f"{_words(*run)}: "))
+    check = re.search(r": \S+ (check_\w+): ", former)
+    if check and former.startswith(f"{_words(*runs[0])}: "):
+        opinion = _by_run(drawn.change.name, *runs[0], "--select", check[1])
+        if opinion.fate is Fate.KILLED:
+            return opinion
     found = [Opinion(Fate.UNTOUCHED)]
     unmet: set[Side] = set()
     for side, phase in runs:
@@ -165,9 +170,9 @@ def _words(side: Side, phase: Phase) -> str:
     return " ".join(filter(None, (side, phase.profile, phase.axes, *names)))
 
 
-def _by_run(change: str, side: Side, phase: Phase) -> Opinion:
+def _by_run(change: str, side: Side, phase: Phase, *options: str) -> Opinion:
     name = specimens.named(specimens.CHANGED, side, phase.axes, change)
-    more = ("--profile", phase.profile, "--parallel", "1", "--exitfirst")
+    more = ("--profile", phase.profile, "--parallel", "1", "--exitfirst", *options)
     report, status, last_words = run_harness(
         name, side, "", RUN_SECONDS, phase.axes, more, phase.environment
     )
