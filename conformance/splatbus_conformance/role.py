@@ -20,9 +20,15 @@ from splatbus_conformance.values import strings, texts, whole, within
 from splatbus_conformance.viewpoint import Viewpoint, viewpoint
 
 MAX_SIZE: int = LIMITS["max_image_size"]
+LAST_GENERATION: int = LIMITS["max_safe_integer"]
 FIRST_NUMBERS = (0, 1, 1, 1, 2**16 - 1, 2**31 - 1, 2**32 - 1)
-STEPS = (1, 1, 1, 1, 1, 2, 255, 2**16, 2**32)
-"""From the number of a frame to that of the next."""
+FIRST_GENERATIONS = (2, 77, 2**16 - 1, 2**31 - 1, 2**32 - 1)
+"""On every second pair of connections; on the others the least that there is."""
+LEAPS = (2, 255, 2**16, 2**32)
+STEPS = (1, 1, 1, 1, 1, *LEAPS)
+"""From the number of a frame to that of the next, and from generation to generation; the first of
+these is a leap.
+"""
 
 LENS = {"fx": (0.7, 1.0), "fy": (0.7, 1.0), "cx": (0.3, 0.45), "cy": (0.55, 0.7)}
 """From where to where each number of the lens is drawn, as parts of a side of the image."""
@@ -43,8 +49,8 @@ class Dealings:
     welcome: Json | None = None
     heard: list[Json] = field(default_factory=list)
     """Every object that the testee sent."""
-    generation: int = 0
-    """Of the last init packet that was sent."""
+    generations: list[int] = field(default_factory=list)
+    """Of each init packet that was sent."""
     opened: set[int] = field(default_factory=set)
     failed: set[int] = field(default_factory=set)
     closed: set[int] = field(default_factory=set)
@@ -62,6 +68,11 @@ class Dealings:
     """From where the last frame was seen, if a client has put the camera there."""
     telemetry: int = 0
     """`seq` of the last telemetry that was sent."""
+
+    @property
+    def generation(self) -> int:
+        """Of the last init packet that was sent; 0 if none was."""
+        return self.generations[-1] if self.generations else 0
 
     @property
     def granted(self) -> list[str]:
@@ -178,14 +189,32 @@ class Role:
         """A 1.0 init packet: of device memory if there is any, else of this server's size."""
         return self.device_packet or messages.init_packet_1_0(self.width, self.height)
 
+    def next_generation(self, connection: Connection) -> int:
+        """The generation of the next init packet of this connection, for who sends it.
+
+        They have gaps, and pass what 16 and 32 bits hold. Two connections have the same, and the
+        next two others: who remembers those of a lost connection is found, and who expects them.
+        """
+        dealings = self.with_(connection)
+        begun = sum(bool(it.generations) for it in self.dealings.values() if it is not dealings)
+        drawn = Random(f"generations {self._seed} {begun // 2} {len(dealings.generations)}")
+        if dealings.generations:
+            steps = STEPS if len(dealings.generations) > 1 else LEAPS
+            number = min(dealings.generation + drawn.choice(steps), LAST_GENERATION)
+        elif (begun // 2 + self._seed) % 2:
+            number = drawn.choice(FIRST_GENERATIONS)
+        else:
+            number = 1
+        dealings.generations.append(number)
+        return number
+
     def init_packet(self, connection: Connection) -> Json:
         """A good 1.1 init packet with the next generation of this connection."""
-        dealings = self.with_(connection)
-        dealings.generation += 1
+        generation = self.next_generation(connection)
         if self.ring:
-            return self.ring.init_packet(dealings.generation)
+            return self.ring.init_packet(generation)
         return messages.init_packet_1_1(
-            self.memory.name, dealings.generation, self.width, self.height, self.slots
+            self.memory.name, generation, self.width, self.height, self.slots
         )
 
     def offer(self, connection: Connection, init_packet: Json) -> None:
@@ -269,7 +298,7 @@ class Role:
             return "unsupported"
         if any("reinit" not in dealings.granted for dealings in readers.values()):
             return "unsupported"
-        if any(set(range(1, d.generation)) - d.closed - d.failed for d in readers.values()):
+        if any(set(d.generations[:-1]) - d.closed - d.failed for d in readers.values()):
             return "busy"
         if (width, height) != (self.width, self.height):
             self.width, self.height = width, height

@@ -115,11 +115,15 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
     """
     wrap, slots = 1 << 32, trial.role.slots
     bad_slots = (slots, slots + 1, -1, -slots, 0.5, *(wrap + slot for slot in range(slots)))
-    wrong: list[dict[str, object]] = [{"slot": slot} for slot in bad_slots]
-    wrong += [{"generation": number} for number in (77, 0, -1, wrap + 1, LAST_NUMBER)]
+    wrong = [("slot", slot) for slot in bad_slots]
+    wrong += [("generation", number) for number in (0, -1, LAST_NUMBER)]
+    wrong += [("generation after", number) for number in (-1, 1, 76, wrap)]
     connection = reading(trial)
-    for changes in trial.each(wrong):
+    for name, value in trial.each(wrong):
         connection = reading(trial) if connection.ended else connection
+        member, _, after = name.partition(" ")
+        since = trial.role.with_(connection).generation if after else 0
+        changes = {member: since + value}
         judge_bad_frame(trial, connection, f"a frame with {changes}", **changes)
 
 

@@ -61,12 +61,13 @@ def check_can_do_what_it_declares(trial: ClientTrial) -> None:
         trial.not_observable("the testee does not declare host_shm; its memory is not of this host")
     connection = trial.greeted("ipc")
     dealings = trial.role.with_(connection)
-    trial.expect(trial.wait(lambda: 1 in dealings.opened), "host_shm: the memory was not opened")
+    trial.expect(trial.opens(connection), "host_shm: the memory was not opened")
     if "frames" in declared:
         trial.expect(trial.wait(lambda: dealings.released), "frames: no frame was released")
     if "reinit" in declared:
+        former = dealings.generation
         trial.role.offer(connection, trial.role.init_packet(connection))
-        closed = trial.wait(lambda: 1 in dealings.closed)
+        closed = trial.wait(lambda: former in dealings.closed)
         trial.expect(closed, "reinit: the first generation was not closed for the second")
     trial.delivered += 1
 

@@ -9,7 +9,7 @@ from splatbus_client import display, ipc_protocol
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.message_types import Frame
+from splatbus_wire.message_types import Closed, Frame
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -84,10 +84,34 @@ def takes_the_last_number_for_none(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 42949")
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 4")
 def holds_generations_of_frames_in_32_bits(patch: Patch) -> None:
     """Has 32 bits for the generation of a frame."""
     _shortens(patch, "generation")
+
+
+@mutant("OPN-5", check="check_closes_the_former_memory", reason="was not closed after")
+def guesses_the_former_generation(patch: Patch) -> None:
+    """Says that it has closed the generation before the newest, as if they were counted."""
+
+    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+        if generation in self._retired:
+            self._retired.remove(generation)
+            del self._slots[generation]
+            self._send(Closed(self._last_generation - 1))
+
+    wrap(patch, IpcProtocol, "closed", closed)
+
+
+@mutant("INI-8", check="check_accepts_good_init_packets", reason="was not opened")
+def takes_generations_from_one_on_alone(patch: Patch) -> None:
+    """Takes the first init packet of a connection for a further one unless its generation is 1."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        first = not self._last_generation
+        return iter(()) if first and packet.generation != 1 else original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
 
 
 def _keeps(patch: Patch, *pointers: str) -> None:
