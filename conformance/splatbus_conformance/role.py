@@ -10,6 +10,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance import messages
 from splatbus_conformance.device_memory import Allocation
 from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.kinds import REQUESTS
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
@@ -140,6 +141,11 @@ class Role:
         if connection not in self.dealings:
             self.dealings[connection] = Dealings(drawn=Random(f"frames {self._seed}"))
         return self.dealings[connection]
+
+    def is_given_up(self) -> bool:
+        """Whether a client has closed a connection on which it had made a request."""
+        left = (d for c, d in self.dealings.items() if c.channel == "msg" and c.open and c.ended)
+        return any(dealings.count(kind) for dealings in left for kind in REQUESTS)
 
     def on_open(self, connection: Connection) -> None:
         """A testee connected."""

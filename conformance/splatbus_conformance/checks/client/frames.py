@@ -26,15 +26,16 @@ def reading(trial: ClientTrial) -> Connection:
     needs=("capability:frames",),
 )
 def check_releases_each_frame_once(trial: ClientTrial) -> None:
-    """Frames are lent one after the other, in slots of any order and with numbers up to the last
-    that there is; each must be released once.
+    """Frames are lent one after the other, in slots of any order and with numbers from the first to
+    the last that there is; each must be released once.
     """
     connection = reading(trial)
     dealings = trial.role.with_(connection)
     many = 1000 if trial.thorough else 60
     for number in range(many):
-        if number == many - 1:
-            dealings.coming = trial.role.coming(connection)._replace(seq=LAST_NUMBER)
+        if number in (0, many - 1):
+            seq = LAST_NUMBER if number else 0
+            dealings.coming = trial.role.coming(connection)._replace(seq=seq)
         seq = trial.role.lend(connection)
         trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
         trial.delivered += 1

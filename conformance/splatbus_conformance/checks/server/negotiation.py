@@ -97,7 +97,7 @@ def check_has_what_it_grants(trial: ServerTrial) -> None:
         trial.viewer.say(client, messages[name])
         answered = trial.answers(client)
         trial.expect(answered, f"it grants {name}, and after {show(messages[name])} came no reply")
-        codes = {it.get("code") for it in heard[before:] if it.get("type") == "error"}
+        codes = {str(it.get("code")) for it in heard[before:] if it.get("type") == "error"}
         denied = codes & (DENIALS - {"unsupported"} if name == "viewport" else DENIALS)
         trial.expect(not denied, f"it grants {name}, and says {listing(denied)} of its message")
     if "subscribe" not in trial.facts.capabilities() or not trial.facts.opens:

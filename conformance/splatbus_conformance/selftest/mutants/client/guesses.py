@@ -74,6 +74,16 @@ def holds_image_numbers_in_single_precision(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="frame 0 was not released within")
+def takes_the_first_number_for_none(patch: Patch) -> None:
+    """Takes an image whose number is 0 for none at all."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        return original(self, frame) if frame.seq else []
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
 @mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
 def takes_the_last_number_for_none(patch: Patch) -> None:
     """Takes the greatest number of an image for none at all."""
