@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from splatbus_server import connection as connections
 from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
@@ -175,6 +176,12 @@ def server_calls_rotations_messages(patch: Patch) -> None:
             lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
         ),
     )
+
+
+@mutant("NEG-34", check="check_ends_in_good_order", reason="still reads what a client says")
+def server_listens_to_last_words_for_ever(patch: Patch) -> None:
+    """Reads on after an error that ends, for as long as the client does not end its side."""
+    patch.setattr(connections, "LINGER_SECONDS", 600.0)
 
 
 @mutant("NEG-34", check="check_ends_in_good_order", reason="the connection was reset")
