@@ -16,6 +16,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.rings import TIGHT, Arrangement, arranged
 from splatbus_conformance.stand_in.ring import DeviceRing
 from splatbus_conformance.values import strings, texts, whole, within
 from splatbus_conformance.viewpoint import Viewpoint, viewpoint
@@ -101,9 +102,16 @@ class Role:
     """
 
     def __init__(
-        self, memory: HostMemory, width: int, height: int, slots: int = 3, seed: int = 0
+        self,
+        memory: HostMemory,
+        width: int,
+        height: int,
+        slots: int = 3,
+        seed: int = 0,
+        arrangement: Arrangement = TIGHT,
     ) -> None:
         self._seed = seed
+        self._arrangement = arrangement
         self._random = Random(f"role {seed}")
         self.memory: HostMemory | Allocation = memory
         self.ring: DeviceRing | None = None
@@ -219,9 +227,22 @@ class Role:
         generation = self.next_generation(connection)
         if self.ring:
             return self.ring.init_packet(generation)
-        return messages.init_packet_1_1(
-            self.memory.name, generation, self.width, self.height, self.slots
-        )
+        return self._packet(generation, self.width, self.height)
+
+    def ring_bytes(self, width: int, height: int) -> int:
+        """How much memory a ring of images of this size takes."""
+        return int(self._packet(0, width, height)["memory"]["bytes"])
+
+    @property
+    def ring_layout(self) -> Json:
+        """Where the slots lie in memory that the host has."""
+        layout: Json = self._packet(0, self.width, self.height)["ring"]
+        return layout
+
+    def _packet(self, generation: int, width: int, height: int) -> Json:
+        name = self.memory.name
+        packet = messages.init_packet_1_1(name, generation, width, height, self.slots)
+        return arranged(packet, self._arrangement)
 
     def offer(self, connection: Connection, init_packet: Json) -> None:
         """Send an init packet."""
@@ -298,7 +319,7 @@ class Role:
         }
         if width is None or height is None:
             return "invalid_message"
-        fits = messages.ring_bytes(width, height, self.slots) <= self.memory.size
+        fits = self.ring_bytes(width, height) <= self.memory.size
         room = fits and self.ring is None
         if not (room and self.offers_memory and self.lends_frames):  # else a check decides on sizes
             return "unsupported"

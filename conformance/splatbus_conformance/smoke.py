@@ -37,7 +37,7 @@ def smoke(adapted: Adapted, peer: Peer, role: Role) -> None:
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
     for slot in range(role.slots):
         image = painting.coordinates(slot, role.width, role.height)
-        painting.write(role.memory, image, slot, role.slots)
+        painting.write(role.memory, image, slot, role.ring_layout)
     try:
         greeting = adapted.open()
         adapted.ask("start")

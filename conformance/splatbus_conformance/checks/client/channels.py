@@ -8,7 +8,6 @@ from splatbus_schemas import FRAMING, LIMITS
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
-from splatbus_conformance.messages import ring_bytes
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.trial import (
@@ -287,7 +286,7 @@ def check_uses_the_new_memory(trial: ClientTrial) -> None:
             if not trial.opens(connection):
                 trial.not_observable("the testee did not open the memory")
             width, height = (max(1, side // part) for side in first)
-            size = ring_bytes(width, height, trial.role.slots)
+            size = trial.role.ring_bytes(width, height)
             trial.role.memory = memories.enter_context(HostMemory(size))
             memories.callback(trial.peer.close_all)
             trial.role.width, trial.role.height = width, height

@@ -5,10 +5,11 @@ a frame which they cannot use.
 import json
 from typing import Any
 
-from splatbus_client import display, ipc_protocol
+from splatbus_client import display, ipc_protocol, reading
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.message_types import Closed, Frame
 
 from splatbus_conformance.selftest.patching import Patch
@@ -28,6 +29,35 @@ def guesses_the_slot(patch: Patch) -> None:
         original(self, frame._replace(slot=frame.seq % slots), channels)
 
     wrap(patch, Reading, "_lend", lend)
+
+
+@mutant("IMG-14", check="check_reads_only_what_it_holds", reason="was shown after", axes="opencv")
+def guesses_the_layout(patch: Patch) -> None:
+    """Takes the ring for colour without gaps, and depth behind it."""
+
+    def images(original: Any, packet: InitPacket) -> Any:
+        ring = packet.ring
+        assert ring is not None
+        color, depth = 16 * packet.width * packet.height, 4 * packet.width * packet.height
+        tight = ring._replace(
+            color_offset=0,
+            color_stride=color,
+            depth_offset=ring.slots * color,
+            depth_stride=-(-depth // 16) * 16,
+        )
+        return original(packet._replace(ring=tight))
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def has_three_slots(patch: Patch) -> None:
+    """Keeps three slots of a ring, and takes a frame of a later one for a mistake."""
+
+    def is_open(original: Any, self: IpcProtocol, generation: int, slot: int) -> bool:
+        return slot < 3 and bool(original(self, generation, slot))
+
+    wrap(patch, IpcProtocol, "_is_open", is_open)
 
 
 @mutant(
