@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
-from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS, REPLY_TO
+from splatbus_conformance.kinds import CLOSING_ERRORS, NEEDS, OTHER_ERRORS, REPLY_TO
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -289,6 +289,33 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("NEG-23", observable="the id of errors that answer requests", needs=("1.1",))
+def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
+    """Requests that are broken, and good ones whose capability was not agreed upon, each with an
+    id: the least, the greatest and others. An error that comes of one has it.
+    """
+    connection = trial.greeted("msg", capabilities=[])
+    refused = [*BAD, *(each for each in GOOD if NEEDS.get(each["type"]))]
+    errors = 0
+    for number, request in enumerate(trial.each(refused)):
+        if connection.ended:
+            connection = trial.greeted("msg", capabilities=[])
+        heard, asked = (
+            trial.viewer.with_(connection).heard,
+            with_id(request, IDS[number % len(IDS)]),
+        )
+        before = len(heard)
+        trial.viewer.say(connection, asked)
+        trial.answers(connection)
+        for error in (it for it in heard[before:] if it.get("type") == "error"):
+            told = f"{encode(asked).decode()} was answered by the error {show(error)}"
+            trial.expect(whole(error.get("id")) == asked["id"], f"{told}, which lacks its id")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error in answer to a request")
+
+
+IDS = (0, SAFE, 1, 2**32, 2**53 - 2)
 GOOD: tuple[Json, ...] = (
     VIEWPORT_REQUEST,
     *({"type": "get_camera_pose", "cam_idx": index} for index in (0, 1, -(2**31), 2**31)),

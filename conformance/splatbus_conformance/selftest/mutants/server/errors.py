@@ -178,6 +178,16 @@ def server_calls_rotations_messages(patch: Patch) -> None:
     )
 
 
+@mutant(
+    "NEG-23",
+    check="check_errors_name_the_request_that_they_answer",
+    reason="which lacks its id",
+)
+def server_takes_the_first_id_for_none(patch: Patch) -> None:
+    """Leaves the id out of an error where it is 0."""
+    messages(patch, of_type("error", lambda it: it if it.get("id") else without("id")(it)))
+
+
 @mutant("NEG-34", check="check_ends_in_good_order", reason="still reads what a client says")
 def server_listens_to_last_words_for_ever(patch: Patch) -> None:
     """Reads on after an error that ends, for as long as the client does not end its side."""
