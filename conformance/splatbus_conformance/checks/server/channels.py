@@ -91,6 +91,23 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     trial.delivered += len(trial.went_through[-1])
 
 
+@check(
+    "CHN-7",
+    observable="the IPC connection stays open for as long as one on which nothing is said",
+    profile="full",
+)
+def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
+    """A whole packet, and then silence, for longer than a packet may take to be complete."""
+    silent, spoken = trial.dial("ipc"), trial.dial("ipc")
+    spoken.send(packet(NOBODYS[0][1]))
+    trial.ends(spoken, LIMITS["packet_completion_seconds"] + 5 * REACTION_SECONDS)
+    if trial.ends(silent, REACTION_SECONDS):
+        trial.not_observable("the server ends an IPC connection on which nothing is said, too")
+    outcome = trial.fate() or ("closes" if spoken.ended else "ignores")
+    trial.judge(outcome, f"{NOBODYS[0][1][:60]!r} on the IPC channel, and then nothing")
+    trial.delivered += 1
+
+
 @check("CHN-12", observable="a client on each channel is served while the other is there")
 def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
     """Either channel first; then requests, and frames where there are any."""
