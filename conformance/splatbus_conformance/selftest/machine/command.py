@@ -84,7 +84,7 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
         result = Result.read(path)
     else:
         result = Result(arguments.seed, _commit())
-    watched = watched_at(_commit(), path and path.with_suffix(".watched.json"), out)
+    watched = watched_at(result.commit, path and path.with_suffix(".watched.json"), out)
     left = [it for it in drawn if it.change.name not in result.judged]
     for judged in run([partial(judge, it, watched, result.judged) for it in left], out):
         result.judged = {**result.judged, judged.name: judged}  # others read the former
