@@ -232,6 +232,15 @@ def test_a_side_that_is_not_met_is_not_tried_again(monkeypatch):
     assert [name for name, _ in runs] == ["server", "client unity", "client"]
 
 
+def test_a_later_phase_is_for_what_no_earlier_one_executes(monkeypatch):
+    runs = told(monkeypatch, *[ALIVE] * 9)
+    trials.by_harness(wire(), watched("client unity", "client telemetry"), [])
+    assert [(name, len(checks)) for name, checks in runs] == [("client unity", 8)]
+    runs.clear()
+    trials.by_harness(wire(), watched("client telemetry", "client blender"), [])
+    assert [(name, len(checks)) for name, checks in runs] == [("client telemetry", 8)]
+
+
 def test_a_client_that_no_adapter_can_speak_for_is_tried_without_one(monkeypatch):
     told(monkeypatch, ALIVE, ALIVE, UNMET, DEAD)
     assert trials.by_harness(wire(), None, []) == DEAD
@@ -241,7 +250,7 @@ def test_the_check_that_killed_it_formerly_is_the_first(monkeypatch):
     runs = told(monkeypatch, ALIVE, DEAD)
     former = replace(judged(wire().change.name, Fate.KILLED), phase=TOKEN, check="check_it")
     trials.by_harness(wire(), None, [former])
-    assert runs == [(TOKEN, ["check_it"]), ("server", [])]
+    assert runs == [(TOKEN, ["check_it"]), (TOKEN, [])]
 
 
 def test_a_few_checks_of_each_side_come_before_the_others(monkeypatch):

@@ -193,6 +193,7 @@ def run_harness(
     more: Sequence[str] = (),
     environment: dict[str, str] | None = None,
     main: Callable[[list[str]], int] = harnesses.judge,
+    command: str = "",
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -202,7 +203,9 @@ def run_harness(
     """
     reference = "splatbus_client.adapter" if axes else f"splatbus_{side}"
     module = reference if name in REFERENCE else f"{__package__}.mutants {name}"
-    how, arguments = ("--adapter", f"--axes {axes}") if axes else ("--launch", USUAL[side])
+    how, arguments = (
+        ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
+    )
     testee = f'"{sys.executable}" -m {module} {arguments}'
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")

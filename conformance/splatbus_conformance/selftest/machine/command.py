@@ -178,6 +178,7 @@ def _by_checks(phase: Phase) -> tuple[str, Watched]:
             phase.axes,
             environment=phase.environment,
             main=partial(judging, str(now), ()),
+            command=phase.command,
         )
         if report is None or status not in (EXIT_CONFORMING, EXIT_NOT_CONFORMING):
             raise RuntimeError(f"the reference was not judged while watched: {last_words}")

@@ -1,5 +1,6 @@
 """Which lines of the changed modules each check executes on the reference, or each test."""
 
+import math
 import mmap
 import socket
 import sys
@@ -21,8 +22,6 @@ START, MEETING = "start", "meeting"
 """What is executed before the first connection, or while modules are read; and before any check."""
 NOTHING: Lines = frozenset()
 LONGEST_NAME = 128
-CALLS = 1000
-"""Of a function, in one check or test: what they have not executed is not executed there."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +86,10 @@ def _folded(found: Iterable[tuple[str, int]]) -> dict[str, list[int]]:
     return folded
 
 
-def trace(note: Callable[[str, int], bool]) -> None:
+def trace(note: Callable[[str, int], bool], calls: float = math.inf) -> None:
     """Have each line of these modules that is executed from now on noted, in every thread.
 
-    What is called again and again is looked at no more once nothing about it has been new for long.
+    A function is looked at no more once nothing about it has been new for so many calls.
     """
     modules = {str(source(it)): it for it in (*WIRE, *OWN["client"], *OWN["server"])}
     nothing_new: Counter[CodeType] = Counter()
@@ -104,7 +103,7 @@ def trace(note: Callable[[str, int], bool]) -> None:
             nothing_new[code] = 0
         elif event == "call":
             nothing_new[code] += 1
-            if nothing_new[code] > CALLS:
+            if nothing_new[code] > calls:
                 return None
         return traced
 

@@ -26,6 +26,8 @@ TESTS_SECONDS = 900.0
 TEST_SECONDS = 60
 """A single test that takes so long hangs: usually the slowest takes half of it."""
 WATCHED_SECONDS = 1800.0
+CALLS = 1000
+"""Of a function, in one test: what they have not executed is hardly executed there."""
 UNENDED = "they did not come to an end"
 
 
@@ -45,7 +47,7 @@ class Watching:
         self._seen: set[tuple[str, int]] = set()
         self.lines = {START: self._seen}
         self.seconds: dict[str, float] = {}
-        trace(self._note)
+        trace(self._note, CALLS)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:

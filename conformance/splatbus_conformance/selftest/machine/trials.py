@@ -36,11 +36,14 @@ class Phase(NamedTuple):
     side: Side
     axes: str = ""
     token: bool = False
+    command: str = ""
+    """In place of the usual one, where it has no adapter."""
 
     @property
     def name(self) -> str:
         """In what is stored."""
-        return " ".join(filter(None, (self.side, self.axes, "with a token" * self.token)))
+        token = "with a token" * self.token
+        return " ".join(filter(None, (self.side, self.axes, token, self.command)))
 
     @property
     def environment(self) -> dict[str, str]:
@@ -52,7 +55,10 @@ PHASES = (
     Phase("server"),
     Phase("server", token=True),
     Phase("client", PARTNER),
+    *(Phase("client", command=it) for it in ("view", "view --size 80x60", "telemetry")),
+    *(Phase("client", axes) for axes in ("blender", "unreal", "opengl_camera")),
 )
+"""A later one of a side is for what no earlier one executes."""
 
 
 class Fate(StrEnum):
@@ -171,18 +177,25 @@ def _plan(
     phases = [phase for phase in PHASES if phase.side in drawn.sides]
     deadly = {it.name: [other.check for other in alike if other.phase == it.name] for it in phases}
     if watched is None:
-        yield from ((it, deadly[it.name]) for it in phases if any(deadly[it.name]))
-        yield from ((it, []) for it in phases)
+        formerly = [phase for phase in phases if deadly[phase.name]]
+        yield from ((it, [check]) for it in formerly for check in deadly[it.name] if check)
+        yield from ((it, []) for it in formerly or phases)
         return
-    telling = {it: _in_order(watched[it.name], drawn, deadly[it.name]) for it in phases}
-    told = [it for it in phases if telling[it]]
-    told.sort(key=lambda phase: not deadly[phase.name])
-    first = FIRST if len(told) > 1 else None
-    yield from ((it, telling[it][:first]) for it in told)
-    if first is not None:
-        # A token changes how a session begins; what follows is as it is without one.
-        apart = [it for it in told if not it.token or Phase(it.side) not in told]
-        yield from ((it, telling[it][first:]) for it in apart if telling[it][first:])
+    first: dict[Phase, list[str]] = {}
+    then: dict[Phase, list[str]] = {}
+    for phase in phases:
+        checks = _in_order(watched[phase.name], drawn, deadly[phase.name])
+        if not checks:
+            continue
+        if phase.side not in [it.side for it in then]:
+            first[phase], then[phase] = checks[:FIRST], checks[FIRST:]
+        elif phase.token:  # it changes how a session begins; what follows is as it is without one
+            first[phase] = checks[:FIRST]
+    if len(first) == 1:  # there is nobody to be quick for
+        first, then = {it: checks + then[it] for it, checks in first.items()}, {}
+    in_turn = sorted(first, key=lambda phase: not deadly[phase.name])
+    yield from ((it, first[it]) for it in in_turn)
+    yield from ((it, then[it]) for it in in_turn if then.get(it))
 
 
 def _in_order(watched: Watched, drawn: Drawn, deadly: Sequence[str]) -> list[str]:
@@ -213,6 +226,7 @@ def run(change: str, phase: Phase, checks: Sequence[str] = ()) -> Opinion:
             ("--exitfirst",),
             phase.environment,
             partial(judging, str(now), checks),
+            phase.command,
         )
         check = lines.told(now)
     cells = cells_of(report) + [
