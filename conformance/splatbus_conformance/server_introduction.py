@@ -273,8 +273,8 @@ def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool
 
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:
-    """A new connection, tried again until the server listens, for so many seconds; one that was
-    started before has no longer than it may let a client wait (CHN-13).
+    """A new connection, tried again until the server listens, for so many seconds from its start;
+    later it has no longer than it may let a client wait (CHN-13).
     """
     found: list[Connection] = []
     if testee.expendable:
