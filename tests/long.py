@@ -100,9 +100,12 @@ def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
         return {"wrong": [f"no report was written: {ended.stdout[-400:]}"]}
     judged = json.loads(report.read_text("utf-8"))
     verdicts = {it["id"]: it["verdict"] for it in judged["requirements"]}
+    found = [(each["id"], it) for each in judged["requirements"] for it in each["results"]]
     wrong = [
-        f"{name_}: {verdict}" for name_, verdict in verdicts.items() if verdict not in GOOD
-    ] + [f"{it['check']}: {it['text']}" for it in judged["others"] if it["verdict"] not in GOOD]
+        f"{id}: {it['verdict']} in {it['check']}: {it['text'][:400]}"
+        for id, it in (*found, *(("", other) for other in judged["others"]))
+        if it["verdict"] not in GOOD
+    ]
     if ended.returncode and not wrong:
         wrong = [f"it ended with {ended.returncode}: {judged['summary']}"]
     return {"wrong": wrong, "others": {k: v for k, v in verdicts.items() if v != "pass"}}

@@ -41,6 +41,10 @@ class AdapterBroken(NoVerdict):
         super().__init__(f"the adapter is broken: {what}")
 
 
+class Declined(AdapterBroken):
+    """A command was answered by an error."""
+
+
 class ClientCrashed(Exception):  # noqa: N818 - a finding, no error of ours
     """The client died, by a signal or an abort, while the adapter was asked for something."""
 
@@ -133,7 +137,7 @@ class Adapted:
         """The answer to a command that was given. Raises AdapterBroken, ClientCrashed."""
         answer = self.hear(command, seconds)
         if "error" in answer:
-            raise AdapterBroken(f"to {command} it answered the error {answer['error']!r}")
+            raise Declined(f"to {command} it answered the error {answer['error']!r}")
         _require(answer, f"answers/{command}", f"its answer to {command}")
         return answer
 

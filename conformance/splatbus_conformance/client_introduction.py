@@ -55,6 +55,8 @@ class ClientFacts:
     """Its process ends, in an orderly way, once its server has gone."""
     asks_again: bool = False
     """It asks on each new connection, not only on the first of its process."""
+    notices_the_end: bool | None = None
+    """After replies it closes a connection whose stream ends; None until a check has to know."""
     probes: dict[Channel, int] = field(default_factory=dict)
     """How many connections it opens and closes by itself after its start, before it stays."""
     start_seconds: float = 0.0

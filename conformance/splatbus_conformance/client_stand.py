@@ -5,14 +5,14 @@ from contextlib import ExitStack
 
 from splatbus_schemas.requirements import Requirement
 
-from splatbus_conformance import mistakes, processes
+from splatbus_conformance import mistakes, processes, rings
 from splatbus_conformance.adapter import Adapted
 from splatbus_conformance.client_introduction import ClientFacts, introduce
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.device_introduction import device_for, stand_in_for, why_unseen
 from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.host_memory import HostMemory, free_bytes, sweep
-from splatbus_conformance.messages import ring_bytes
+from splatbus_conformance.messages import init_packet_1_1
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.role import Role
@@ -20,7 +20,8 @@ from splatbus_conformance.smoke import smoke
 from splatbus_conformance.testee import WORDS, Awaited, Launched, Say, Testee, not_met
 from splatbus_conformance.vital_signs import lost_by_client
 
-SLOTS = 3
+SLOTS = (5, 3, 2, 4)
+"""One of these, as the seed chooses."""
 
 
 class ClientStand:
@@ -36,7 +37,7 @@ class ClientStand:
         with ExitStack() as undo:
             self.peer = _listening(plan)
             undo.callback(self.peer.close)
-            self._memory = _memory(plan.viewport)
+            self._memory = _memory(plan)
             undo.callback(self._memory.close)
             self.testee = self._testee(self.peer.environment() | device, say)
             undo.pop_all()
@@ -71,7 +72,7 @@ class ClientStand:
                 self.plan.patience,
             )
 
-    def lost(self) -> str:
+    def lost(self, *, briefly: bool) -> str:
         """Which vital sign the client has lost since it was met, in words; nothing if none."""
         return lost_by_client(self.peer, self._role(), self.testee, self.facts, self.plan.patience)
 
@@ -108,7 +109,9 @@ class ClientStand:
         return Awaited("the client that connects", say)
 
     def _role(self) -> Role:
-        return Role(self._memory, *self.plan.viewport, SLOTS, self.plan.seed)
+        plan = self.plan
+        arrangement = rings.drawn(plan.seed)
+        return Role(self._memory, *plan.viewport, _slots(plan), plan.seed, arrangement)
 
 
 def _listening(plan: Plan) -> Peer:
@@ -127,9 +130,15 @@ def _listening(plan: Plan) -> Peer:
     return peer
 
 
-def _memory(size: tuple[int, int]) -> HostMemory:
-    needed = ring_bytes(*size, SLOTS)
+def _slots(plan: Plan) -> int:
+    return SLOTS[plan.seed % len(SLOTS)]
+
+
+def _memory(plan: Plan) -> HostMemory:
+    ring = init_packet_1_1("", 0, *plan.viewport, _slots(plan))
+    needed: int = rings.arranged(ring, rings.drawn(plan.seed))["memory"]["bytes"]
     try:
         return HostMemory(needed)
     except OSError as error:
-        raise NoVerdict(mistakes.no_shared_memory(error, needed, free_bytes(), size)) from None
+        told = mistakes.no_shared_memory(error, needed, free_bytes(), plan.viewport)
+        raise NoVerdict(told) from None

@@ -71,6 +71,8 @@ class ClientTrial(Trial):
         Skips the check if none comes within the run's patience.
         """
         seconds = self.patience if seconds is None else seconds
+        if self._used and "exits" not in self.requirement.acceptable:
+            self.charge_its_end()
         if self.testee.ended() or self._takes_a_start(channel):
             self.end_testee()
             if not self.testee.asked_to_start(self.purpose):
@@ -82,13 +84,20 @@ class ClientTrial(Trial):
             found = self._past_probes(channel, min(seconds, RETURN_SECONDS))
         if found is None and not started:
             if channel in self.facts.returns:
-                self._note_loss(does_not_come(channel, self.testee))
+                self._note_loss(does_not_come(channel, self.testee), channel)
             self.end_testee()
             if self.testee.ensure_running():
                 found = self._past_probes(channel, seconds)
         if found is None:
             self.not_observable(f"the testee made no connection on the {channel} channel")
         return found
+
+    def charge_its_end(self) -> None:
+        """That what was sent has ended the process is charged to the sentence that forbids it."""
+        ended = self.testee.ended()
+        if ended and not self.killed and not self.facts.leaves:
+            self._note_loss(f"its process {ended}")
+            self.end_testee()
 
     def renew(self) -> None:
         """Have the next connection be made by a testee that was just started, where that can be."""
@@ -130,9 +139,9 @@ class ClientTrial(Trial):
         on_it = [c for c in self.peer.connections if c.channel == channel and c.opened >= born]
         return len(on_it) if born else 1 + self.facts.probes.get(channel, 0)
 
-    def _note_loss(self, what: str) -> None:
-        harmed = any(connection in self._used for connection in self.peer.connections)
-        self.losses.append(Loss(what, before=not harmed))
+    def _note_loss(self, what: str, channel: Channel | None = None) -> None:
+        alive = any(connection.channel == channel for connection in self.peer.connections)
+        self.losses.append(Loss(what, None if alive else channel, list(self.peer.entries)))
 
     def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
         """Close those of this channel that were used; a new one, if it comes in time.

@@ -78,7 +78,7 @@ class Lending:
 
     def paint(self, image: Painting, slot: int) -> None:
         """Write an image to a slot, whether or not it is lent."""
-        painting.write(self._role.memory, image, slot, self._role.slots)
+        painting.write(self._role.memory, image, slot, self._role.ring_layout)
 
     def spoil_everything(self) -> None:
         """Write over every slot."""

@@ -25,6 +25,7 @@ RIGHT = 1e-4
 ALIKE = 0.05
 """Relative error of depth up to which a pixel speaks for a lens that is tried."""
 ROUNDS = 12
+MOST_STEP = 5.0
 OUTLIER = 6.0
 LEAST_POINTS = 200
 SMALLEST = 1e-7
@@ -100,7 +101,7 @@ def _fitted(whole: Camera, stride: int, depth: Reals) -> Camera | None:
     if kept.sum() < LEAST_POINTS or np.linalg.cond(square) > 1e12:
         return None
     step = np.linalg.solve(square, -moves[kept].T @ distance[kept])
-    wide, high, right, low = step
+    wide, high, right, low = np.clip(step, -MOST_STEP, MOST_STEP)
     fx, fy = whole.fx * float(np.exp(wide)), whole.fy * float(np.exp(high))
     return whole._replace(
         fx=fx, fy=fy, cx=whole.cx + float(right) * fx, cy=whole.cy + float(low) * fy

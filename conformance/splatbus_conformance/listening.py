@@ -61,8 +61,9 @@ class Listening:
     def outcome_of(self, script: bytes, *, later: bool = False) -> str:
         """Send bytes first on a new connection, then a good packet there, or on the next.
 
-        Returns `ignores` or `closes` (and the good one was opened), `exits`, `dies` or `hangs`; or
-        nothing if the testee lives, keeps the connection, and would not return to be seen.
+        Returns `ignores` or `closes` (and the good one was opened), `exits`, `dies` or `hangs`. Of
+        a testee that does not return it shows that it listens if it notices the end of its stream;
+        nothing if it does not.
 
         Args:
             script: what is sent.
@@ -83,11 +84,13 @@ class Listening:
                 trial.delivered += 1
                 return "ignores"
         outcome = "closes" if connection.ended else "ignores"
-        connection.close()
         if "ipc" not in trial.facts.returns:
+            connection.end_stream()
+            noticed = trial.ends(connection)
             trial.wait(trial.fate, REACTION_SECONDS)
-            trial.delivered += outcome == "closes"
-            return (trial.fate() or "closes") if outcome == "closes" else self._died()
+            trial.delivered += noticed
+            return (trial.fate() or outcome) if noticed else self._died()
+        connection.close()
         again = trial.next_connection("ipc")
         if again is None or not self.opens(again, good):
             return trial.fate() or "hangs"

@@ -16,11 +16,16 @@ PASSERS_BY = 40
 PACE_SECONDS = 0.001
 """Between connections, so that a server comes to accept them: a backlog that overflows costs its
 client a second."""
-UNREAD = 10_000
-"""Requests whose replies do not fit into the buffers of the systems, where these are narrow."""
-TRIES, TRY_SECONDS = 10, 0.02
+UNREAD = 60_000
+"""Requests, of which a quarter have more replies than the buffers of the systems hold, where these
+are narrow."""
+TRIES, TRY_SECONDS = 50, 0.02
+"""A server that has taken nothing in all of these was not only kept from running meanwhile."""
 REQUEST = packet(encode(VIEWPORT_REQUEST))
 LONGEST = LIMITS["max_payload_bytes"]
+MANY_POSES = 20_000 * packet(encode(camera_pose()))
+WORK_SECONDS = 60.0
+"""For poses by the thousand, of a server that takes as long as it may for each."""
 
 
 class Misdeed(NamedTuple):
@@ -57,7 +62,7 @@ def sends_and_closes(what: str, data: bytes) -> Misdeed:
 
 
 def _never_reads(trial: ServerTrial, connection: Connection) -> None:
-    """Ask until the server has so many requests, or takes none for a while."""
+    """Ask until the server takes no more requests, or has far more than most can answer."""
     connection.stop_reading()
     sent, tries = 0, 0
     while sent < UNREAD * len(REQUEST) and tries < TRIES:
@@ -66,6 +71,16 @@ def _never_reads(trial: ServerTrial, connection: Connection) -> None:
             break
         sent, tries = sent + taken, 0 if taken else tries + 1
         trial.rest(0.0 if taken else TRY_SECONDS)
+
+
+def _sends_many_poses(trial: ServerTrial, connection: Connection) -> None:
+    """Pose, and wait until all of it is worked off: how long that takes is not judged."""
+    sent, before = connection.sent, len(trial.replies(connection))
+    connection.send(MANY_POSES + REQUEST)
+    if connection.channel == "msg" and connection.sent > sent:
+        trial.wait(
+            lambda: len(trial.replies(connection)) > before or connection.ended, WORK_SECONDS
+        )
 
 
 def _reads(trial: ServerTrial, connection: Connection) -> None:
@@ -112,7 +127,7 @@ MISDEEDS = (
     sends("sends a thousand unknown messages", 1000 * packet(b'{"type":"weather_report"}')),
     sends("sends deep text", packet(b"[" * 100_000)),
     sends("sends a bad length and much more", bytes(4) + b" " * (4 * LONGEST)),
-    sends("sends twenty thousand poses", 20_000 * packet(encode(camera_pose()))),
+    Misdeed("sends twenty thousand poses", _sends_many_poses),
     Misdeed("never reads its replies", _never_reads, ServerTrial.dial_narrowly),
     Misdeed("ends its stream in the middle of a packet", _half_closes),
     sends_and_resets("resets at once", b""),

@@ -2,6 +2,7 @@
 
 import argparse
 
+from splatbus_conformance.selection import PROFILES
 from splatbus_conformance.verdicts import Level
 
 SHRINK_SECONDS = 30.0
@@ -58,7 +59,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
     what = command.add_argument_group("what it is judged by")
     what.add_argument(
         "--profile",
-        choices=("brief", "quick", "full", "soak"),
+        choices=PROFILES,
         default="quick",
         help="how many cases: a quarter of quick, a thousand, ten thousand, or full ones with new "
         "seeds for --minutes (%(default)s)",

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.messages import init_packet_1_1
+from splatbus_conformance.messages import Json
 
 Floats = NDArray[np.float32]
 STEP = 2.0**-15
@@ -60,10 +60,8 @@ def spoilt(width: int, height: int) -> Painting:
     return Painting(color, np.full((height, width), SPOILT_DEPTH, np.float32))
 
 
-def write(memory: Writable, painting: Painting, slot: int, slots: int) -> None:
-    """Write an image to a slot of the ring of `init_packet_1_1`, rows bottom-up (BUF-1, BUF-2)."""
-    height, width = painting.depth.shape
-    ring = init_packet_1_1("", 0, width, height, slots)["ring"]
+def write(memory: Writable, painting: Painting, slot: int, ring: Json) -> None:
+    """Write an image to a slot of the ring of an init packet, rows bottom-up (BUF-1, BUF-2)."""
     for image, name in ((painting.color, "color"), (painting.depth, "depth")):
         rows = np.ascontiguousarray(image[::-1], "<f4")
         memory.write(ring[f"{name}Offset"] + slot * ring[f"{name}Stride"], rows.tobytes())

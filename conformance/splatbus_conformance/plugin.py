@@ -24,7 +24,7 @@ from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.recording import Entry
+from splatbus_conformance.recording import Channel, Entry
 from splatbus_conformance.script import Script, as_text, from_text
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.stand import Stand
@@ -97,6 +97,11 @@ class CheckPlugin:
         self.trial_now: Trial | None = None
         self._latest = Deed("introduction", MEETING, "", list(stand.peer.entries), failed=False)
         """The check that ran last; at first, when the testee was met."""
+        self._last_alive: dict[Channel, Deed] = {}
+        """The last check in which the testee came to this channel: whatever takes it, does not
+        show in those that follow, which may use the other alone.
+        """
+        self._note_alive(self._latest)
         self._last_verdict = Verdict.SKIP
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
@@ -160,7 +165,10 @@ class CheckPlugin:
         self.traffic.left_out += trial.left_out
         former, self._latest = self._latest, self._deed(check, request.node.name)
         for loss in trial.losses:
-            self._charge(former if loss.before else self._latest, loss.what)
+            here = self._latest._replace(entries=loss.entries)
+            deed = self._last_alive.get(loss.before, former) if loss.before else here
+            self._charge(deed, loss.what)
+        self._note_alive(self._latest)
         if not trial.killed:
             self._note_end()
         self._keep(request.node.stash[PLACE], request.node.name)
@@ -175,7 +183,7 @@ class CheckPlugin:
         """Look for the testee's vital signs; what it has lost is charged to the latest check, and
         one that the harness can start is started anew.
         """
-        if lost := self.stand.lost():
+        if lost := self.stand.lost(briefly=self._latest.failed):
             self._charge(self._latest, lost)
         if lost or self.stand.testee.ended() is not None:
             self.stand.testee.stop()
@@ -190,14 +198,16 @@ class CheckPlugin:
         failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
         return Deed(name, check, script, list(self.stand.peer.entries), failed)
 
+    def _note_alive(self, deed: "Deed") -> None:
+        came = {entry.channel for entry in deed.entries if entry.event == "open"}
+        self._last_alive |= dict.fromkeys(came, deed)
+
     def _charge(self, deed: "Deed", what: str) -> None:
         """A sign that was lost is the failure of the sentence that forbids it; where the check has
         failed already, that says it.
         """
         if deed.failed:
             return
-        printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
-        told = f"; the last that it printed: {' | '.join(printed)}" if printed else ""
         requirement = forbids_loss(self.plan.side, deed.entries)
         script = deed.script and as_text(replace(from_text(deed.script), requirement=requirement))
         loss = Result(
@@ -205,11 +215,15 @@ class CheckPlugin:
             deed.name,
             Level(deed.check.level),
             failing(self.known[requirement].level),
-            f"after this check the {self.plan.side} is not what it was: {what}{told}",
+            f"after this check the {self.plan.side} is not what it was: {what}{self._last_words()}",
             tuple(excerpt(deed.entries, EVIDENCE_LINES)),
             script=script,
         )
         self.traffic.losses.append(result_as_text(loss))
+
+    def _last_words(self) -> str:
+        printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
+        return f"; the last that it printed: {' | '.join(printed)}" if printed else ""
 
     def _note_end(self) -> None:
         if ended := self.stand.testee.ended():
@@ -267,6 +281,7 @@ class CheckPlugin:
             evidence = self._evidence(check.requirement)
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
+                text += self._last_words() if self.stand.testee.ended() else ""
                 script = self._script(check.requirement, item.name, by_rule=False)
             elif isinstance(error.value, pytest.skip.Exception):
                 verdict, evidence = Verdict.SKIP, ()

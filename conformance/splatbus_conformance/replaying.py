@@ -62,7 +62,7 @@ def replay(stand: Stand, script: Script) -> Replay:
     trial.rest(SETTLE_SECONDS)
     if script.requirement != check.check.requirement and not script.by_rule:
         entries = list(stand.peer.entries)
-        lost = stand.lost() or None
+        lost = stand.lost(briefly=False) or None
         return Replay(lost, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
     peer = stand.peer
     if script.by_rule:

@@ -10,19 +10,27 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance import messages
 from splatbus_conformance.device_memory import Allocation
 from splatbus_conformance.host_memory import HostMemory
+from splatbus_conformance.kinds import REQUESTS
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.rings import TIGHT, Arrangement, arranged
 from splatbus_conformance.stand_in.ring import DeviceRing
 from splatbus_conformance.values import strings, texts, whole, within
 from splatbus_conformance.viewpoint import Viewpoint, viewpoint
 
 MAX_SIZE: int = LIMITS["max_image_size"]
+LAST_GENERATION: int = LIMITS["max_safe_integer"]
 FIRST_NUMBERS = (0, 1, 1, 1, 2**16 - 1, 2**31 - 1, 2**32 - 1)
-STEPS = (1, 1, 1, 1, 1, 2, 255, 2**16, 2**32)
-"""From the number of a frame to that of the next."""
+FIRST_GENERATIONS = (2, 77, 2**16 - 1, 2**31 - 1, 2**32 - 1)
+"""On every second pair of connections; on the others the least that there is."""
+LEAPS = (2, 255, 2**16, 2**32)
+STEPS = (1, 1, 1, 1, 1, *LEAPS)
+"""From the number of a frame to that of the next, and from generation to generation; the first of
+these is a leap.
+"""
 
 LENS = {"fx": (0.7, 1.0), "fy": (0.7, 1.0), "cx": (0.3, 0.45), "cy": (0.55, 0.7)}
 """From where to where each number of the lens is drawn, as parts of a side of the image."""
@@ -43,8 +51,8 @@ class Dealings:
     welcome: Json | None = None
     heard: list[Json] = field(default_factory=list)
     """Every object that the testee sent."""
-    generation: int = 0
-    """Of the last init packet that was sent."""
+    generations: list[int] = field(default_factory=list)
+    """Of each init packet that was sent."""
     opened: set[int] = field(default_factory=set)
     failed: set[int] = field(default_factory=set)
     closed: set[int] = field(default_factory=set)
@@ -62,6 +70,11 @@ class Dealings:
     """From where the last frame was seen, if a client has put the camera there."""
     telemetry: int = 0
     """`seq` of the last telemetry that was sent."""
+
+    @property
+    def generation(self) -> int:
+        """Of the last init packet that was sent; 0 if none was."""
+        return self.generations[-1] if self.generations else 0
 
     @property
     def granted(self) -> list[str]:
@@ -89,9 +102,16 @@ class Role:
     """
 
     def __init__(
-        self, memory: HostMemory, width: int, height: int, slots: int = 3, seed: int = 0
+        self,
+        memory: HostMemory,
+        width: int,
+        height: int,
+        slots: int = 3,
+        seed: int = 0,
+        arrangement: Arrangement = TIGHT,
     ) -> None:
         self._seed = seed
+        self._arrangement = arrangement
         self._random = Random(f"role {seed}")
         self.memory: HostMemory | Allocation = memory
         self.ring: DeviceRing | None = None
@@ -129,6 +149,11 @@ class Role:
         if connection not in self.dealings:
             self.dealings[connection] = Dealings(drawn=Random(f"frames {self._seed}"))
         return self.dealings[connection]
+
+    def is_given_up(self) -> bool:
+        """Whether a client has closed a connection on which it had made a request."""
+        left = (d for c, d in self.dealings.items() if c.channel == "msg" and c.open and c.ended)
+        return any(dealings.count(kind) for dealings in left for kind in REQUESTS)
 
     def on_open(self, connection: Connection) -> None:
         """A testee connected."""
@@ -178,15 +203,46 @@ class Role:
         """A 1.0 init packet: of device memory if there is any, else of this server's size."""
         return self.device_packet or messages.init_packet_1_0(self.width, self.height)
 
+    def next_generation(self, connection: Connection) -> int:
+        """The generation of the next init packet of this connection, for who sends it.
+
+        They have gaps, and pass what 16 and 32 bits hold. Two connections have the same, and the
+        next two others: who remembers those of a lost connection is found, and who expects them.
+        """
+        dealings = self.with_(connection)
+        begun = sum(bool(it.generations) for it in self.dealings.values() if it is not dealings)
+        drawn = Random(f"generations {self._seed} {begun // 2} {len(dealings.generations)}")
+        if dealings.generations:
+            steps = STEPS if len(dealings.generations) > 1 else LEAPS
+            number = min(dealings.generation + drawn.choice(steps), LAST_GENERATION)
+        elif (begun // 2 + self._seed) % 2:
+            number = drawn.choice(FIRST_GENERATIONS)
+        else:
+            number = 1
+        dealings.generations.append(number)
+        return number
+
     def init_packet(self, connection: Connection) -> Json:
         """A good 1.1 init packet with the next generation of this connection."""
-        dealings = self.with_(connection)
-        dealings.generation += 1
+        generation = self.next_generation(connection)
         if self.ring:
-            return self.ring.init_packet(dealings.generation)
-        return messages.init_packet_1_1(
-            self.memory.name, dealings.generation, self.width, self.height, self.slots
-        )
+            return self.ring.init_packet(generation)
+        return self._packet(generation, self.width, self.height)
+
+    def ring_bytes(self, width: int, height: int) -> int:
+        """How much memory a ring of images of this size takes."""
+        return int(self._packet(0, width, height)["memory"]["bytes"])
+
+    @property
+    def ring_layout(self) -> Json:
+        """Where the slots lie in memory that the host has."""
+        layout: Json = self._packet(0, self.width, self.height)["ring"]
+        return layout
+
+    def _packet(self, generation: int, width: int, height: int) -> Json:
+        name = self.memory.name
+        packet = messages.init_packet_1_1(name, generation, width, height, self.slots)
+        return arranged(packet, self._arrangement)
 
     def offer(self, connection: Connection, init_packet: Json) -> None:
         """Send an init packet."""
@@ -263,13 +319,13 @@ class Role:
         }
         if width is None or height is None:
             return "invalid_message"
-        fits = messages.ring_bytes(width, height, self.slots) <= self.memory.size
+        fits = self.ring_bytes(width, height) <= self.memory.size
         room = fits and self.ring is None
         if not (room and self.offers_memory and self.lends_frames):  # else a check decides on sizes
             return "unsupported"
         if any("reinit" not in dealings.granted for dealings in readers.values()):
             return "unsupported"
-        if any(set(range(1, d.generation)) - d.closed - d.failed for d in readers.values()):
+        if any(set(d.generations[:-1]) - d.closed - d.failed for d in readers.values()):
             return "busy"
         if (width, height) != (self.width, self.height):
             self.width, self.height = width, height

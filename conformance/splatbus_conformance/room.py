@@ -3,12 +3,13 @@
 import os
 from pathlib import Path
 
+from splatbus_conformance.client_introduction import SLOW_START_SECONDS, ClientFacts
 from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.processes import PROC, members
 from splatbus_conformance.stand import Stand
 
-MOST = 6
-"""More than cores: most of the time a check waits."""
+MOST, MOST_SLOW = 6, 12
+"""More than cores: most of the time a check waits; most of all for one that is slow to start."""
 GLANCE_SECONDS = 0.3
 SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
 """How much of the machine all instances may take together while they are left alone."""
@@ -27,7 +28,9 @@ def at_a_time(stand: Stand) -> int:
         return 1
     by_cores = SHARE_OF_CORES * (os.cpu_count() or 1) / max(busy, 0.01)
     by_memory = SHARE_OF_MEMORY * _free_bytes() / resident
-    return max(1, min(MOST, int(by_cores), int(by_memory)))
+    facts = stand.facts
+    slow = isinstance(facts, ClientFacts) and facts.start_seconds >= SLOW_START_SECONDS
+    return max(1, min(MOST_SLOW if slow else MOST, int(by_cores), int(by_memory)))
 
 
 def _cpu_seconds(group: int) -> float:

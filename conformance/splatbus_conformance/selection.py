@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 MUCH_LESS_ALIKE = 0.15
 """By how much a name may be less like a word than the name that is most like it."""
+PROFILES = ("brief", "quick", "full", "soak")
+"""The shortest first."""
 LEVELS = ("L0", "L1", "L2", "L3")
 RULE = "rule"
 """The name under which results list what the passive rules found."""
@@ -23,7 +25,8 @@ class Item(NamedTuple):
     name: str
     """Of the check; RULE for rules."""
     level: str
-    profile: str = "quick"
+    profile: str = PROFILES[0]
+    """The shortest that uses it."""
 
     def answers_to(self, term: str) -> bool:
         """Whether a term means this item."""
@@ -56,7 +59,7 @@ class Selection:
         if self.only and not any(item.answers_to(term) for term in self.only):
             return False
         named = item.requirement in self.only or item.name in self.only
-        return named or item.profile == "quick" or profile not in ("brief", "quick")
+        return named or PROFILES.index(profile) >= PROFILES.index(item.profile)
 
     @property
     def partial(self) -> bool:

@@ -12,11 +12,14 @@ from splatbus_conformance.plan import Plan
 from splatbus_conformance.server_introduction import ServerFacts, introduce, reach
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched, Say, not_met
+from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.viewer import Viewer
-from splatbus_conformance.vital_signs import lost_by_server
+from splatbus_conformance.vital_signs import BRIEF_SECONDS, lost_by_server
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
 """Holds the token for a server that requires one, as NEG-21 advises."""
+RESTART_SECONDS = 60.0
+"""Until a server that was met, and is started anew, must listen: the machine may be busy by now."""
 
 
 class ServerStand:
@@ -48,6 +51,11 @@ class ServerStand:
         if self.stand_in:
             self.facts.device_unseen = why_server_unseen(self.facts.init_packet, self.stand_in)
 
+    @property
+    def _patience(self) -> float:
+        """Of who has met the server."""
+        return max(self.plan.patience, RESTART_SECONDS * self.testee.expendable)
+
     def trial(self, requirement: Requirement) -> ServerTrial:
         """A trial with fresh connections and a fresh viewer."""
         return ServerTrial(
@@ -56,7 +64,7 @@ class ServerStand:
             self._new_viewer(),
             self.testee,
             self.facts,
-            self.plan.patience,
+            self._patience,
             self.stand_in,
             self.device,
         )
@@ -65,16 +73,18 @@ class ServerStand:
         """Meet another instance of a server that was met, as it was then. Raises NoVerdict."""
         self.facts = facts
         self.testee.ensure_running()
-        where, patience = "the ports that it was given", self.plan.patience
+        where, patience = "the ports that it was given", self._patience
         if not any(reach(self.peer, self.testee, it, patience) for it in CHANNELS):
             raise not_met(self.testee, "server", where, self.plan.host, patience)
         self.peer.close_all()
 
-    def lost(self) -> str:
+    def lost(self, *, briefly: bool) -> str:
         """Which vital sign the server has lost since it was met, in words; nothing if none."""
-        return lost_by_server(
-            self.peer, self._new_viewer(), self.testee, self.facts, self.plan.patience
-        )
+        viewer, facts, patience = self._new_viewer(), self.facts, self._patience
+        seconds = EFFECT_SECONDS
+        if briefly and self.testee.expendable:
+            patience = seconds = BRIEF_SECONDS
+        return lost_by_server(self.peer, viewer, self.testee, facts, patience, seconds)
 
     def close(self) -> None:
         """End the server and every connection to it."""

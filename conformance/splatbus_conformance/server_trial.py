@@ -6,13 +6,12 @@ import os
 import signal
 import time
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.device_memory import Device
 from splatbus_conformance.lenient_json import read
-from splatbus_conformance.memory_reading import Pixels
+from splatbus_conformance.memory_reading import Image
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.processes import owner
@@ -29,17 +28,8 @@ STEP = 2.0**-4
 """How far apart the places are where a trial poses the camera, in scene units."""
 GREETINGS = 10
 """How often a server is greeted that closes at once: it may not have seen the last viewer leave."""
+LATE_SECONDS = 1.0
 _places = itertools.count(1)
-
-
-class Image(NamedTuple):
-    """A frame that was lent, and a copy of what lay in its slot while it was."""
-
-    frame: Json
-    color: Pixels
-    """(h, w, 4) float32, rows top-down."""
-    depth: Pixels
-    """(h, w) float32, rows top-down."""
 
 
 class ServerTrial(Trial):
@@ -249,7 +239,7 @@ class ServerTrial(Trial):
             if len(said) == 1:
                 return "ignores"
             return "reports" if all(kind == "error" for kind in said[:-1]) else "replies"
-        return self.end_of(connection)
+        return self.end_of(connection, LATE_SECONDS)  # it was waited for while an answer was
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on an IPC connection; the control is that images still follow the camera,
@@ -336,8 +326,8 @@ class ServerTrial(Trial):
         """
         if self.ends(connection, seconds):
             connection.close()
-        if self.serves():
-            return "closes" if connection.ended else "hangs"
+            if self.serves():
+                return "closes"
         self.wait(self.fate, 0.05)
         return self.fate() or "hangs"
 
@@ -348,14 +338,25 @@ class ServerTrial(Trial):
         not been lately, unless it is told where. The scene is put where it was at first (POS-13).
         Returns the pose.
         """
-        if self._mover is None or self._mover.ended or not self._mover.open:
-            self._mover = self.dial("msg")
-            self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
+        mover = self.mover()
         if pose is None:
             row, column = divmod(next(_places), 64)
             pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
-        self.viewer.say(self._mover, pose)
+        self.viewer.say(mover, pose)
         return pose
+
+    def mover(self) -> Connection:
+        """The connection from which `move` poses."""
+        if self._mover is None or self._mover.gone:
+            self._mover = self.dial("msg")
+            self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
+        return self._mover
+
+    def pass_control(self, connection: Connection) -> None:
+        """Pose from this connection from now on; that from which `move` has posed is closed."""
+        if self._mover is not None:
+            self._mover.close()
+        self._mover = connection
 
     def sees(
         self, connection: Connection, pose: Json, seconds: float = EFFECT_SECONDS

@@ -3,9 +3,10 @@
 from typing import Any
 
 import numpy as np
+from splatbus_schemas import LIMITS
 
 from splatbus_conformance import painting
-from splatbus_conformance.adapter import Adapted, AdapterBroken, ClientCrashed
+from splatbus_conformance.adapter import Adapted, AdapterBroken, ClientCrashed, Declined
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.role import Role
 from splatbus_conformance.testee import STOP_SECONDS
@@ -13,6 +14,8 @@ from splatbus_conformance.testee import STOP_SECONDS
 UNKNOWN = "x_splatbus_conformance"
 """A command that no version will define."""
 IMAGE_SECONDS = 3.0
+GIVING_UP_SECONDS: float = LIMITS["reply_seconds"]
+"""How long a client may wait for a reply that it has not understood, before it closes (CHN-15)."""
 IDENTITY = {"position": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
 HARMLESS: dict[str, dict[str, Any]] = {
     "send_camera": IDENTITY,
@@ -34,7 +37,7 @@ def smoke(adapted: Adapted, peer: Peer, role: Role) -> None:
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
     for slot in range(role.slots):
         image = painting.coordinates(slot, role.width, role.height)
-        painting.write(role.memory, image, slot, role.slots)
+        painting.write(role.memory, image, slot, role.ring_layout)
     try:
         greeting = adapted.open()
         adapted.ask("start")
@@ -44,7 +47,7 @@ def smoke(adapted: Adapted, peer: Peer, role: Role) -> None:
             if command in greeting.can:
                 adapted.ask(command, **members)
         if "ask" in greeting.can and any(c.channel == "msg" for c in peer.connections):
-            _asks(adapted)
+            _asks(adapted, peer, role)
         if {"pixels", "digest"} <= greeting.can:
             _digest_fits_the_pixels(adapted, role)
         if "stop" in greeting.can:
@@ -67,9 +70,14 @@ def _requires_an_error(adapted: Adapted) -> None:
         raise AdapterBroken(f"a command that nobody knows was not answered by an error: {answer}")
 
 
-def _asks(adapted: Adapted) -> None:
+def _asks(adapted: Adapted, peer: Peer, role: Role) -> None:
     requests = ["viewport_size", {"camera": 0}]
-    replies = adapted.ask("ask", requests=requests)["replies"]
+    try:
+        replies = adapted.ask("ask", requests=requests)["replies"]
+    except Declined:
+        if peer.until(role.is_given_up, GIVING_UP_SECONDS):
+            return  # it was answered: a client that understands no reply is judged by REQ-11
+        raise
     kinds = ["width" in reply for reply in replies]
     if kinds != [True, False]:
         raise AdapterBroken(f"its replies do not answer {requests} in that order: {replies}")

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.broken_packets import ROOM, changed
 from splatbus_conformance.messages import EXAMPLE_HANDLE, Json, init_packet_1_1
+from splatbus_conformance.rings import GAP, MOST_GAPS, ORDERS, Arrangement, arranged
 
 
 @st.composite
@@ -17,25 +18,10 @@ def layouts(draw: st.DrawFn) -> Json:
         draw(st.integers(1, 6)),
     )
     packet = init_packet_1_1("", 0, width, height, slots)
-    color, depth = packet["ring"]["colorStride"], packet["ring"]["depthStride"]
-    gaps = st.integers(0, 8).map(lambda n: 16 * n)
-    first, between, after = draw(gaps), draw(gaps), draw(gaps)
-    order = draw(st.sampled_from(("color first", "depth first", "interleaved")))
-    if order == "interleaved":
-        stride = color + between + depth + after
-        begins = first, first + color + between
-        strides = stride, stride
-        end = first + slots * stride
-    else:
-        strides = color + between, depth + after
-        if order == "color first":
-            begins = first, first + slots * strides[0]
-            end = begins[1] + slots * strides[1]
-        else:
-            begins = first + slots * strides[1], first
-            end = begins[0] + slots * strides[0]
-    names = ("colorOffset", "depthOffset", "colorStride", "depthStride")
-    packet["ring"] |= dict(zip(names, (*begins, *strides), strict=True))
+    gaps = st.integers(0, MOST_GAPS).map(lambda n: GAP * n)
+    order = draw(st.sampled_from(ORDERS))
+    packet = arranged(packet, Arrangement(order, draw(gaps), draw(gaps), draw(gaps)))
+    end = packet["memory"]["bytes"]
     packet["memory"]["bytes"] = draw(st.sampled_from((end, end + 1, ROOM)))
     return packet
 

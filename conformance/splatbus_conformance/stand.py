@@ -51,8 +51,11 @@ class Stand(Protocol):
     def trial(self, requirement: Requirement) -> Trial:
         """A trial by this requirement, with fresh connections."""
 
-    def lost(self) -> str:
-        """Which vital sign the testee has lost since it was met, in words; nothing if none."""
+    def lost(self, *, briefly: bool) -> str:
+        """Which vital sign the testee has lost since it was met, in words; nothing if none.
+
+        Looked for briefly where nobody is charged with the loss.
+        """
 
     def close(self) -> None:
         """End the testee, and give everything back."""

@@ -12,6 +12,7 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.drawing import climb, draw
 from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.peer import Peer
+from splatbus_conformance.recording import Channel, Entry
 from splatbus_conformance.script import Case, Cases
 from splatbus_conformance.testee import Testee
 
@@ -37,8 +38,10 @@ class Loss(NamedTuple):
     """A vital sign that the testee has lost, as a check has come upon it."""
 
     what: str
-    before: bool
-    """It was gone when the check began: one before it took it."""
+    before: Channel | None
+    """Where it was gone when the check began: the last in which this channel was alive took it."""
+    entries: list[Entry]
+    """What had crossed the wire in the check when it was missed."""
 
 
 class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours

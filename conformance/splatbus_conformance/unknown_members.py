@@ -29,6 +29,15 @@ def with_unknown_members(message: dict[str, Any], random: Random) -> dict[str, A
     return fuller
 
 
+def between_unknown_members(message: dict[str, Any]) -> dict[str, Any]:
+    """A copy of `message` between members that mislead whoever looks for the first, or the last,
+    bracket or name in the text.
+    """
+    stranger: list[Any] = [None, [], {}, "}"]
+    before = {"": stranger, "decoy": _decoy(message)}
+    return {**before, **message, "decoy of it": _decoy(message), "x-later": stranger}
+
+
 def nested(depth: int) -> Any:
     """Arrays and objects in turn, `depth` of them."""
     value: Any = [] if depth % 2 else {}

@@ -19,6 +19,8 @@ from splatbus_conformance.testee import Testee
 from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.viewer import Viewer
 
+BRIEF_SECONDS = 1.5
+"""For a sign whose loss nobody is charged with: where it only seems lost, that costs a start."""
 QUIET_SECONDS = 0.02
 """For which a server that says nothing on a channel must at least leave a connection open."""
 
@@ -42,16 +44,24 @@ def forbids_loss(side: str, entries: Sequence[Entry]) -> str:
 
 
 def lost_by_server(
-    peer: Peer, viewer: Viewer, testee: Testee, facts: ServerFacts, patience: float
+    peer: Peer,
+    viewer: Viewer,
+    testee: Testee,
+    facts: ServerFacts,
+    patience: float,
+    seconds: float = EFFECT_SECONDS,
 ) -> str:
-    """Which sign a server has lost, in words; nothing if it has all that it had when it was met."""
+    """Which sign a server has lost, in words; nothing if it has all that it had when it was met.
+
+    Each is waited for so many seconds; to listen, as long as a start takes.
+    """
     peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
     peer.close_all()
     if ended := testee.ended():
         return f"its process {ended}"
     testee.ensure_running()
     for channel, listened in facts.listens.items():
-        if listened and (lost := _lost_on(channel, peer, viewer, testee, facts, patience)):
+        if listened and (lost := _lost_on(channel, peer, viewer, testee, facts, patience, seconds)):
             return lost
     return ""
 
@@ -63,6 +73,7 @@ def _lost_on(
     testee: Testee,
     facts: ServerFacts,
     patience: float,
+    seconds: float,
 ) -> str:
     """Dial until the channel does what it did; a server may have to notice who has gone."""
     failed = ""
@@ -73,25 +84,27 @@ def _lost_on(
         if connection is None:
             failed = f"it accepts no connection on the {NAMES[channel]} channel any more"
         else:
-            failed = _silent_on(connection, peer, viewer, facts)
+            failed = _silent_on(connection, peer, viewer, facts, seconds)
             connection.close()
         if failed:
             peer.pump(GONE_SECONDS)
         return not failed or connection is None or testee.ended() is not None
 
-    peer.until(sound, EFFECT_SECONDS)
+    peer.until(sound, seconds)
     if failed and (ended := testee.ended()):
         return f"its process {ended}"
     return failed
 
 
-def _silent_on(connection: Connection, peer: Peer, viewer: Viewer, facts: ServerFacts) -> str:
+def _silent_on(
+    connection: Connection, peer: Peer, viewer: Viewer, facts: ServerFacts, seconds: float
+) -> str:
     """What a server fails to do on a connection that it did when it was met."""
     channel, dealings = connection.channel, viewer.with_(connection)
     where = f"on the {NAMES[channel]} channel any more"
 
     def comes(what: str) -> bool:
-        peer.until(lambda: getattr(dealings, what) or connection.ended, EFFECT_SECONDS)
+        peer.until(lambda: getattr(dealings, what) or connection.ended, seconds)
         return bool(getattr(dealings, what))
 
     if facts.welcome[channel] is not None:
@@ -101,7 +114,7 @@ def _silent_on(connection: Connection, peer: Peer, viewer: Viewer, facts: Server
     if channel == "msg" and facts.answers:
         before = len(connection.packets)
         viewer.ask(connection, {"type": "get_viewport_size"})
-        peer.until(lambda: len(connection.packets) > before or connection.ended, EFFECT_SECONDS)
+        peer.until(lambda: len(connection.packets) > before or connection.ended, seconds)
         if len(connection.packets) == before:
             return f"it answers no request {where}"
     elif channel == "ipc" and facts.at_once:

@@ -231,7 +231,8 @@ class MessageProtocol:
                 yield from self._on_reply(message, now)
 
     def _on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
-        if welcome.version not in self._hello.versions:
+        # Once a reply has shown that the server speaks 1.0, it may name whatever version it likes.
+        if self.version != "1.0" and welcome.version not in self._hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
             yield Ignored("welcome came when the version was settled [NEG-13]")

@@ -173,7 +173,7 @@ class Session:
         ready = {
             connection: reader
             for connection, reader in self._readers.items()
-            if memory.generation in reader.opened and connection.has("frames")
+            if memory.generation in reader.opened and reader.is_let_in
         }
         for connection, reader in ready.items():
             if reader.lease is None and connection.ending is None:
@@ -252,13 +252,13 @@ class Session:
         is_reader = is_named or self._exchange.memory.kind == "cuda_ipc"
         if connection.channel != "ipc" or not is_reader:
             return None
-        with_frames = sum(other.has("frames") for other in self._readers if other is not connection)
-        if connection.has("frames") and with_frames == self._most_readers:
-            reason = f"{with_frames} clients read images already [IMG-18]"
+        let_in = sum(reader.is_let_in for reader in self._readers.values())
+        if connection.has("frames") and let_in == self._most_readers:
+            reason = f"{let_in} clients read images already [IMG-18]"
             refusal = connection.complain(Refusal("too_many_clients", reason))
             connection.end(reason, now)
             return refusal
-        self._readers.setdefault(connection, Reader())
+        self._readers.setdefault(connection, Reader()).is_let_in = connection.has("frames")
         return None
 
     def _announce(

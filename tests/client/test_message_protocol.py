@@ -89,9 +89,10 @@ def test_a_welcome_before_the_reply_means_its_version():
     assert request == {"type": "get_camera_pose", "cam_idx": 3, "id": ticket}
 
 
-def test_a_welcome_after_1_0_was_settled_changes_nothing():
+@pytest.mark.parametrize("version", ["1.1", "1.2"])
+def test_a_welcome_after_1_0_was_settled_changes_nothing(version):
     machine = machine_of_1_0()
-    assert isinstance(receive(machine, packet(welcome()), 0.0)[0], Ignored)
+    assert isinstance(receive(machine, packet(welcome(version=version)), 0.0)[0], Ignored)
     assert machine.version == "1.0"
 
 

@@ -3,18 +3,27 @@
 import argparse
 import ast
 import io
+import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
-from splatbus_conformance.selftest.machine import command, modules, specimens, trials
-from splatbus_conformance.selftest.machine.changes import Kind, changed, changes
-from splatbus_conformance.selftest.machine.importing import CHANGE
-from splatbus_conformance.selftest.machine.lines import executes, noted, watch
-from splatbus_conformance.selftest.machine.trials import ByTests, Fate, Judged, Opinion, Phase
+from splatbus_conformance.selftest.machine import (
+    command,
+    lines,
+    modules,
+    specimens,
+    testing,
+    trials,
+)
+from splatbus_conformance.selftest.machine.changes import Change, Kind, changed, changes
+from splatbus_conformance.selftest.machine.lines import MEETING, START, Watched, noted
+from splatbus_conformance.selftest.machine.testing import ByTests
+from splatbus_conformance.selftest.machine.trials import Fate, Judged, Opinion, Phase
 from splatbus_conformance.selftest.zoo import specimen_named
 
 MODULE = "splatbus_wire.framing"
@@ -131,63 +140,142 @@ def test_specimens_of_the_machine_are_found_by_their_name():
 
 def test_lines_that_are_executed_are_noted(tmp_path):
     file = tmp_path / "lines"
+    lines.nobody_yet(lines.now_of(file))
     code = (
-        f"from {watch.__module__} import watch\nwatch({str(file)!r})\nimport {MODULE}\n"
+        f"from {lines.__name__} import watch\nwatch({str(file)!r})\nimport {MODULE}\n"
         f"from {MODULE} import PacketDecoder\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ))
-    lines = noted(file.read_text())
-    assert {module for module, _ in lines} >= {MODULE}
+    found = noted(file.read_text())
+    assert set(found) == {START}
+    assert {module for module, _ in found[START]} >= {MODULE}
+    watched = Watched(found, {"check_it": 1.0})
     inside = [it for it in modules.of(MODULE) if it.name.startswith(f"{MODULE}:PacketDecoder.")]
-    assert not any(executes(lines, it) for it in inside)  # nothing was called
+    assert not any(watched.telling(it) for it in inside)  # nothing was called
+
+
+def test_a_watched_specimen_is_told_which_check_runs(tmp_path):
+    now = lines.now_of(tmp_path / "lines")
+    lines.nobody_yet(now)
+    assert lines.told(now) == ""
+    code = (
+        f"import {lines.__name__} as it\nit.tell({str(now)!r})\n"
+        "from splatbus_conformance.gathering import Gathering\n"
+        "from unittest import mock\n"
+        "Gathering.pytest_runtest_logstart(mock.MagicMock(), 'x.py::check_it')\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ))
+    assert lines.told(now) == "check_it"
+
+
+LINES = {
+    "check_one": frozenset({("m", 1), ("m", 2)}),
+    "check_two": frozenset({("m", 2)}),
+    START: frozenset({("m", 4)}),
+    MEETING: frozenset({("m", 2), ("m", 3)}),
+}
+
+
+@pytest.mark.parametrize(
+    ("line", "telling"),
+    [
+        (1, ["check_one"]),
+        (2, ["check_two", "check_one"]),
+        (3, ["check_none", "check_two", "check_one"]),
+        (4, ["check_none", "check_two", "check_one"]),
+        (5, []),
+    ],
+)
+def test_who_executes_a_change_can_tell_it_or_all_where_it_lasts(line, telling):
+    watched = Watched(LINES, {"check_one": 3.0, "check_two": 2.0, "check_none": 1.0})
+    assert watched.telling(Change("m:f:bound:1", line, (line, line), "", "")) == telling
+    assert Watched.from_json(json.loads(json.dumps(watched.as_json()))) == watched
 
 
 def told(monkeypatch, *found):
     """The runs that are made, each of which comes to one of these opinions."""
     runs, left = [], list(found)
 
-    def by_run(change, side, phase):
-        runs.append((side, phase.profile))
+    def run(change, phase, checks=()):
+        runs.append((phase.name, list(checks)))
         return left.pop(0)
 
-    monkeypatch.setattr(trials, "_by_run", by_run)
+    monkeypatch.setattr(trials, "run", run)
     return runs
 
 
 ALIVE, DEAD, UNMET = Opinion(Fate.SURVIVED), Opinion(Fate.KILLED, "x"), Opinion(Fate.UNMET)
+TOKEN = "server with a token"
 
 
 def wire():
     return next(it for it in modules.draw(50, 1) if len(it.sides) == 2)
 
 
+def watched(*phases, count=8):
+    """Each of these phases has so many checks that execute it."""
+    change = wire().change
+    found = {f"check_{it}": frozenset({(change.module, change.line)}) for it in range(count)}
+    seen = Watched(found, dict.fromkeys(found, 1.0))
+    return {it.name: seen if it.name in phases else Watched() for it in trials.PHASES}
+
+
 def test_the_first_must_that_is_broken_ends_it(monkeypatch):
     runs = told(monkeypatch, ALIVE, ALIVE, DEAD)
-    assert trials.by_harness(wire(), None) == DEAD
+    assert trials.by_harness(wire(), None, []) == DEAD
     assert len(runs) == 3
 
 
 def test_a_side_that_is_not_met_is_not_tried_again(monkeypatch):
     runs = told(monkeypatch, UNMET, UNMET, *[ALIVE] * 9)
-    assert trials.by_harness(wire(), None) == UNMET
-    assert [side for side, _ in runs] == ["client", "client", "server", "server", "server"]
+    assert trials.by_harness(wire(), None, []) == UNMET
+    assert [name for name, _ in runs] == ["server", "client unity", "client"]
+
+
+def test_a_later_phase_is_for_what_no_earlier_one_executes(monkeypatch):
+    runs = told(monkeypatch, *[ALIVE] * 9)
+    trials.by_harness(wire(), watched("client unity", "client telemetry"), [])
+    assert [(name, len(checks)) for name, checks in runs] == [("client unity", 8)]
+    runs.clear()
+    trials.by_harness(wire(), watched("client telemetry", "client blender"), [])
+    assert [(name, len(checks)) for name, checks in runs] == [("client telemetry", 8)]
 
 
 def test_a_client_that_no_adapter_can_speak_for_is_tried_without_one(monkeypatch):
-    told(monkeypatch, UNMET, DEAD)
-    assert trials.by_harness(wire(), None) == DEAD
+    told(monkeypatch, ALIVE, ALIVE, UNMET, DEAD)
+    assert trials.by_harness(wire(), None, []) == DEAD
 
 
-def test_the_run_that_killed_it_formerly_is_the_first(monkeypatch):
-    runs = told(monkeypatch, DEAD)
-    trials.by_harness(wire(), None, "server quick: FRM-1 check_it: wrong")
-    assert runs == [("server", "quick")]
+def test_the_check_that_killed_it_formerly_is_the_first(monkeypatch):
+    runs = told(monkeypatch, ALIVE, DEAD)
+    former = replace(judged(wire().change.name, Fate.KILLED), phase=TOKEN, check="check_it")
+    trials.by_harness(wire(), None, [former])
+    assert runs == [(TOKEN, ["check_it"]), (TOKEN, [])]
+
+
+def test_a_few_checks_of_each_side_come_before_the_others(monkeypatch):
+    runs = told(monkeypatch, *[ALIVE] * 9)
+    former = replace(judged(wire().change.name, Fate.KILLED), phase="server", check="check_7")
+    trials.by_harness(wire(), watched("server", "client unity"), [former])
+    assert [(name, len(checks)) for name, checks in runs] == [
+        *(("server", trials.FIRST), ("client unity", trials.FIRST)),
+        *(("server", 8 - trials.FIRST), ("client unity", 8 - trials.FIRST)),
+    ]
+    assert runs[0][1][0] == "check_7"
+
+
+def test_with_a_token_the_few_are_enough_where_all_ran_without_one(monkeypatch):
+    runs = told(monkeypatch, *[ALIVE] * 9)
+    trials.by_harness(wire(), watched("server", TOKEN), [])
+    assert [name for name, _ in runs] == ["server", TOKEN, "server"]
+    runs.clear()
+    trials.by_harness(wire(), watched(TOKEN), [])
+    assert [(name, len(checks)) for name, checks in runs] == [(TOKEN, 8)]
 
 
 def test_what_no_run_executes_is_not_run(monkeypatch):
     runs = told(monkeypatch)
-    nothing = {"client": frozenset(), "server": frozenset()}
-    assert trials.by_harness(wire(), nothing).fate is Fate.UNTOUCHED
+    assert trials.by_harness(wire(), watched(), []).fate is Fate.UNTOUCHED
     assert runs == []
 
 
@@ -207,44 +295,50 @@ def report(*cells):
 )
 def test_the_worst_verdict_decides(monkeypatch, verdicts, fate):
     monkeypatch.setattr(trials, "run_harness", lambda *given: (report(*verdicts), 1, ""))
-    assert trials._by_run("m:f:bound:1", "client", Phase("brief")).fate is fate
+    assert trials.run("m:f:bound:1", Phase("client")).fate is fate
 
 
 def test_a_mutant_that_cannot_be_met_is_neither_killed_nor_alive(monkeypatch):
     nobody = {"requirement": "", "check": "run", "verdict": "harness-error", "text": "nobody came"}
     given = {"requirements": [], "others": [nobody]}
     monkeypatch.setattr(trials, "run_harness", lambda *_: (given, 3, ""))
-    assert trials._by_run("m:f:bound:1", "client", Phase("brief")).fate is Fate.UNMET
+    assert trials.run("m:f:bound:1", Phase("client")).fate is Fate.UNMET
 
 
 def test_a_test_that_fails_without_the_change_kills_nothing(monkeypatch):
-    monkeypatch.setattr(
-        trials, "_failing", lambda tests, change="": "tests/wire/test_it.py::test_x"
-    )
-    assert trials.by_tests(f"{MODULE}:f:bound:1")[0] is ByTests.UNKNOWN
+    change = wire().change
+    found = Watched({"x::y": frozenset({(change.module, change.line)})}, {"x::y": 1.0})
+    monkeypatch.setattr(testing, "failing", lambda tests, change="": tests[0])
+    assert testing.by_tests(change, found, [])[0] is ByTests.UNKNOWN
+    monkeypatch.setattr(testing, "failing", lambda tests, change="": change and tests[0])
+    monkeypatch.setattr(testing, "failing", lambda tests, change="": tests[0] if change else None)
+    assert testing.by_tests(change, found, []) == (ByTests.KILLED, "x::y")
+    assert testing.by_tests(change, Watched(), []) == (ByTests.SURVIVED, "")
 
 
-def test_the_tests_meet_the_changed_module(tmp_path):
-    change = modules.of(MODULE)[0]
-    test = tmp_path / "test_it.py"
-    test.write_text(
-        f"import {MODULE} as it\n\n"
-        "def test_it():\n    assert type(it.__loader__).__name__ == 'SourceFileLoader'\n"
-    )
-    assert trials._failing([test]) is None
-    assert "test_it" in trials._failing([test], change.name)
-    assert CHANGE not in os.environ
+def test_the_tests_meet_the_changed_module_in_the_order_that_is_asked_for():
+    file = "tests/wire/test_framing.py"
+    names = [f"{file}::test_the_largest_payload_is_taken"]
+    names += [f"{file}::test_a_packet_is_its_length_little_endian_and_its_payload"]
+    change = f"{MODULE}:encode_packet:condition:1"
+    assert testing.failing(names) is None
+    assert testing.failing(names, change) == names[0]
+    assert testing.failing(names[::-1], change) == names[1]
 
 
-def test_the_tests_about_a_module_come_first():
-    names = [path.name for path in trials.tests_of(MODULE)]
-    assert names[0] == "test_framing.py"
-    folders = {path.parent.name for path in trials.tests_of("splatbus_client.lease")}
-    assert folders == {"client", "pair"}
+def test_what_is_made_while_a_module_is_read_is_met_by_its_users():
+    change = Change("splatbus_wire.fields::constant:1", 1, (1, 1), "", "")
+    found = {
+        START: frozenset({(change.module, 1)}),
+        "a": frozenset({(change.module, 9)}),
+        "b": frozenset({("splatbus_wire.init_packet", 9)}),
+        "c": frozenset({("splatbus_client.backoff", 9)}),
+    }
+    assert testing._telling(change, Watched(found, dict.fromkeys("abc", 1.0))) == ["a", "b"]
 
 
 def judged(name, fate, tested=ByTests.KILLED):
-    return Judged(name, 1, "x", "y", fate, tested, "client brief: so")
+    return Judged(name, 1, "x", "y", fate, tested, "client unity", "check_it", "so")
 
 
 def test_two_figures_leave_out_what_cannot_count():
@@ -271,12 +365,12 @@ def given(**values):
 def test_what_was_judged_is_not_judged_again(monkeypatch, tmp_path):
     seen = []
 
-    def judge(drawn, executed, former=""):
+    def judge(drawn, watched, former):
         seen.append(drawn.change.name)
         return judged(drawn.change.name, Fate.KILLED)
 
     monkeypatch.setattr(command, "judge", judge)
-    monkeypatch.setattr(command, "executed_lines", lambda: {"client": frozenset({("m", 1)})})
+    monkeypatch.setattr(command, "watched_at", lambda *_: {})
     out, path = Console(file=io.StringIO()), str(tmp_path / "result.json")
     assert command.machine(given(json=path), out) == 0
     assert command.machine(given(json=path, count=5, resume=True), out) == 0
@@ -288,7 +382,7 @@ def test_what_was_judged_is_not_judged_again(monkeypatch, tmp_path):
 
 def test_what_was_killed_has_to_be_killed_again(monkeypatch, tmp_path):
     alive, dead = (it.change.name for it in modules.draw(2, 1))
-    result = command.Result(1, "", {})
+    result = command.Result(1, "")
     result.judged = {
         alive: judged(alive, Fate.KILLED),
         dead: judged(dead, Fate.SURVIVED),

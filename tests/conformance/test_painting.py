@@ -19,13 +19,13 @@ def opened():
         ring = init_packet_1_1("", 1, W, H, SLOTS)["ring"]
         names = ("colorOffset", "colorStride", "depthOffset", "depthStride")
         layout = Layout(W, H, SLOTS, *(ring[name] for name in names), memory.size)
-        yield memory, Opened(1, memory.name, layout)
+        yield memory, Opened(1, memory.name, layout), ring
 
 
 def test_an_image_is_read_back_as_it_was_painted(opened):
-    memory, reader = opened
+    memory, reader, ring = opened
     for slot in range(SLOTS):
-        write(memory, coordinates(slot, W, H), slot, SLOTS)
+        write(memory, coordinates(slot, W, H), slot, ring)
     for slot in range(SLOTS):
         image = coordinates(slot, W, H)
         assert np.array_equal(reader.color(slot), image.color)

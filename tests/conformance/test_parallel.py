@@ -114,8 +114,7 @@ def test_a_worker_that_dies_is_a_harness_error(tmp_path: Path) -> None:
 def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "3")
-    names = wait_for(folder, 3)
-    assert len(names) >= 3
+    assert len(wait_for(folder, 3)) >= 3
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=90)
     assert process.returncode == 130, output

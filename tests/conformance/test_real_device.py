@@ -134,7 +134,7 @@ def test_there_is_no_device_without_a_driver(monkeypatch):
 def test_a_ring_is_opened_and_read_slot_by_slot(device, neighbour):
     ring = DeviceRing(device, 6, 4, 3)
     image = coordinates(7, 6, 4)
-    painting.write(ring.memory, image, 2, 3)
+    painting.write(ring.memory, image, 2, ring.layout)
     opened = open_on_device(ring.init_packet(5), neighbour)
     assert opened.generation == 5
     np.testing.assert_array_equal(opened.color(2), image.color)

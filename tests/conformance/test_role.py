@@ -61,7 +61,13 @@ class Wire:
 
     def give_back(self) -> list[dict]:
         """What the role says to the release of the frame that it lent last."""
-        return self.hear(about_generation("release", seq=self.said[-1]["seq"]))
+        frame = self.said[-1]
+        return self.hear(about_generation("release", frame["generation"], seq=frame["seq"]))
+
+    @property
+    def generations(self) -> list[int]:
+        """Of the init packets that it was sent."""
+        return [message["generation"] for message in self.said if "meta" in message]
 
     def _note(self, direction: Any, data: bytes) -> None:
         now = 1.0 + 0.01 * len(self.recording)
@@ -84,7 +90,7 @@ class Stage:
 
     def reading(self, *capabilities: str) -> Wire:
         wire = self.connect("ipc", *(capabilities or ALL))
-        wire.hear(about_generation("opened"))
+        wire.hear(about_generation("opened", *wire.generations))
         return wire
 
 
@@ -127,11 +133,28 @@ def test_another_size_is_announced_to_all_who_read(stage):
     (answer,) = steering.hear(resize(32, 24))
     assert answer["viewport_size"] == [32, 24]
     for reader in readers:
-        assert (reader.said[-1]["generation"], reader.said[-1]["meta"]["w"]) == (2, 32)
-        reader.hear(about_generation("opened", 2))
+        former, newest = reader.generations
+        assert (newest > former, reader.said[-1]["meta"]["w"]) == (True, 32)
+        reader.hear(about_generation("opened", newest))
         assert steering.hear(resize(16, 12))[0]["code"] == "busy"
-        reader.hear(about_generation("closed", 1))
+        reader.hear(about_generation("closed", former))
     assert steering.hear(resize(16, 12))[0]["viewport_size"] == [16, 12]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_generations_begin_otherwise_on_every_second_pair_of_connections(stage, seed):
+    stage = Stage(stage.role.memory, seed)
+    first, second, third = (stage.reading().generations[0] for _ in range(3))
+    assert first == second
+    assert (first == 1, third == 1) == (not seed, bool(seed))
+
+
+def test_generations_pass_what_32_bits_hold_and_no_more_than_there_are(stage):
+    numbers = [stage.role.next_generation(stage.reading()) for _ in range(40)]
+    assert max(numbers) > 2**32
+    reader = stage.reading()
+    stage.role.with_(reader).generations.append(2**53 - 2)
+    assert stage.role.next_generation(reader) == 2**53 - 1
 
 
 def test_the_same_size_is_announced_to_nobody(stage):

@@ -275,3 +275,11 @@ def test_what_answers_nothing_is_about_what_was_sent_before_it(
     pipelined = msg(*map(client, (beside, asked, beside)), *map(server, (reply, reply, reply)))
     found = breaches(pipelined)
     assert {name: n for (peer, name), n in found.items() if peer == "server"} == {requirement: 1}
+
+
+@pytest.mark.parametrize("silent", [(POSE, UNKNOWN), (UNKNOWN, POSE)])
+def test_what_may_be_about_several_messages_is_one_answer_too_many(silent: tuple) -> None:
+    """Whichever came first: each is left alone by a sentence of its own."""
+    pipelined = msg(*map(client, (*silent, ASK_SIZE)), server({"ok": True}), server({"ok": True}))
+    found = breaches(pipelined)
+    assert {name for peer, name in found if peer == "server"} == {"REQ-3", "REQ-7"}

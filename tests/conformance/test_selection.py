@@ -3,7 +3,7 @@
 import pytest
 from splatbus_conformance.asking import selectable_on
 from splatbus_conformance.plan import SIDES
-from splatbus_conformance.selection import RULE, Item, Selection, UnknownTermError, terms
+from splatbus_conformance.selection import PROFILES, RULE, Item, Selection, UnknownTermError, terms
 
 CHECK = Item("FRM-3", "check_bad_length", "L1")
 SLOW = Item("FRM-5", "check_incomplete", "L1", "full")
@@ -41,6 +41,12 @@ def test_what_is_named_itself_runs_in_any_profile_but_a_clause_does_not_name() -
     assert SLOW not in chosen("FRM")
     assert SLOW in chosen("FRM", profile="full")
     assert SLOW in chosen(profile="soak")
+
+
+def test_each_profile_runs_what_a_shorter_one_does() -> None:
+    waits = Item("CHN-15", "check_waits", "L1", "quick")
+    taken = [it for it in PROFILES if Selection().takes(waits, it)]
+    assert taken == ["quick", "full", "soak"]
 
 
 @pytest.mark.parametrize("term", ["FRM-4", "L9", "check_bad_lengths", "rule"])

@@ -47,6 +47,16 @@ BROKEN = {
         "check_opens_each_handle_once",
         "it had the memory open when it called cudaIpcOpenMemHandle",
     ),
+    "closes the connection and reads on": (
+        "keep(image, image.read())",
+        "sock.close()\n"
+        "                for _ in range(300):\n"
+        "                    image.read()\n"
+        "                    time.sleep(0.01)\n"
+        "                return",
+        "check_keeps_the_ipc_connection_while_it_reads",
+        "it reads on after it closed the IPC connection",
+    ),
     "never closes memory": (
         'cuda("IpcCloseMemHandle", pointer)',
         "pass",

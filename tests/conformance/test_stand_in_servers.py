@@ -27,6 +27,16 @@ def test_the_good_miniature_of_frames_passes_every_check() -> None:
     assert judged("server", OF_FRAMES, ALL_CHECKS) == dict.fromkeys(ALL_CHECKS, "")
 
 
+def test_a_miniature_whose_images_come_late_is_waited_for(tmp_path: Path) -> None:
+    """As those of any do on a busy machine."""
+    source, sends = OF_IMAGES.read_text("utf-8"), "        send(sock, self.images.init_packet())\n"
+    assert source.count(sends) == 1
+    late = tmp_path / "late.py"
+    late.write_text(source.replace(sends, f"        __import__('time').sleep(1)\n{sends}"), "utf-8")
+    checks = {"exports": device.check_exports_nothing_but_buffers}
+    assert judged("server", late, checks) == {"exports": ""}
+
+
 RECORD = '        cuda("EventRecord", self.event, self.stream)\n'
 WRITE_DEPTH = "        self.write(COLOR, depth)\n"
 SLOT_RECORD = "            self.images.publish(slot, color, depth)\n"

@@ -7,7 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_conformance import messages
 from splatbus_conformance.lenient_json import nesting, read
-from splatbus_conformance.unknown_members import known_names, nested, with_unknown_members
+from splatbus_conformance.unknown_members import (
+    between_unknown_members,
+    known_names,
+    nested,
+    with_unknown_members,
+)
 from splatbus_schemas import LIMITS
 from splatbus_schemas.validation import violations
 
@@ -33,6 +38,18 @@ def test_added_members_change_nothing(name, seed):
     assert not violations(fuller, name, "1.1")
     value, faults = read(messages.encode(fuller))
     assert (value, faults) == (fuller, ())
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_members_before_and_behind_mislead_a_search_of_the_text(name):
+    between = between_unknown_members(MESSAGES[name])
+    assert knows(between, MESSAGES[name])
+    assert not violations(between, name, "1.1")
+    places = list(between)
+    own = [places.index(member) for member in MESSAGES[name]]
+    assert places.index("decoy") < min(own)
+    assert max(own) < places.index("decoy of it")
+    assert between["decoy"].keys() == MESSAGES[name].keys() == between["decoy of it"].keys()
 
 
 @pytest.mark.parametrize("name", MESSAGES)

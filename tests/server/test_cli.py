@@ -105,8 +105,7 @@ def test_what_a_killed_server_leaves_is_swept_by_the_next() -> None:
             path = Path("/dev/shm") / reader.open()["memory"]["name"]
         server.process.kill()
         server.process.wait(SECONDS)
-    assert path.exists()
-    with running():
+    with running():  # or one of another test, which sweeps too
         assert not path.exists()
 
 

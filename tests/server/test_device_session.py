@@ -138,9 +138,18 @@ def test_clients_beyond_the_slots_are_refused_though_they_joined(stage: DeviceSt
     """[IMG-18]"""
     for _ in range(READERS):
         stage.reader()
-    client = stage.arrive()
-    (refusal,) = client.say(hello(*CAPABILITIES))
-    assert refusal.code == "too_many_clients"
+    for _ in range(3):  # those who were refused stay until their connections have ended
+        client = stage.arrive()
+        (refusal,) = client.say(hello(*CAPABILITIES))
+        assert refusal.code == "too_many_clients"
+
+
+def test_a_place_that_is_free_again_is_not_kept_by_who_was_refused(stage: DeviceStage) -> None:
+    """[IMG-18]"""
+    first, *_ = [stage.reader() for _ in range(READERS)]
+    stage.arrive().say(hello(*CAPABILITIES))
+    first.leave()
+    assert stage.arrive().say(hello(*CAPABILITIES)) == []
 
 
 def test_a_client_of_1_0_is_disconnected_by_another_size(stage: DeviceStage) -> None:

@@ -32,7 +32,7 @@ class Check:
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
-    """`quick` runs always, `full` only in the full profile."""
+    """The shortest that runs it: `brief`, or `quick` or `full` for what takes long."""
 
     @property
     def level(self) -> str:
@@ -48,7 +48,7 @@ def check(
     observable: str,
     needs: tuple[str, ...] = (),
     may_crash: bool = False,
-    profile: str = "quick",
+    profile: str = "brief",
 ) -> Callable[[F], F]:
     """Declare a function to be the check of a requirement."""
 

@@ -1,6 +1,7 @@
 """Rules on what a server answers (spec 1.0 section 6.2, spec 1.1 section 2.6)."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ from splatbus_conformance.kinds import (
     REQUESTS_1_0,
 )
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
-from splatbus_conformance.rules.answers import Extra, exchanges, valid_request
+from splatbus_conformance.rules.answers import exchanges, valid_request
 from splatbus_conformance.rules.greetings import hello
 from splatbus_conformance.rules.init_packets import size
 from splatbus_conformance.rules.objects import STEERING
@@ -42,6 +43,16 @@ class Size(NamedTuple):
 
     t: float
     size: tuple[int, int]
+
+
+class Blamed(NamedTuple):
+    """A packet from the server that answers nothing."""
+
+    answer: Message
+    cause: Message | None
+    """The message of the client that it was sent for, as far as that shows."""
+    requirement: str
+    """The one that it breaks."""
 
 
 @rule("REQ-3", "REQ-5")
@@ -96,7 +107,7 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
         late = f"this answers a request after {pair.late} that had no answer yet"
         yield about(conversation, pair.answer, requirement, late if pair.late else None)
     for extra in _caused(conversation):
-        if _blame(extra, negotiated=negotiated) == "REQ-7":
+        if extra.requirement == "REQ-7":
             yield about(conversation, extra.answer, "REQ-7", "a reply that nothing asked for")
     if found.unanswered and _left_by_the_server(conversation):
         hello = conversation.hello
@@ -111,10 +122,8 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
 def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
     """CHN-11, JSN-8, POS-10, REQ-8, REQ-9: what has no reply, by what was sent before it."""
     found = exchanges(conversation)
-    negotiated = conversation.welcome is not None
     causes = set()
-    for answer, cause in _caused(conversation):
-        requirement = _blame(Extra(answer, cause), negotiated=negotiated)
+    for answer, cause, requirement in _caused(conversation):
         if requirement != "REQ-7":
             what = "unasked" if cause is None else f"after a message of type {show(cause.type)}"
             yield about(conversation, answer, requirement, f"a packet {what}")
@@ -259,35 +268,47 @@ def _rendered(recording: Conversation) -> float:
 
 
 @lru_cache(maxsize=1)  # two rules ask for the same
-def _caused(conversation: Conversation) -> tuple[Extra, ...]:
+def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
     """What answers nothing, each with the message that it was sent for, as far as that shows.
 
     A server answers in order. What comes when each request has its answer is about something that
-    the client had sent since it last knew that; else it is one more answer to the last.
+    the client had sent since it last knew that; else it is one more answer to the last. Where that
+    can be several messages, which are left alone by different sentences, it is one answer too many
+    to all of them.
     """
     found = exchanges(conversation)
+    negotiated = conversation.welcome is not None
     waits = {pair.answer.packet.offset: pair.question.packet.offset for pair in found.pairs}
     asked = {*waits.values(), *(message.packet.offset for message in found.unanswered)}
     extra = {it.answer.packet.offset: it.cause for it in found.extra}
-    told: list[Extra] = []
-    silent: list[Message] = []
+    told: list[Blamed] = []
+    silent: defaultdict[str, list[Message]] = defaultdict(list)
     waiting, all_answered = 0, False
     for message in sorted(conversation.messages, key=lambda it: it.packet.ended):
         at = message.packet.offset
         if message.sender == "client":
             if all_answered:
-                silent, all_answered = [], False
+                silent.clear()
+                all_answered = False
             waiting += at in asked
             if message.value is None or message.faults or _without_reply(message):
-                silent.append(message)
+                silent[_blame(message, negotiated=negotiated)].append(message)
         elif at in waits:
             waiting -= 1
             all_answered = waiting == 0
         elif at in extra:
-            cause = next((it for it in silent if _may_be_for(message, it)), None)
-            if cause is not None:
-                silent.remove(cause)
-            told.append(Extra(message, cause or extra[at]))
+            causes = {
+                requirement: first
+                for requirement, messages in silent.items()
+                if (first := next((it for it in messages if _may_be_for(message, it)), None))
+            }
+            if len(causes) > 1:
+                told.append(Blamed(message, extra[at], "REQ-7"))
+                continue
+            cause = extra[at]
+            for requirement, cause in causes.items():
+                silent[requirement].remove(cause)
+            told.append(Blamed(message, cause, _blame(cause, negotiated=negotiated)))
     return tuple(told)
 
 
@@ -297,8 +318,8 @@ def _may_be_for(answer: Message, message: Message) -> bool:
     return unread or answer.kind is None or REPLY_TO.get(message.kind or "") == answer.kind
 
 
-def _blame(extra: Extra, *, negotiated: bool) -> str:
-    cause = extra.cause
+def _blame(cause: Message | None, *, negotiated: bool) -> str:
+    """The requirement that an answer breaks which a message must not have had."""
     if cause is None:
         return "CHN-11"
     if cause.value is None or cause.faults:

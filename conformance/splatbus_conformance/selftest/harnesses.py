@@ -1,4 +1,7 @@
-"""Harnesses as processes, started quickly: each is forked from one that has imported everything."""
+"""Harnesses as processes, started quickly: each is forked from one that has imported everything.
+
+So may be whatever else needs much of that.
+"""
 
 import contextlib
 import multiprocessing
@@ -7,6 +10,7 @@ import signal
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -23,15 +27,30 @@ _context = multiprocessing.get_context(
 )
 
 
-def run(line: list[str], seconds: float, environment: dict[str, str]) -> tuple[int | None, str]:
-    """Run `splatbus-conformance` with this command line, and these variables besides; its exit
-    status, and what it printed.
+def judge(line: list[str]) -> int:
+    """Run `splatbus-conformance` with this command line; its exit status."""
+    from splatbus_conformance.cli import main
+    from splatbus_conformance.selftest.nursery import forking_specimens
+
+    with forking_specimens():
+        return main(line)
+
+
+def run(
+    line: list[str],
+    seconds: float,
+    environment: dict[str, str],
+    main: Callable[[list[str]], int] = judge,
+) -> tuple[int | None, str]:
+    """Run a harness, or another program, with this command line, and these variables besides; its
+    exit status, and what it printed.
 
     The status is None if it had to be ended after so many seconds; then the text says so.
     """
     with tempfile.TemporaryDirectory(prefix="splatbus-harness-") as folder:
         output = Path(folder, "output.txt")
-        process = _context.Process(target=_harness, args=(line, str(output), environment))  # type: ignore[attr-defined]
+        given = (line, str(output), environment, main)
+        process = _context.Process(target=_apart, args=given)  # type: ignore[attr-defined]
         with _starting:
             # NumPy starts twice as fast without threads that no specimen needs.
             os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -43,7 +62,7 @@ def run(line: list[str], seconds: float, environment: dict[str, str]) -> tuple[i
             process.join(seconds)
             if process.is_alive():
                 _end(process)
-                return None, f"the harness did not come to an end within {seconds:g} s"
+                return None, f"it did not come to an end within {seconds:g} s"
             return process.exitcode, output.read_text("utf-8", "replace")
         finally:
             _running.discard(process)
@@ -55,21 +74,18 @@ def stop_all() -> None:
         _end(process)
 
 
-def _harness(line: list[str], output: str, environment: dict[str, str]) -> None:
+def _apart(
+    line: list[str], output: str, environment: dict[str, str], main: Callable[[list[str]], int]
+) -> None:
     """Runs in the process of its own, in a group of its own, so that it ends with its children."""
     os.environ.update(environment)
-    from splatbus_conformance.cli import main
-    from splatbus_conformance.selftest.nursery import forking_specimens
-
     if os.name == "posix":
         os.setsid()
     sys.stdout.flush()
     file = os.open(output, os.O_WRONLY | os.O_CREAT, 0o600)
     for stream in (1, 2):
         os.dup2(file, stream)
-    with forking_specimens():
-        status = main(line)
-    sys.exit(status)
+    sys.exit(main(line))
 
 
 def _end(process: BaseProcess) -> None:

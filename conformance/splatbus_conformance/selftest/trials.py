@@ -4,7 +4,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -192,6 +192,8 @@ def run_harness(
     axes: str = "",
     more: Sequence[str] = (),
     environment: dict[str, str] | None = None,
+    main: Callable[[list[str]], int] = harnesses.judge,
+    command: str = "",
 ) -> tuple[dict[str, Any] | None, int | None, str]:
     """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
     by `--adapter` where there are axes, in which its adapter gives and takes poses.
@@ -201,12 +203,14 @@ def run_harness(
     """
     reference = "splatbus_client.adapter" if axes else f"splatbus_{side}"
     module = reference if name in REFERENCE else f"{__package__}.mutants {name}"
-    how, arguments = ("--adapter", f"--axes {axes}") if axes else ("--launch", USUAL[side])
+    how, arguments = (
+        ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
+    )
     testee = f'"{sys.executable}" -m {module} {arguments}'
     with tempfile.TemporaryDirectory(prefix="splatbus-selftest-") as folder:
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
         line += ["--parallel", "1", "--shrink", "0", "--scripts", folder, *more]
-        status, output = harnesses.run(line, seconds, environment or TOLD.get(name, {}))
+        status, output = harnesses.run(line, seconds, environment or TOLD.get(name, {}), main)
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

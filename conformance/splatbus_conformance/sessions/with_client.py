@@ -233,9 +233,9 @@ class WithClient:
         if "ipc" not in self._at or not self.facts.opens:
             return
         self._answered()
-        newest = self._dealings.generation
-        self._until(lambda: len(self._said("opened", "open_failed")) >= newest)
-        unanswered = set(range(1, newest + 1)) - set(self._said("opened", "open_failed"))
+        newest, announced = self._dealings.generation, set(self._dealings.generations)
+        self._until(lambda: set(self._said("opened", "open_failed")) >= announced)
+        unanswered = announced - set(self._said("opened", "open_failed"))
         if unanswered:
             raise Breach("OPN-1", f"no answer to generation {min(unanswered)}")
         self._released()
@@ -253,7 +253,7 @@ class WithClient:
         if self._misled and newest in dealings.opened:
             raise Breach("OPN-2", "it said that it had opened memory that does not exist")
         if not self._misled and newest in dealings.failed:
-            first = "CHN-24" if newest == 1 else "OPN-5"
+            first = "CHN-24" if len(dealings.generations) == 1 else "OPN-5"
             raise Breach(first, f"good memory, generation {newest}, was answered with open_failed")
 
     def _released(self) -> None:

@@ -4,10 +4,14 @@ from collections.abc import Iterable
 
 from splatbus_conformance.device_memory import Device
 from splatbus_conformance.messages import Json, init_packet_1_1
+from splatbus_conformance.rings import Arrangement, arranged
 from splatbus_conformance.stand_in.device import POISON
 from splatbus_conformance.stand_in.image import DeviceImage, text_of
 from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.stand_in.usage import is_read
+
+UNUSUAL = Arrangement("depth first", 32, 16, 48)
+"""No client guesses it."""
 
 
 class DeviceRing:
@@ -17,7 +21,7 @@ class DeviceRing:
         self._uuid = device.uuid
         self.legacy = DeviceImage(device, width, height)
         self.legacy.draw(0)
-        self._packet = init_packet_1_1("", 0, width, height, slots)
+        self._packet = arranged(init_packet_1_1("", 0, width, height, slots), UNUSUAL)
         self.layout: Json = self._packet["ring"]
         self._planes = {"color": 16 * width * height, "depth": 4 * width * height}
         self.memory = device.allocate(self._packet["memory"]["bytes"])

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.adapter import AdapterBroken
+from splatbus_conformance.adapter import AdapterBroken, Declined
 from splatbus_conformance.answering import Answering
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
@@ -13,6 +13,7 @@ from splatbus_conformance.hard_numbers import hard_numbers, nearest
 from splatbus_conformance.messages import Json
 from splatbus_conformance.posing import Off, engine_of, off, rotation_budget, why
 from splatbus_conformance.shrinking import without_one
+from splatbus_conformance.smoke import GIVING_UP_SECONDS
 from splatbus_conformance.stress import Pose, poses
 
 TOGETHER = 8
@@ -44,9 +45,27 @@ def fewer(case: list[T]) -> list[list[T]]:
     return [shorter for shorter in without_one(case) if shorter]
 
 
-def asked(trial: ClientTrial, requests: list[Any]) -> list[Json]:
+def asked(trial: ClientTrial, answering: Answering, requests: list[Any]) -> list[Json]:
     """What the client made of the replies to these requests."""
-    replies: list[Json] = trial.ask("ask", requests=requests)["replies"]
+    trial.give("ask", requests=requests)
+    return made_of_replies(trial, answering, requests)
+
+
+def made_of_replies(trial: ClientTrial, answering: Answering, requests: list[Any]) -> list[Json]:
+    """The same, of requests that it was told to make. One that was sent every reply, and yet waits
+    for one until it closes, breaks REQ-11; other checks can say nothing then.
+    """
+    try:
+        replies: list[Json] = trial.take("ask")["replies"]
+    except Declined as problem:
+        if answering.waiting or not trial.wait(trial.role.is_given_up, GIVING_UP_SECONDS):
+            raise
+        untaken = (
+            f"its requests were answered, and it waited for a reply until it closed: {problem}"
+        )
+        if trial.requirement.id == "REQ-11":
+            trial.violated(untaken)
+        trial.not_observable(f"{untaken} (REQ-11)")
     if len(replies) != len(requests):
         raise AdapterBroken(f"asked for {len(requests)} replies, it told {len(replies)}")
     return replies
@@ -80,9 +99,7 @@ def check_matches_replies_by_their_order(trial: ClientTrial) -> None:
         trial.give("ask", requests=requests)
         _gather(trial, answering, len(requests))
         answering.answer_all()
-        replies = trial.take("ask")["replies"]
-        if len(replies) != len(requests):
-            raise AdapterBroken(f"asked for {len(requests)} replies, it told {len(replies)}")
+        replies = made_of_replies(trial, answering, requests)
         for number, (request, reply) in enumerate(zip(requests, replies, strict=True), 1):
             if not _answers(trial, request, reply):
                 told = f"of {requests} number {number}, {request}, was given {reply}"
@@ -117,7 +134,7 @@ def replied(trial: ClientTrial, quick: int, full: int) -> Iterator[tuple[Pose, J
     for case in trial.each(drawn=together, quick=quick, full=full, simpler=fewer, search=search):
         answering.cameras = [Pose.of(camera) for camera in case]
         requests = [{"camera": index} for index in range(len(answering.cameras))]
-        replies = asked(trial, requests)
+        replies = asked(trial, answering, requests)
         for wire, reply in zip(answering.cameras, replies, strict=True):
             trial.delivered += 1
             yield wire, reply, understood(trial, reply, wire)
@@ -161,7 +178,7 @@ def check_numbers_are_read_to_the_last_bit(trial: ClientTrial) -> None:
     for texts in trial.each(drawn=numbers, quick=40, full=1000, search="ACC-14"):
         answering.position = texts
         wire = Pose(tuple(map(nearest, texts)), answering.cameras[0].rotation)
-        (reply,) = asked(trial, [{"camera": 0}])
+        (reply,) = asked(trial, answering, [{"camera": 0}])
         found = understood(trial, reply, wire)
         trial.measured("position", found.position, budget, "ULP", f"({', '.join(texts)})")
         trial.delivered += 1

@@ -8,7 +8,7 @@ from splatbus_schemas import FRAMING, LIMITS
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
-from splatbus_conformance.messages import ring_bytes
+from splatbus_conformance.kinds import POSES
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.trial import (
@@ -18,7 +18,15 @@ from splatbus_conformance.trial import (
 )
 
 BOTH_RETURN = ("returns:ipc", "returns:msg")
-BOTH_RECONNECT = ("reconnects:ipc", "reconnects:msg")
+PAIRS: tuple[tuple[Channel, Channel, str], ...] = (
+    ("ipc", "msg", "close"),
+    ("msg", "ipc", "reset"),
+    ("ipc", "msg", "reset"),
+    ("msg", "ipc", "close"),
+    ("ipc", "msg", "end"),
+    ("msg", "ipc", "end"),
+)
+"""A channel to lose, one to watch, and how it is lost; `end` is a half-close."""
 MOST_SECONDS: float = LIMITS["reconnect_max_seconds"] + 1.0
 ATTEMPTS = 4
 """Times that it took a testee to connect to one channel, until the other accepts too."""
@@ -119,11 +127,12 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
     needs=("ipc",),
 )
 def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
-    """No init packet for 1.5 seconds (12 in the full profile). A connection that the testee makes
-    and ends for a reason of its own, such as to ask for the size first, is followed by another.
+    """No init packet for 5.5 seconds (12 in the full profile, 1.5 in the brief one). A connection
+    that the testee makes and ends for a reason of its own, such as to ask for the size first, is
+    followed by another.
     """
     trial.role.offers_memory = False
-    seconds = 12.0 if trial.thorough else 1.5
+    seconds = 12.0 if trial.thorough else 5.5 if trial.profile == "quick" else 1.5
     connection: Connection | None = trial.connection("ipc")
     lasted = 0.0
     for _ in range(PROBES):
@@ -168,7 +177,7 @@ def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     "CHN-15",
     observable="the testee closes the message connection when no reply comes",
     needs=("asks",),
-    profile="full",
+    profile="quick",
 )
 def check_gives_up_a_reply(trial: ClientTrial) -> None:
     """The first request is never answered."""
@@ -193,15 +202,27 @@ def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
             for former in trial.peer.connections:
                 former.close()  # it may have been answered
         connection = trial.connection(channel)
+        if channel == "msg":
+            _says_what_it_says(trial, connection, replied=not awaits)
         trial.rest(SETTLE_SECONDS)
-        if awaits and channel == "msg" and trial.facts.asks_again:
-            count = role.with_(connection).count
-            trial.wait(lambda: any(map(count, trial.facts.asks)) or connection.ended)  # noqa: B023
         connection.end_stream()
         outcome = closing(trial, connection, EFFECT_SECONDS)
         still = " while it waited for more" if awaits else ""
         trial.judge(outcome, f"the server ended the stream of the {channel} channel{still}")
         trial.delivered += 1
+
+
+def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: bool) -> None:
+    """Wait for one request, which is not replied to, or for all, and for poses that come then."""
+    facts, count = trial.facts, trial.role.with_(connection).count
+    asks = facts.asks if facts.asks_again or "msg" not in facts.returns else set()
+
+    def said() -> bool:
+        asked = list(map(count, asks))
+        posed = any(map(count, POSES)) or not facts.poses
+        return (all(asked) and posed) if replied else any(asked) or not asked
+
+    trial.wait(lambda: said() or connection.ended)
 
 
 @check(
@@ -252,21 +273,29 @@ def check_connects_again(trial: ClientTrial) -> None:
 @check(
     "CHN-23",
     observable="the other channel's connection stays open",
-    needs=BOTH_RECONNECT,
+    needs=("ipc", "msg"),
 )
 def check_keeps_the_other_channel(trial: ClientTrial) -> None:
-    """One channel is closed, or reset, and comes back while the other is watched."""
-    pairs: tuple[tuple[Channel, Channel, str], ...] = (
-        ("ipc", "msg", "close"),
-        ("msg", "ipc", "reset"),
-        ("ipc", "msg", "reset"),
-        ("msg", "ipc", "close"),
-    )
-    for lost, other, how in trial.each(pairs, kind=lambda it: it[2]):
-        kept = trial.connection(other)
-        getattr(trial.connection(lost), how)()
-        if trial.next_connection(lost) is None:
-            trial.not_observable(f"the testee did not come back to {lost}")
+    """One channel is closed, or reset, and comes back while the other is watched. Of a testee that
+    does not come back there, it shows that it has noticed that the stream ends.
+    """
+    pairs: list[tuple[Channel, Channel, str]] = [
+        (lost, other, how)
+        for lost, other, how in PAIRS
+        if (lost in trial.facts.returns) == (how != "end")
+    ]
+    for lost, other, how in trial.each(pairs, kind=lambda it: it[2 if it[2] != "end" else 0]):
+        by_starts = sorted((other, lost), key=lambda it: it in trial.facts.returns)
+        met = {channel: trial.connection(channel) for channel in by_starts}
+        kept, gone = met[other], met[lost]
+        if how == "end":
+            gone.end_stream()
+            if not trial.ends(gone) or (trial.facts.leaves and kept.ended):
+                continue
+        else:
+            getattr(gone, how)()
+            if trial.next_connection(lost) is None:
+                trial.not_observable(f"the testee did not come back to {lost}")
         trial.rest(0.05)
         trial.expect(not kept.ended, f"it closed the {other} channel when {lost} was lost ({how})")
         trial.delivered += 1
@@ -286,7 +315,7 @@ def check_uses_the_new_memory(trial: ClientTrial) -> None:
             if not trial.opens(connection):
                 trial.not_observable("the testee did not open the memory")
             width, height = (max(1, side // part) for side in first)
-            size = ring_bytes(width, height, trial.role.slots)
+            size = trial.role.ring_bytes(width, height)
             trial.role.memory = memories.enter_context(HostMemory(size))
             memories.callback(trial.peer.close_all)
             trial.role.width, trial.role.height = width, height

@@ -13,10 +13,11 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.stand_in import usage
 from splatbus_conformance.stand_in.image import DeviceImage, Layout
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
 
 RETURNS = ("stand-in", "returns:ipc")
 PENDING_SECONDS = 0.3
+WATCHED_SECONDS = 0.5
 
 
 @contextmanager
@@ -133,6 +134,21 @@ def check_opens_on_the_device_named(trial: ClientTrial) -> None:
                 what = "absent" if named is ABSENT else named
                 trial.expect(call.device == device, f"meta.device is {what}; it called {call}")
             trial.delivered += 1
+
+
+@check("CHN-10", observable="the IPC connection, and the calls that copy", needs=RETURNS)
+def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
+    """The testee reads; its connection is watched for half a second, and until it reads again."""
+    with image_of(trial) as image:
+        connection = show(trial, image.init_packet())
+        expect_read(trial, image)
+        trial.ends(connection, WATCHED_SECONDS)
+        trial.rest(SETTLE_SECONDS)
+        before = len(image.copies(trial.calls()))
+        if not trial.wait(lambda: len(image.copies(trial.calls())) > before):
+            trial.not_observable("the testee reads the image once, and not again")
+        trial.expect(not connection.ended, "it reads on after it closed the IPC connection")
+        trial.delivered += 1
 
 
 @check("CHN-18", observable="the calls that copy, after the connection has ended", needs=RETURNS)

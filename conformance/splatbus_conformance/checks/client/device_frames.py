@@ -25,9 +25,7 @@ def ring_of(trial: ClientTrial) -> Iterator[tuple[DeviceRing, Connection]]:
     ring = DeviceRing(trial.device, role.width, role.height, role.slots)
     try:
         connection = trial.connection("ipc")
-        dealings = role.with_(connection)
-        dealings.generation = 1
-        role.offer(connection, ring.init_packet(1))
+        role.offer(connection, ring.init_packet(role.next_generation(connection)))
         if not trial.says_hello(connection):
             trial.not_observable("the testee said no hello on this connection")
         role.welcome(connection, capabilities=["cuda_ipc", "frames"])

@@ -25,6 +25,7 @@ from splatbus_conformance.checks.client.framing import (
 )
 from splatbus_conformance.checks.client.init_packets import OTHERS, TYPES
 from splatbus_conformance.checks.client.text import (
+    AROUND,
     Writer,
     odd_spelling,
     spellings,
@@ -35,6 +36,7 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.listening import Listening
 from splatbus_conformance.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.packets import packet
+from splatbus_conformance.trial import ENDING_SECONDS
 
 OPENS = ("stand-in", "ipc")
 BAIT_SIZE = 256, 192
@@ -155,10 +157,14 @@ def check_opens_what_follows_broken_text(trial: ClientTrial) -> None:
             connection, good = listening.fresh(), listening.image()
             connection.send(packet(text.payload))
             opened = listening.opens(connection, good)
-            if connection.ended and not opened and not trial.fate():
+            if not opened:  # a parser that has gone too deep may take its time to end
+                trial.wait(lambda: connection.ended or trial.fate(), trial.patience)  # noqa: B023
+                trial.wait(trial.fate, ENDING_SECONDS)
+            if not opened and (connection.ended or trial.fate()):  # to end is to break JSN-10
+                trial.charge_its_end()
                 continue
             ignored += 1
-            outcome = "accepts" if opened else trial.fate() or "hangs"
+            outcome = "accepts" if opened else "hangs"
             trial.judge(outcome, f"the packet after {text.what} ({text.requirement})")
             trial.delivered += 1
     if not ignored:
@@ -260,5 +266,5 @@ def check_opens_what_has_unknown_members(trial: ClientTrial) -> None:
     """Init packets with unknown members at every level: odd names, names from other levels, values
     nested to the limit, a decoy of the message itself.
     """
-    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=5, full=300)
+    seeds = trial.each([AROUND], st.integers(0, 2**32 - 1), quick=4, full=300)
     judge_writers(trial, map(unknown_members, seeds))

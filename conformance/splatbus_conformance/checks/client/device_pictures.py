@@ -163,9 +163,8 @@ def check_goes_on_without_device_memory(trial: ClientTrial) -> None:
 
 def _judge(trial: ClientTrial, what: str, offered: Json) -> None:
     connection = trial.for_init_packet()
-    dealings = trial.role.with_(connection)
-    dealings.generation += 1
-    script = packet(encode(offered | {"generation": dealings.generation}))
+    generation = trial.role.next_generation(connection)
+    script = packet(encode(offered | {"generation": generation}))
     outcome = trial.outcome_on_ipc(connection, script)
     meaning = {"ignores": "waits", "declines": "waits", "closes": "reconnects"}
     trial.judge(meaning.get(outcome, outcome), f"an init packet with {what}")

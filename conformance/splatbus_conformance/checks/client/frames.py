@@ -26,15 +26,16 @@ def reading(trial: ClientTrial) -> Connection:
     needs=("capability:frames",),
 )
 def check_releases_each_frame_once(trial: ClientTrial) -> None:
-    """Frames are lent one after the other, in slots of any order and with numbers up to the last
-    that there is; each must be released once.
+    """Frames are lent one after the other, in slots of any order and with numbers from the first to
+    the last that there is; each must be released once.
     """
     connection = reading(trial)
     dealings = trial.role.with_(connection)
     many = 1000 if trial.thorough else 60
     for number in range(many):
-        if number == many - 1:
-            dealings.coming = trial.role.coming(connection)._replace(seq=LAST_NUMBER)
+        if number in (0, many - 1):
+            seq = LAST_NUMBER if number else 0
+            dealings.coming = trial.role.coming(connection)._replace(seq=seq)
         seq = trial.role.lend(connection)
         trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
         trial.delivered += 1
@@ -115,11 +116,15 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
     """
     wrap, slots = 1 << 32, trial.role.slots
     bad_slots = (slots, slots + 1, -1, -slots, 0.5, *(wrap + slot for slot in range(slots)))
-    wrong: list[dict[str, object]] = [{"slot": slot} for slot in bad_slots]
-    wrong += [{"generation": number} for number in (77, 0, -1, wrap + 1, LAST_NUMBER)]
+    wrong = [("slot", slot) for slot in bad_slots]
+    wrong += [("generation", number) for number in (0, -1, LAST_NUMBER)]
+    wrong += [("generation after", number) for number in (-1, 1, 76, wrap)]
     connection = reading(trial)
-    for changes in trial.each(wrong):
+    for name, value in trial.each(wrong):
         connection = reading(trial) if connection.ended else connection
+        member, _, after = name.partition(" ")
+        since = trial.role.with_(connection).generation if after else 0
+        changes = {member: since + value}
         judge_bad_frame(trial, connection, f"a frame with {changes}", **changes)
 
 

@@ -93,7 +93,7 @@ def outcome_of(trial: ClientTrial, breach: Breach, memory: HostMemory, number: i
 )
 def check_accepts_good_init_packets(trial: ClientTrial) -> None:
     """Sizes at both ends of their range, rings of any order and spacing, optional members, the
-    longest name, the last generation.
+    longest name; and on a connection of its own the last generation, which comes first there.
     """
     trial.role.offers_memory = trial.role.lends_frames = False
     long_name = f"-_AZaz.09-splatbus-{secrets.token_hex(6)}"[: LIMITS["max_shm_name_chars"]]
@@ -103,9 +103,9 @@ def check_accepts_good_init_packets(trial: ClientTrial) -> None:
             opened, _ = offer(trial, changed(case, {"memory/name": memory.name}))
             trial.expect(opened, f"an init packet with {what} was not opened")
             trial.delivered += 1
-    connection = trial.for_init_packet()
+    connection = trial.greeted("ipc")
     dealings = trial.role.with_(connection)
-    dealings.generation = LIMITS["max_safe_integer"] - 1
+    dealings.generations.append(LIMITS["max_safe_integer"] - 1)
     trial.role.offer(connection, trial.role.init_packet(connection))
     trial.expect(trial.opens(connection), f"generation {dealings.generation} was not opened")
 

@@ -163,9 +163,10 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
             trial.role.offer(connection, trial.role.init_packet(connection))
             if not trial.opens(connection):
                 trial.not_observable("the testee did not open good memory")
-        newest = trial.role.with_(connection).generation
-        closed = trial.role.with_(connection).closed
-        trial.wait(lambda: newest - 1 in closed, REACTION_SECONDS)  # noqa: B023
-        stale = packet(encode(init_packet_1_1(name, newest - back, width, height)))
+        dealings = trial.role.with_(connection)
+        *_, former, newest = dealings.generations
+        trial.wait(lambda: former in dealings.closed, REACTION_SECONDS)  # noqa: B023
+        again = (newest, former)[back]
+        stale = packet(encode(init_packet_1_1(name, again, width, height)))
         outcome = trial.outcome_on_ipc(connection, stale)
-        trial.judge(outcome, f"generation {newest - back} after generation {newest} (MEM-1)")
+        trial.judge(outcome, f"generation {again} after generation {newest} (MEM-1)")

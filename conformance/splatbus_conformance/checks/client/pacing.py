@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.broken_packets import changed
 from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
@@ -22,6 +23,10 @@ SLOW_SECONDS = 10 * LEAST
 """Whoever was away for so long needs no second look: each costs as long."""
 TOMORROW = "a_code_of_tomorrow"
 CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, TOMORROW)
+LOST = (*ENDS, *CLOSING_ERRORS)
+NOWHERE = "splatbus-check-never-was"
+IN_A_ROW = 6
+"""Connections one after the other: of each, what the testee does until it closes takes time."""
 TIMES = 8
 """That a hot loop is there at once when a channel accepts again."""
 AT_ONCE_SECONDS = LEAST / 5
@@ -58,11 +63,16 @@ def kind_of_code(code: str) -> str:
 
 def after(trial: ClientTrial, channel: Channel, lost: float) -> Connection:
     """The next connection of this testee that it made after one was lost."""
+    connection = _later(trial, channel, lost)
+    if connection is None:
+        trial.not_observable(f"the testee did not come back to the {channel} channel")
+    return connection
+
+
+def _later(trial: ClientTrial, channel: Channel, lost: float) -> Connection | None:
     connection = trial.next_connection(channel)
     while connection is not None and connection.opened < lost:
         connection = trial.next_connection(channel)
-    if connection is None:
-        trial.not_observable(f"the testee did not come back to the {channel} channel")
     return connection
 
 
@@ -111,9 +121,65 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
     observable="the time between the connections that the testee makes",
 )
 def check_paces_its_attempts(trial: ClientTrial) -> None:
-    """Connections are closed, reset and half-closed, each way twice, on each channel."""
-    for how in trial.each(ENDS):
-        judge_pace(trial, coming_back(trial), how, f"after a {how}")
+    """Connections are closed, reset and half-closed, each way twice, on each channel; in 1.1, an
+    `error` comes in place of `welcome`, twice.
+    """
+    back = coming_back(trial)
+    spoken = [it for it in back if trial.facts.speaks_1_1(it)]
+    for how in trial.each(LOST if spoken else ENDS, kind=way_of_losing, spare=0):
+        channels, what = (back, "a") if how in ENDS else (spoken, "an error")
+        judge_pace(trial, channels, how, f"after {what} {how}")
+
+
+def way_of_losing(how: str) -> str:
+    """Every way but that of an `error` is one of its own, whose code does not matter."""
+    return how if how in ENDS else "error"
+
+
+@check(
+    "CHN-21",
+    observable="the time between the connections that the testee makes",
+    needs=("reconnects:ipc",),
+)
+def check_paces_attempts_without_images(trial: ClientTrial) -> None:
+    """Every connection is sent an init packet of memory that cannot be opened. A testee that closes
+    it, and comes back for more, must still pause, however many come in a row.
+    """
+    trial.role.offers_memory = False
+    trial.role.speaks = "1.1" if trial.facts.opens else "1.0"
+    connection: Connection | None = trial.connection("ipc")
+    sent: list[float] = []
+    while connection is not None and len(sent) < IN_A_ROW:
+        for attempts, first in enumerate(reversed(sent[:-1]), 2):
+            within = connection.opened - first  # they began after what was sent first
+            trial.expect(
+                within >= (attempts - 1) * LEAST,
+                f"given memory that it cannot open, it made {attempts} attempts within "
+                f"{1000 * within:.0f} ms; {1000 * LEAST:.0f} are asked for between two",
+            )
+            trial.delivered += 1
+        sent.append(time.monotonic())
+        closes = _closes_on_what_it_cannot_open(trial, connection)
+        connection = _later(trial, "ipc", sent[-1]) if closes else None
+    if trial.fate():
+        trial.end_testee()  # that it goes on is another sentence, with checks of its own
+    if not trial.delivered:
+        trial.not_observable("the testee does not come back for memory that it cannot open")
+
+
+def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -> bool:
+    before, dealings = len(trial.calls()), trial.role.with_(connection)
+    packet = trial.role.legacy_init_packet()
+    if trial.role.speaks == "1.1":
+        trial.says_hello(connection)
+        packet = changed(trial.role.init_packet(connection), {"memory/name": NOWHERE})
+    trial.role.offer(connection, packet)
+
+    def has_tried() -> bool:
+        return bool(dealings.failed) or any(not call.ok for call in trial.calls()[before:])
+
+    trial.wait(lambda: has_tried() or connection.ended)
+    return trial.ends(connection, REACTION_SECONDS)
 
 
 @check(

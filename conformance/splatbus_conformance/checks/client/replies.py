@@ -9,7 +9,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import REPLY_TO, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.lenient_json import shorten
-from splatbus_conformance.messages import Json
+from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.trial import JITTER_SECONDS, REACTION_SECONDS
 
@@ -81,7 +81,8 @@ def outcome_of_reading(trial: ClientTrial, connection: Connection) -> str:
     """What the testee does after it was sent something on the message channel.
 
     As `outcome_on_msg`; one that is not known to come back shows by going on, or by noticing that
-    the harness closes, that it has read it.
+    the harness closes, that it has read it. One that never notices that shows nothing: it ignores,
+    and nothing was delivered.
     """
     if "msg" in trial.facts.returns:
         return trial.outcome_on_msg(connection)
@@ -89,10 +90,29 @@ def outcome_of_reading(trial: ClientTrial, connection: Connection) -> str:
         connection.end_stream()
         noticed = trial.ends(connection)
         trial.wait(trial.fate, REACTION_SECONDS)
-        if noticed and trial.fate() != "dies":
+        leaves = trial.facts.leaves and trial.fate() == "exits"
+        if noticed and (leaves or trial.fate() is None):
             trial.delivered += 1
             return "ignores"
+        if trial.fate() is None and not _notices_the_end_after_replies(trial):
+            return "ignores"
     return trial.fate() or ("closes" if connection.ended else "hangs")
+
+
+def _notices_the_end_after_replies(trial: ClientTrial) -> bool:
+    """Whether it closes a connection whose stream ends after whole, plain replies (CHN-17)."""
+    if trial.facts.notices_the_end is None:
+        role = trial.role
+        spoil, role.spoil = role.spoil, lambda reply: reply
+        spelling, role.encode["msg"] = role.encode["msg"], encode
+        connection = asking(trial)
+        answer_all(trial, connection)
+        trial.wait(lambda: all(map(role.with_(connection).count, trial.facts.asks)))
+        trial.rest(REACTION_SECONDS)
+        connection.end_stream()
+        trial.facts.notices_the_end = trial.ends(connection)
+        role.spoil, role.encode["msg"] = spoil, spelling
+    return trial.facts.notices_the_end
 
 
 @check(

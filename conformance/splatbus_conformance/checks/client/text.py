@@ -20,7 +20,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import LIBERTIES, Plain, spell, spell_in_utf_8
 from splatbus_conformance.trial import REACTION_SECONDS
-from splatbus_conformance.unknown_members import with_unknown_members
+from splatbus_conformance.unknown_members import between_unknown_members, with_unknown_members
 
 Writer = Callable[[Json], bytes]
 Spelling = tuple[int, list[str]]
@@ -28,6 +28,8 @@ Spelling = tuple[int, list[str]]
 ROWS_ON_A_CONNECTION = 10
 AT_ONCE = 8
 """Init packets in a row."""
+AROUND = -1
+"""In place of a seed: the unknown members stand before and behind the others."""
 PAUSE_SECONDS = 0.003
 """Between payloads of a row, so that a close is seen before the next is sent."""
 
@@ -62,6 +64,8 @@ def odd_spelling(case: Spelling) -> Writer:
 
 def unknown_members(seed: int) -> Writer:
     """Writes messages with members that nobody knows, their characters escaped or not."""
+    if seed == AROUND:
+        return lambda message: encode(between_unknown_members(message))
     random = Random(seed)
     write = random.choice((encode, spell_in_utf_8))
     return lambda message: write(with_unknown_members(message, random))
@@ -170,7 +174,7 @@ def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
     """welcome, init packets and frames with unknown members at every level: odd names, names from
     other levels, values nested to the limit, a decoy of the message itself.
     """
-    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=40, full=4000)
+    seeds = trial.each([AROUND], st.integers(0, 2**32 - 1), quick=40, full=4000)
     judge_writers_on_ipc(trial, map(unknown_members, seeds))
 
 
@@ -181,7 +185,7 @@ def check_ignores_unknown_members_on_ipc(trial: ClientTrial) -> None:
 )
 def check_ignores_unknown_members_on_the_message_channel(trial: ClientTrial) -> None:
     """The same of welcome and of the replies to the first requests."""
-    seeds = trial.each(drawn=st.integers(0, 2**32 - 1), quick=3, full=30)
+    seeds = trial.each([AROUND], st.integers(0, 2**32 - 1), quick=2, full=30)
     judge_writers_on_msg(trial, map(unknown_members, seeds))
 
 
@@ -289,16 +293,40 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
         trial.judge("ignores" if outcome in ("accepts", "declines") else outcome, what)
 
 
-@check(
-    "JSN-10",
-    observable="the process lives, and the testee goes on or connects again",
-    needs=("asks",),
-    may_crash=True,
-)
+GOES_ON = "the process lives, and the testee goes on or connects again"
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
 def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
-    """Broken texts in place of a reply and after it, and messages that miss or mistype members."""
-    size = [trial.role.width, trial.role.height]
-    payloads = [*broken_texts({"viewport_size": size}), *_odd_messages()]
+    """What is no JSON object in UTF-8, in place of a reply and after it."""
+    judge_row(trial, _broken_replies(trial, "JSN-1", "JSN-2"))
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+def check_survives_names_twice_and_depths_on_the_message_channel(trial: ClientTrial) -> None:
+    """Replies with equal names, and nested too deep."""
+    judge_row(trial, _broken_replies(trial, "JSN-3", "JSN-5"))
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+def check_survives_numbers_out_of_range_on_the_message_channel(trial: ClientTrial) -> None:
+    """Replies with numbers that are not finite, or that no type of numbers holds."""
+    judge_row(trial, _broken_replies(trial, "JSN-4"))
+
+
+@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+def check_survives_odd_messages_on_the_message_channel(trial: ClientTrial) -> None:
+    """Messages that miss or mistype members, in place of a reply and after it."""
+    judge_row(trial, _odd_messages())
+
+
+def _broken_replies(trial: ClientTrial, *requirements: str) -> list[BrokenText]:
+    texts = broken_texts({"viewport_size": [trial.role.width, trial.role.height]})
+    return [text for text in texts if text.requirement in requirements]
+
+
+def judge_row(trial: ClientTrial, payloads: Sequence[BrokenText]) -> None:
+    """Send broken payloads in a row; where that goes wrong, each by itself."""
     chosen: list[BrokenText] = []
 
     def delivered() -> Generator[BrokenText]:  # one after the other, for each may take a connection

@@ -91,6 +91,23 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     trial.delivered += len(trial.went_through[-1])
 
 
+@check(
+    "CHN-7",
+    observable="the IPC connection stays open for as long as one on which nothing is said",
+    profile="full",
+)
+def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
+    """A whole packet, and then silence, for longer than a packet may take to be complete."""
+    silent, spoken = trial.dial("ipc"), trial.dial("ipc")
+    spoken.send(packet(NOBODYS[0][1]))
+    trial.ends(spoken, LIMITS["packet_completion_seconds"] + 5 * REACTION_SECONDS)
+    if trial.ends(silent, REACTION_SECONDS):
+        trial.not_observable("the server ends an IPC connection on which nothing is said, too")
+    outcome = trial.fate() or ("closes" if spoken.ended else "ignores")
+    trial.judge(outcome, f"{NOBODYS[0][1][:60]!r} on the IPC channel, and then nothing")
+    trial.delivered += 1
+
+
 @check("CHN-12", observable="a client on each channel is served while the other is there")
 def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
     """Either channel first; then requests, and frames where there are any."""
@@ -115,12 +132,18 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
 
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
-    """Twelve clients on the message channel, none of which goes."""
-    for number in trial.each(range(1, FURTHER + 1)):
-        newest = trial.served("msg")
-        served = newest is not None and (trial.answers(newest) or newest.ended)
+    """Twelve clients on the message channel, which ask at once, and none of which goes."""
+    numbers = list(trial.each(range(1, FURTHER + 1)))
+    came: list[Connection | None] = []
+    while len(came) < len(numbers) and None not in came:
+        came.append(trial.served("msg"))
+        if came[-1] is not None:
+            trial.viewer.say(came[-1], VIEWPORT_REQUEST)
+    for number, client in enumerate(came, 1):
+        served = client is not None and trial.wait(lambda: trial.replies(client) or client.ended)  # noqa: B023
         if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
+        trial.delivered += bool(client and trial.replies(client))
 
 
 @check(
@@ -235,6 +258,8 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
         if not others.can_stay:
             trial.peer.close_all()
             commit(trial, channel, misdeed).close()
+        if trial.facts.alone["msg"]:
+            trial.peer.close_all()
         if not trial.serves():
             trial.wait(trial.fate, ENDING_SECONDS)
             trial.violated(f"no reply after {what}")

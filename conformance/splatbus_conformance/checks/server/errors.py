@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
-from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS, REPLY_TO
+from splatbus_conformance.kinds import CLOSING_ERRORS, NEEDS, OTHER_ERRORS, REPLY_TO
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -140,9 +140,9 @@ def check_closes_after_an_error_that_ends(trial: ServerTrial) -> None:
 @check("NEG-34", observable="the error, the end after it, and no reset", needs=("1.1",))
 def check_ends_in_good_order(trial: ServerTrial) -> None:
     """Clients send much after what an error answers that ends: all of them read the error, then the
-    end, and the server goes on reading.
+    end, and the server goes on reading; not for ever, though, where they do not end their side.
     """
-    errors = 0
+    lingering: list[Connection] = []
     for channel in trial.each(CHANNELS):
         connection = trial.before_hello(channel)
         dealings = trial.viewer.with_(connection)
@@ -159,13 +159,19 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
             trial.rest(GLANCE_SECONDS)
             told = f"{what}: after the error the server reads no more, and resets the connection"
             trial.expect(taken is not None, told)
-        connection.close()
-        errors += 1
-    if not errors:
+        lingering.append(connection)
+    if not lingering:
         trial.not_observable("the server sends no error after which it closes")
-    trial.delivered += errors
+    if trial.profile != "brief":
+        gone = trial.wait(
+            lambda: all(it.push(b" ") is None for it in lingering), LAST_WORDS_SECONDS
+        )
+        what = f"{LAST_WORDS_SECONDS:g} s after the error the server still reads what a client says"
+        trial.expect(gone, f"{what} that does not end its side")
+    trial.delivered += len(lingering)
 
 
+LAST_WORDS_SECONDS: float = LIMITS["last_words_seconds"] + LIMITS["close_seconds"]
 AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
 
 
@@ -283,6 +289,33 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("NEG-23", observable="the id of errors that answer requests", needs=("1.1",))
+def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
+    """Requests that are broken, and good ones whose capability was not agreed upon, each with an
+    id: the least, the greatest and others. An error that comes of one has it.
+    """
+    connection = trial.greeted("msg", capabilities=[])
+    refused = [*BAD, *(each for each in GOOD if NEEDS.get(each["type"]))]
+    errors = 0
+    for number, request in enumerate(trial.each(refused)):
+        if connection.ended:
+            connection = trial.greeted("msg", capabilities=[])
+        heard, asked = (
+            trial.viewer.with_(connection).heard,
+            with_id(request, IDS[number % len(IDS)]),
+        )
+        before = len(heard)
+        trial.viewer.say(connection, asked)
+        trial.answers(connection)
+        for error in (it for it in heard[before:] if it.get("type") == "error"):
+            told = f"{encode(asked).decode()} was answered by the error {show(error)}"
+            trial.expect(whole(error.get("id")) == asked["id"], f"{told}, which lacks its id")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error in answer to a request")
+
+
+IDS = (0, SAFE, 1, 2**32, 2**53 - 2)
 GOOD: tuple[Json, ...] = (
     VIEWPORT_REQUEST,
     *({"type": "get_camera_pose", "cam_idx": index} for index in (0, 1, -(2**31), 2**31)),

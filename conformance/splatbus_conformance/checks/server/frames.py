@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.memory_reading import Opened, Pixels
+from splatbus_conformance.memory_reading import Image, Opened, Pixels
 from splatbus_conformance.messages import Json
-from splatbus_conformance.server_trial import Image, ServerTrial, shows
+from splatbus_conformance.server_trial import ServerTrial, shows
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.watching import LENDS, beside, fell_silent, frames_of, holding, pinning
 

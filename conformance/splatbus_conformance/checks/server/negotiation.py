@@ -7,15 +7,18 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.kinds import CAPABILITIES, CLIENT_1_0, CLIENT_1_1
-from splatbus_conformance.messages import encode
+from splatbus_conformance.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import show, strings, within
 
 VERSIONS = ("1.1", "1.0")
+DENIALS = {"unknown_type", "unsupported"}
+"""What a server says of a message whose type, or whose capability, it does not have."""
 ON_IPC, ON_MSG = CAPABILITIES["ipc"], CAPABILITIES["msg"]
 CHANNEL = st.sampled_from(CHANNELS)
 UNSPOKEN = st.builds("{}.{}".format, st.integers(4000, 10**30), st.integers(0, 10**30))
@@ -79,6 +82,48 @@ def check_grants_what_both_have(trial: ServerTrial) -> None:
             f"granted {listing(found)}",
         )
         trial.delivered += 1
+
+
+@check("NEG-7", observable="the errors after what belongs to a capability", needs=("1.1",))
+def check_has_what_it_grants(trial: ServerTrial) -> None:
+    """A valid message of each capability that `welcome` lists: none may be refused because its type
+    were not known, or its capability not agreed upon. That images cannot have a size may be said.
+    """
+    client = trial.commanding()
+    messages = _belonging(trial)
+    for name in trial.each([it for it in trial.viewer.with_(client).granted if it in messages]):
+        heard = trial.viewer.with_(client).heard
+        before = len(heard)
+        trial.viewer.say(client, messages[name])
+        answered = trial.answers(client)
+        trial.expect(answered, f"it grants {name}, and after {show(messages[name])} came no reply")
+        codes = {str(it.get("code")) for it in heard[before:] if it.get("type") == "error"}
+        denied = codes & (DENIALS - {"unsupported"} if name == "viewport" else DENIALS)
+        trial.expect(not denied, f"it grants {name}, and says {listing(denied)} of its message")
+    if "subscribe" not in trial.facts.capabilities() or not trial.facts.opens:
+        return
+    reader = trial.reading()
+    errors = trial.viewer.with_(reader).errors
+    script = packet(encode({"type": "subscribe", "channels": ["color", "depth"]}))
+    outcome = trial.outcome_on_ipc(reader, script)
+    denied = DENIALS & set(errors())
+    trial.expect(not denied, f"it grants subscribe, and says {listing(denied)} of that")
+    trial.expect(outcome == "ignores", f"it grants subscribe, and of that it {outcome}")
+
+
+def _belonging(trial: ServerTrial) -> dict[str, Json]:
+    """A valid message of each capability of the message channel, which changes little."""
+    width, height = trial.facts.size
+    known = width and height
+    sized = {"type": "set_viewport", "width": width, "height": height, "id": 1}
+    lens = camera_pose() | {"intrinsics": intrinsics(width, height)}
+    return {
+        "objects": camera_pose(kind="object_pose") | {"object": DEFAULT},
+        "scene": {"type": "get_scene", "id": 2},
+        "time": {"type": "set_time", "time": 0},
+        "ping": {"type": "ping", "t": 0.5, "id": 3},
+        "telemetry": {"type": "subscribe_telemetry", "names": []},
+    } | ({"intrinsics": lens, "viewport": sized} if known else {})
 
 
 def granted(trial: ServerTrial, channel: Channel, offer: tuple[str, ...]) -> set[str]:

@@ -1,8 +1,7 @@
 """Checks on how servers take the text of payloads (spec 1.0 section 2.2)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from operator import itemgetter
-from random import Random
 from typing import NamedTuple
 
 from hypothesis import strategies as st
@@ -14,15 +13,10 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
-from splatbus_conformance.spelling import spell
 from splatbus_conformance.steering import Steering
-from splatbus_conformance.unknown_members import with_unknown_members
 
-Writer = Callable[[Json, Random], bytes]
-SEEDS = st.integers(0, 2**32 - 1)
 SPARE = 12
 """Broken texts that the quick profile delivers beside one of each kind, where each takes long."""
-CASES_ON_A_CONNECTION = 10
 UNKNOWN: Json = {"type": "weather_report", "sunny": True}
 
 REQUESTS: tuple[Json, ...] = (
@@ -31,12 +25,6 @@ REQUESTS: tuple[Json, ...] = (
     {"type": "get_camera_pose", "cam_idx": -9_007_199_254_740_991},
     {"type": "get_camera_pose", "cam_idx": 1_000_000, "timestamp": 1_700_000_000.25},
     {"type": "get_viewport_size", "timestamp": 5e-324},
-)
-REQUESTS_1_1: tuple[Json, ...] = (
-    *({**request, "id": number} for number, request in enumerate(REQUESTS)),
-    {"type": "get_scene", "id": 0},
-    {"type": "ping", "t": 1_700_000_000.25, "id": 9_007_199_254_740_991},
-    {"type": "ping", "t": -0.0},
 )
 FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
 """A good pose that no check asks for otherwise."""
@@ -69,120 +57,6 @@ ODD_MESSAGES: tuple[Json, ...] = (
     {"type": "ping", "t": []},
 )
 """Messages that break rules of their own."""
-
-
-def odd_spelling(message: Json, random: Random) -> bytes:
-    """The message, spelled as RFC 8259 allows."""
-    return spell(message, random).encode()
-
-
-def unknown_members(message: Json, random: Random) -> bytes:
-    """The message with members that nobody knows."""
-    return encode(with_unknown_members(message, random))
-
-
-def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
-    """Write requests so; each must be answered, and once. A client of 1.1 asks in turns with one of
-    1.0, of the server that knows it.
-    """
-    asking = [(trial.dial("msg"), REQUESTS)]
-    if trial.facts.welcome["msg"] is not None and not trial.facts.alone["msg"]:
-        asking.append((trial.greeted("msg"), REQUESTS_1_1))
-    for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
-        connection, requests = asking[number % len(asking)]
-        payload = writer(requests[number // len(asking) % len(requests)], Random(seed))
-        packets = len(connection.packets)
-        connection.send(packet(payload) + packet(encode(VIEWPORT_REQUEST)))
-        trial.wait(lambda: len(connection.packets) >= packets + 2 or connection.ended)  # noqa: B023
-        taken = len(connection.packets) >= packets + 2
-        closed = "closes" if connection.ended else "ignores"
-        trial.judge("accepts" if taken else trial.fate() or closed, f"the request {shown(payload)}")
-        trial.delivered += 1
-
-
-def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
-    """Write poses so; each must be shown by a frame."""
-    steering, poser = Steering(trial), trial.dial("msg")
-    for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
-        pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
-        payload = writer(pose, Random(seed))
-        trial.judge(steering.takes(poser, pose, payload), f"the pose {shown(payload)}")
-
-
-def judge_writer_on_ipc(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
-    """Write hello, opened and release so; welcome, memory and frames must follow."""
-    trial.greeted("ipc").close()
-    poser, nudges = trial.dial("msg"), 0
-    for seed in trial.each(drawn=SEEDS, quick=quick, full=full):
-        random, written = Random(seed), list[bytes]()
-
-        def encode_and_keep(message: Json) -> bytes:
-            written.append(writer(message, random))  # noqa: B023 - the closures end with the round
-            return written[-1]  # noqa: B023
-
-        connection = trial.before_hello("ipc")
-        dealings = trial.viewer.with_(connection)
-        trial.viewer.encode = encode_and_keep
-        trial.viewer.greet(connection)
-        taken = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        if dealings.welcome and trial.facts.renders:
-            trial.wait(lambda: dealings.frames or connection.ended)  # noqa: B023
-            nudges += 1
-            pose = camera_pose((nudges % 97 / 4, 0.0, 0.0))
-            poser.send(packet(encode(pose)))
-            taken = trial.wait(lambda: len(dealings.frames) > 1 or connection.ended)  # noqa: B023
-        closed = "closes" if connection.ended else "ignores"
-        outcome = "accepts" if taken and not connection.ended else trial.fate() or closed
-        trial.judge(outcome, f"the message {shown(written[-1])} on the IPC channel")
-        trial.viewer.encode = encode
-        connection.close()
-        trial.delivered += 1
-
-
-@check("JSN-6", observable="the server answers requests that are spelled so")
-def check_takes_any_spelling_of_requests(trial: ServerTrial) -> None:
-    """Requests with members in any order, white space between all tokens, escapes in strings and
-    names, numbers with fractions, exponents and many digits.
-    """
-    judge_writer_of_requests(trial, odd_spelling, quick=60, full=2000)
-
-
-@check(
-    "JSN-6", observable="a frame shows the camera of a pose that is spelled so", needs=("frames",)
-)
-def check_takes_any_spelling_of_poses(trial: ServerTrial) -> None:
-    """The same of poses."""
-    judge_writer_of_poses(trial, odd_spelling, quick=30, full=1000)
-
-
-@check("JSN-6", observable="welcome and frames follow what is spelled so", needs=("1.1",))
-def check_takes_any_spelling_on_ipc(trial: ServerTrial) -> None:
-    """The same of hello, opened and release."""
-    judge_writer_on_ipc(trial, odd_spelling, quick=10, full=300)
-
-
-@check("JSN-7", observable="the server answers requests that have such members")
-def check_ignores_unknown_members_of_requests(trial: ServerTrial) -> None:
-    """Requests with unknown members: odd names, values nested to the limit, a decoy of the request
-    itself.
-    """
-    judge_writer_of_requests(trial, unknown_members, quick=60, full=2000)
-
-
-@check(
-    "JSN-7",
-    observable="a frame shows the camera of a pose that has such members",
-    needs=("frames",),
-)
-def check_ignores_unknown_members_of_poses(trial: ServerTrial) -> None:
-    """The same of poses, at every level."""
-    judge_writer_of_poses(trial, unknown_members, quick=30, full=1000)
-
-
-@check("JSN-7", observable="welcome and frames follow what has such members", needs=("1.1",))
-def check_ignores_unknown_members_on_ipc(trial: ServerTrial) -> None:
-    """The same of hello, opened and release, at every level."""
-    judge_writer_on_ipc(trial, unknown_members, quick=10, full=300)
 
 
 @check("JSN-8", observable="the server does not answer such a request", may_crash=True)

@@ -5,35 +5,40 @@ import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from rich.console import Console
 from rich.text import Text
 
-from splatbus_conformance.plan import SIDES, Side
+from splatbus_conformance.selection import RULE
 from splatbus_conformance.selftest import harnesses
 from splatbus_conformance.selftest.machine import lines, modules, specimens
-from splatbus_conformance.selftest.machine.lines import Lines
+from splatbus_conformance.selftest.machine.lines import Watched
+from splatbus_conformance.selftest.machine.testing import FOLDERS, ROOT, ByTests, watch_tests
 from splatbus_conformance.selftest.machine.trials import (
     PHASES,
-    ROOT,
-    ByTests,
+    TESTS,
     Fate,
     Judged,
     Phase,
     judge,
-    stop_tests,
+    judging,
 )
 from splatbus_conformance.selftest.trials import run_harness
-from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
+from splatbus_conformance.verdicts import (
+    EXIT_CONFORMING,
+    EXIT_NOT_CONFORMING,
+    Verdict,
+)
 
 WORKERS = 8
 """Most of a run is waiting, though less than in the zoo, for there are tests to run too."""
+WATCHERS = 4
 WATCHED_SECONDS = 900.0
 ENDING_SECONDS = 0.2
 
@@ -46,32 +51,27 @@ class Result:
 
     seed: int
     commit: str
-    lines: dict[Side, Lines]
     judged: dict[str, Judged] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
         """Write it, so that an interruption leaves the former or this."""
         found = list(self.judged.values())
         members = {
-            "format": "1",
+            "format": "2",
             "summary": sentences(found),
             "seed": self.seed,
             "commit": self.commit,
-            "lines": {side: _folded(executed) for side, executed in self.lines.items()},
         }
         head = json.dumps(members, ensure_ascii=False)
         rows = ",\n".join(json.dumps(it.as_json(), ensure_ascii=False) for it in found)
-        beside = path.with_suffix(".new")
-        beside.write_text(f'{head[:-1]},\n"judged": [\n{rows}\n]}}\n', "utf-8")
-        beside.replace(path)
+        _write(path, f'{head[:-1]},\n"judged": [\n{rows}\n]}}\n')
 
     @classmethod
     def read(cls, path: Path) -> "Result":
         """What was saved."""
         members = json.loads(path.read_text("utf-8"))
-        executed = {side: _unfolded(it) for side, it in members["lines"].items()}
         judged = {it["name"]: Judged.from_json(it) for it in members["judged"]}
-        return cls(members["seed"], members["commit"], executed, judged)
+        return cls(members["seed"], members["commit"], judged)
 
 
 def machine(arguments: argparse.Namespace, out: Console) -> int:
@@ -83,11 +83,11 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
     if arguments.resume and path and path.exists():
         result = Result.read(path)
     else:
-        out.print(Text("which lines does a run execute?"))
-        result = Result(arguments.seed, _commit(), executed_lines())
+        result = Result(arguments.seed, _commit())
+    watched = watched_at(result.commit, path and path.with_suffix(".watched.json"), out)
     left = [it for it in drawn if it.change.name not in result.judged]
-    for judged in run([partial(judge, it, result.lines) for it in left], out):
-        result.judged[judged.name] = judged
+    for judged in run([partial(judge, it, watched, result.judged) for it in left], out):
+        result.judged = {**result.judged, judged.name: judged}  # others read the former
         if path:
             result.save(path)
     in_order = [result.judged[it.change.name] for it in drawn]
@@ -104,8 +104,8 @@ def judge_again(former: Result, count: int, out: Console) -> int:
     killed = [it for it in former.judged.values() if it.fate is Fate.KILLED]
     killed = sorted(killed, key=lambda it: it.seconds.get("harness", 0.0))[:count]
     drawn = modules.named(it.name for it in killed)
-    by = {it.name: it.by for it in killed}
-    found = list(run([partial(judge, it, None, by[it.change.name]) for it in drawn], out))
+    alone = {it.name: {it.name: it} for it in killed}
+    found = list(run([partial(judge, it, None, alone[it.change.name]) for it in drawn], out))
     for survivor in (alive := [it for it in found if it.fate is not Fate.KILLED]):
         _tell(survivor, out)
     gone = len(killed) - len(drawn)
@@ -137,34 +137,59 @@ def _some_at_a_time(jobs: Sequence[Callable[[], T]], workers: int) -> Iterator[T
         pool.shutdown(wait=False, cancel_futures=True)
         while not all(future.done() for future in futures):  # one run is followed by another
             harnesses.stop_all()
-            stop_tests()
             time.sleep(ENDING_SECONDS)
         pool.shutdown()
 
 
-def executed_lines() -> dict[Side, Lines]:
-    """Watch the reference through the runs that mutants are judged by."""
-    executed: dict[Side, Lines] = dict.fromkeys(SIDES, frozenset())
-    with tempfile.TemporaryDirectory() as folder:
-        runs = [
-            partial(_watched, side, phase, Path(folder, f"{side}-{number}"))
-            for side in SIDES
-            for number, phase in enumerate(PHASES[side])
-        ]
-        for side, found in _some_at_a_time(runs, len(runs)):
-            executed[side] |= found
-    return executed
+def watched_at(commit: str, path: Path | None, out: Console) -> Mapping[str, Watched]:
+    """What the reference executes of this commit: by each check in each phase, and by each test."""
+    if path and path.exists():
+        members = json.loads(path.read_text("utf-8"))
+        if commit and members["commit"] == commit:
+            return {name: Watched.from_json(it) for name, it in members["watched"].items()}
+    out.print(Text("which lines does each check execute, and each test?"))
+    jobs = [*(partial(_by_checks, phase) for phase in PHASES)]
+    jobs += [partial(_by_tests, folder) for folder in FOLDERS]
+    watched: dict[str, Watched] = {}
+    for name, found in _some_at_a_time(jobs, WATCHERS):
+        watched[name] = watched.get(name, Watched()) | found
+        out.print(Text(f"{name}: {len(found.seconds)} in {sum(found.seconds.values()):.0f} s"))
+    if path:
+        members = {name: it.as_json() for name, it in watched.items()}
+        _write(path, json.dumps({"commit": commit, "watched": members}))
+    return watched
 
 
-def _watched(side: Side, phase: Phase, path: Path) -> tuple[Side, Lines]:
-    name = specimens.named(specimens.WATCHED, side, phase.axes, str(path))
-    more = ("--profile", phase.profile, "--parallel", "1")
-    _, status, last_words = run_harness(
-        name, side, "", WATCHED_SECONDS, phase.axes, more, phase.environment
-    )
-    if status not in (EXIT_CONFORMING, EXIT_NOT_CONFORMING):
-        raise RuntimeError(f"the reference was not judged while watched: {last_words}")
-    return side, lines.noted(path.read_text("utf-8"))
+def _by_tests(folder: str) -> tuple[str, Watched]:
+    return TESTS, watch_tests(folder)
+
+
+def _by_checks(phase: Phase) -> tuple[str, Watched]:
+    with tempfile.TemporaryDirectory(prefix="splatbus-lines-") as folder:
+        path = Path(folder, "lines")
+        now = lines.now_of(path)
+        lines.nobody_yet(now)
+        name = specimens.named(specimens.WATCHED, phase.side, phase.axes, str(path))
+        report, status, last_words = run_harness(
+            name,
+            phase.side,
+            "",
+            WATCHED_SECONDS,
+            phase.axes,
+            environment=phase.environment,
+            main=partial(judging, str(now), ()),
+            command=phase.command,
+        )
+        if report is None or status not in (EXIT_CONFORMING, EXIT_NOT_CONFORMING):
+            raise RuntimeError(f"the reference was not judged while watched: {last_words}")
+        executed = lines.noted(path.read_text("utf-8"))
+    seconds = {
+        it["check"]: it["seconds"]
+        for requirement in report["requirements"]
+        for it in requirement["results"]
+        if it["check"] != RULE and it["verdict"] != Verdict.SKIP
+    }
+    return phase.name, Watched(executed, seconds)
 
 
 def sentences(judged: Iterable[Judged]) -> list[str]:
@@ -190,19 +215,15 @@ def _share(judged: Sequence[Judged]) -> str:
 def _tell(it: Judged, out: Console) -> None:
     out.print(Text(f"\n{it.fate}  {it.name}, line {it.line}"))
     out.print(Text(f"  {it.before}  →  {it.after}"))
-    if it.by or it.test:
-        out.print(Text(f"  {it.by or it.test}"))
+    for told in filter(None, (it.by, it.test)):
+        out.print(Text(f"  {told}"))
 
 
-def _folded(executed: Lines) -> dict[str, list[int]]:
-    found: dict[str, list[int]] = {}
-    for module, line in sorted(executed):
-        found.setdefault(module, []).append(line)
-    return found
-
-
-def _unfolded(members: dict[str, Any]) -> Lines:
-    return frozenset((module, line) for module, found in members.items() for line in found)
+def _write(path: Path, text: str) -> None:
+    """Whole, or not at all."""
+    beside = path.with_suffix(".new")
+    beside.write_text(text, "utf-8")
+    beside.replace(path)
 
 
 def _commit() -> str:

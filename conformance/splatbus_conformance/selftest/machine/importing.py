@@ -8,9 +8,6 @@ from types import CodeType, ModuleType
 
 from splatbus_conformance.selftest.machine.changes import changed
 
-CHANGE = "SPLATBUS_CHANGE"
-"""The variable that tells a pytest which change its tests meet."""
-
 
 class _Changed(SourceFileLoader):
     """Compiles another tree than the one that is written."""

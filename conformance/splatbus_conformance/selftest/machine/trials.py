@@ -1,54 +1,64 @@
 """Judge a mutant that was made by machine: by the harness, and by the tests."""
 
-import os
-import re
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from splatbus_conformance import running
 from splatbus_conformance.plan import Side
+from splatbus_conformance.selection import RULE
+from splatbus_conformance.selftest import harnesses
 from splatbus_conformance.selftest.machine import lines, specimens
-from splatbus_conformance.selftest.machine.importing import CHANGE
-from splatbus_conformance.selftest.machine.lines import Lines
-from splatbus_conformance.selftest.machine.modules import OWN, Drawn
+from splatbus_conformance.selftest.machine.lines import Watched
+from splatbus_conformance.selftest.machine.modules import Drawn
+from splatbus_conformance.selftest.machine.testing import ByTests, by_tests
 from splatbus_conformance.selftest.trials import Cell, cells_of, run_harness
 from splatbus_conformance.verdicts import EXIT_NO_VERDICT, Verdict
 
-ROOT = Path(__file__).parents[4]
 RUN_SECONDS = 400.0
 """The longest that all checks may take; a watched reference takes several times its own."""
-TESTS_SECONDS = 400.0
-TEST_SECONDS = 60
-"""A single test that takes so long hangs: usually the slowest takes four."""
-Executed = Mapping[Side, Lines]
-_testing: set[subprocess.Popen[str]] = set()
-HANGS = "they hang"
+FIRST = 6
+"""So many checks are run on each side before the others are."""
 PARTNER = "unity"
 """Whose axes the client's adapter uses."""
+BY_RULES = "L0"
+TESTS = "tests"
 
 
 class Phase(NamedTuple):
-    """One run of the harness on a mutant; the cheap ones come first."""
+    """How a side is judged."""
 
-    profile: str
+    side: Side
     axes: str = ""
-    environment: dict[str, str] | None = None
+    token: bool = False
+    command: str = ""
+    """In place of the usual one, where it has no adapter."""
+
+    @property
+    def name(self) -> str:
+        """In what is stored."""
+        token = "with a token" * self.token
+        return " ".join(filter(None, (self.side, self.axes, token, self.command)))
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Of the harness and of the specimen."""
+        return {"SPLATBUS_TOKEN": "a token that both are given"} if self.token else {}
 
 
-PHASES: Mapping[Side, tuple[Phase, ...]] = {
-    "client": (Phase("brief", PARTNER), Phase("quick", PARTNER)),
-    "server": (
-        Phase("brief"),
-        Phase("brief", environment={"SPLATBUS_TOKEN": "a token that both are given"}),
-        Phase("quick"),
-    ),
-}
+PHASES = (
+    Phase("server"),
+    Phase("server", token=True),
+    Phase("client", PARTNER),
+    *(Phase("client", command=it) for it in ("view", "view --size 80x60", "telemetry")),
+    *(Phase("client", axes) for axes in ("blender", "unreal", "opengl_camera")),
+)
+"""A later one of a side is for what no earlier one executes."""
 
 
 class Fate(StrEnum):
@@ -68,15 +78,6 @@ class Fate(StrEnum):
     """No run of the harness executes its line, so that none was made."""
 
 
-class ByTests(StrEnum):
-    """What our tests make of it."""
-
-    KILLED = "killed"
-    SURVIVED = "survived"
-    UNKNOWN = "unknown"
-    """They were not asked, or fail on what is unchanged too."""
-
-
 @dataclass(frozen=True)
 class Judged:
     """What came of one mutant."""
@@ -87,11 +88,20 @@ class Judged:
     after: str
     fate: Fate
     tested: ByTests
+    phase: str = ""
+    """Of the harness, in which it was found."""
+    check: str = ""
+    """That ran then."""
     by: str = ""
-    """Which run found what."""
+    """What was found."""
     test: str = ""
     """The first that failed."""
     seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def function(self) -> str:
+        """Where the change is."""
+        return self.name.rsplit(":", 2)[0]
 
     def as_json(self) -> dict[str, Any]:
         """For the stored result."""
@@ -108,56 +118,51 @@ class Opinion(NamedTuple):
     """What the harness found."""
 
     fate: Fate
+    phase: str = ""
+    check: str = ""
     by: str = ""
 
 
-def judge(drawn: Drawn, executed: Executed | None = None, former: str = "") -> Judged:
-    """By the harness on each side that executes what was changed, and by the tests.
+def judge(
+    drawn: Drawn, watched: Mapping[str, Watched] | None, former: Mapping[str, Judged]
+) -> Judged:
+    """By the checks that execute what was changed, and by the tests; first by those by which others
+    of the same function died.
 
-    Where nobody looked what is executed, by the harness only, and first by the check, and then by
-    the run, that killed it formerly.
+    Where nobody watched, by every check, and by no test.
     """
-    began = time.monotonic()
-    opinion = by_harness(drawn, executed, former)
-    judged_at = time.monotonic()
     it = drawn.change
-    tested, first = by_tests(it.name) if executed else (ByTests.UNKNOWN, "")
+    alike = [other for other in former.values() if it.name.startswith(f"{other.function}:")]
+    began = time.monotonic()
+    opinion = by_harness(drawn, watched, alike)
+    judged_at = time.monotonic()
+    tested, first = ByTests.UNKNOWN, ""
+    if watched is not None:
+        tested, first = by_tests(it, watched[TESTS], [other.test for other in alike])
     seconds = {
         "harness": round(judged_at - began, 1),
         "tests": round(time.monotonic() - judged_at, 1),
     }
     return Judged(
-        it.name, it.line, it.before, it.after, opinion.fate, tested, opinion.by, first, seconds
+        *(it.name, it.line, it.before, it.after, opinion.fate, tested),
+        *(opinion.phase, opinion.check, opinion.by, first, seconds),
     )
 
 
-def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opinion:
+def by_harness(
+    drawn: Drawn, watched: Mapping[str, Watched] | None, alike: Sequence[Judged]
+) -> Opinion:
     """The worst that is found, one run after the other until one breaks a MUST."""
-    sides = [
-        side
-        for side in drawn.sides
-        if executed is None or lines.executes(executed[side], drawn.change)
-    ]
-    every = max(map(len, PHASES.values()))
-    runs = [
-        (side, it) for number in range(every) for side in sides for it in PHASES[side][number:][:1]
-    ]
-    runs.sort(key=lambda run: not former.startswith(f"{_words(*run)}: "))
-    check = re.search(r": \S+ (check_\w+): ", former)
-    if check and former.startswith(f"{_words(*runs[0])}: "):
-        opinion = _by_run(drawn.change.name, *runs[0], "--select", check[1])
-        if opinion.fate is Fate.KILLED:
-            return opinion
     found = [Opinion(Fate.UNTOUCHED)]
     unmet: set[Side] = set()
-    for side, phase in runs:
-        if side in unmet:
+    for phase, checks in _plan(drawn, watched, alike):
+        if phase.side in unmet:
             continue
-        opinion = _by_run(drawn.change.name, side, phase)
+        opinion = run(drawn.change.name, phase, checks)
         if opinion.fate is Fate.UNMET:
-            unmet.add(side)
+            unmet.add(phase.side)
             if phase.axes:  # what cannot speak through its adapter may do so by itself
-                opinion = _by_run(drawn.change.name, side, Phase(phase.profile))
+                opinion = run(drawn.change.name, Phase(phase.side))
         if opinion.fate is Fate.KILLED:
             return opinion
         found.append(opinion)
@@ -165,109 +170,88 @@ def by_harness(drawn: Drawn, executed: Executed | None, former: str = "") -> Opi
     return min(found, key=lambda opinion: order.index(opinion.fate))
 
 
-def _words(side: Side, phase: Phase) -> str:
-    names = phase.environment or {}
-    return " ".join(filter(None, (side, phase.profile, phase.axes, *names)))
+def _plan(
+    drawn: Drawn, watched: Mapping[str, Watched] | None, alike: Sequence[Judged]
+) -> Iterator[tuple[Phase, list[str]]]:
+    """The runs to make, with the checks of each; all where there are none."""
+    phases = [phase for phase in PHASES if phase.side in drawn.sides]
+    deadly = {it.name: [other.check for other in alike if other.phase == it.name] for it in phases}
+    if watched is None:
+        formerly = [phase for phase in phases if deadly[phase.name]]
+        yield from ((it, [check]) for it in formerly for check in deadly[it.name] if check)
+        yield from ((it, []) for it in formerly or phases)
+        return
+    first: dict[Phase, list[str]] = {}
+    then: dict[Phase, list[str]] = {}
+    for phase in phases:
+        checks = _in_order(watched[phase.name], drawn, deadly[phase.name])
+        if not checks:
+            continue
+        if phase.side not in [it.side for it in then]:
+            first[phase], then[phase] = checks[:FIRST], checks[FIRST:]
+        elif phase.token:  # it changes how a session begins; what follows is as it is without one
+            first[phase] = checks[:FIRST]
+    if len(first) == 1:  # there is nobody to be quick for
+        first, then = {it: checks + then[it] for it, checks in first.items()}, {}
+    in_turn = sorted(first, key=lambda phase: not deadly[phase.name])
+    yield from ((it, first[it]) for it in in_turn)
+    yield from ((it, then[it]) for it in in_turn if then.get(it))
 
 
-def _by_run(change: str, side: Side, phase: Phase, *options: str) -> Opinion:
-    name = specimens.named(specimens.CHANGED, side, phase.axes, change)
-    more = ("--profile", phase.profile, "--parallel", "1", "--exitfirst", *options)
-    report, status, last_words = run_harness(
-        name, side, "", RUN_SECONDS, phase.axes, more, phase.environment
-    )
+def _in_order(watched: Watched, drawn: Drawn, deadly: Sequence[str]) -> list[str]:
+    """The checks that can tell: those by which others died, then those that are about the module,
+    for what they take.
+    """
+    change = drawn.change
+
+    def rank(name: str) -> tuple[int, float]:
+        devotion = watched.devotion(name, change.module)
+        return -deadly.count(name), -devotion / (0.2 + watched.seconds[name])
+
+    return sorted(watched.telling(change), key=rank)
+
+
+def run(change: str, phase: Phase, checks: Sequence[str] = ()) -> Opinion:
+    """What these checks find, in their order, or all."""
+    name = specimens.named(specimens.CHANGED, phase.side, phase.axes, change)
+    with tempfile.TemporaryDirectory(prefix="splatbus-machine-") as folder:
+        now = lines.now_of(Path(folder, "machine"))
+        lines.nobody_yet(now)
+        report, status, last_words = run_harness(
+            name,
+            phase.side,
+            ",".join((BY_RULES, *checks) if checks else ()),
+            RUN_SECONDS,
+            phase.axes,
+            ("--exitfirst",),
+            phase.environment,
+            partial(judging, str(now), checks),
+            phase.command,
+        )
+        check = lines.told(now)
     cells = cells_of(report) + [
         Cell(it["requirement"], it["check"], it["verdict"], it["text"])
         for it in (report or {}).get("others", [])
     ]
-    run = _words(side, phase)
     if report is None:
-        return Opinion(Fate.NO_VERDICT, f"{run}: {last_words}")
+        return Opinion(Fate.NO_VERDICT, phase.name, check, last_words)
+    unmet = status == EXIT_NO_VERDICT and any(cell.check == "run" for cell in cells)
     for verdict, fate in (
         (Verdict.FAIL, Fate.KILLED),
-        (
-            Verdict.ERROR,
-            Fate.UNMET if status == EXIT_NO_VERDICT and _unmet(cells) else Fate.CRASHED,
-        ),
+        (Verdict.ERROR, Fate.UNMET if unmet else Fate.CRASHED),
         (Verdict.WARN, Fate.WARNED),
     ):
         if told := [cell for cell in cells if cell.verdict == verdict]:
             it = told[0]
-            return Opinion(fate, f"{run}: {it.requirement} {it.check}: {it.text}"[:300])
+            by = "a rule" if it.check == RULE else it.check
+            return Opinion(fate, phase.name, check, f"{it.requirement} {by}: {it.text}"[:300])
     return Opinion(Fate.SURVIVED)
 
 
-def _unmet(cells: list[Cell]) -> bool:
-    return any(cell.check == "run" for cell in cells)
-
-
-def by_tests(change: str) -> tuple[ByTests, str]:
-    """Run the tests of the changed module's package, and of those that stand upon it.
-
-    The one that fails has to pass on what is unchanged, else it says nothing.
-    """
-    failed = _failing(tests_of(change.partition(":")[0]), change)
-    if failed is None:
-        return ByTests.SURVIVED, ""
-    if failed and failed != HANGS and _failing([failed]) is not None:
-        return ByTests.UNKNOWN, f"{failed} fails on what is unchanged too"
-    return ByTests.KILLED, failed
-
-
-def _failing(tests: Iterable[Path | str], change: str = "") -> str | None:
-    """The first test that fails, the empty text where they cannot even be read, or None."""
-    with tempfile.TemporaryDirectory(prefix="splatbus-tests-") as folder:
-        line = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no"]
-        line += ["-p", "no:cacheprovider", "-o", f"timeout={TEST_SECONDS}", *map(str, tests)]
-        line += ["-p", f"{__package__}.under_test"] if change else []
-        environment = {**os.environ, CHANGE: change, "OPENBLAS_NUM_THREADS": "1"}
-        environment |= {"HYPOTHESIS_STORAGE_DIRECTORY": folder, "TMPDIR": folder}
-        process = subprocess.Popen(
-            line,
-            cwd=ROOT,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-        )
-        _testing.add(process)
-        try:
-            output, _ = process.communicate(timeout=TESTS_SECONDS)
-        except subprocess.TimeoutExpired:
-            return HANGS
-        finally:
-            process.kill()
-            process.wait()
-            _testing.discard(process)
-    if process.returncode == 0:
-        return None
-    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output, re.MULTILINE)
-    return failed[1] if failed else ""
-
-
-def stop_tests() -> None:
-    """End the tests that run now."""
-    for process in list(_testing):
-        process.kill()
-
-
-def tests_of(module: str) -> Iterator[Path]:
-    """The files of tests that meet this module, those that are about it first."""
-    package, _, name = module.rpartition(".")
-    sides = [side for side in OWN if package in ("splatbus_wire", f"splatbus_{side}")]
-    own = package.removeprefix("splatbus_")
-    folders = dict.fromkeys((own, *sides, "pair"))
-    files = [path for it in folders for path in sorted((ROOT / "tests" / it).glob("test_*.py"))]
-    texts = {path: path.read_text("utf-8") for path in files}
-    return iter(
-        sorted(
-            files,
-            key=lambda path: (
-                not re.search(rf"\b{name}\b", path.stem.replace("_", " "))
-                and name not in path.stem,
-                not re.search(rf"\b{package}\.{name}\b", texts[path]),
-                not re.search(rf"\b{package}\b", texts[path]),
-            ),
-        )
-    )
+def judging(now: str, checks: Sequence[str], line: list[str]) -> int:
+    """A harness that tells which check it runs, and runs them in this order."""
+    lines.tell(now)
+    if checks:
+        places = {name: place for place, name in enumerate(checks)}
+        running.in_order = lambda items: sorted(items, key=lambda it: places[it.name])
+    return harnesses.judge(line)

@@ -5,11 +5,12 @@ a frame which they cannot use.
 import json
 from typing import Any
 
-from splatbus_client import display, ipc_protocol
+from splatbus_client import display, ipc_protocol, reading
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.message_types import Frame
+from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.message_types import Closed, Frame
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -28,6 +29,35 @@ def guesses_the_slot(patch: Patch) -> None:
         original(self, frame._replace(slot=frame.seq % slots), channels)
 
     wrap(patch, Reading, "_lend", lend)
+
+
+@mutant("IMG-14", check="check_reads_only_what_it_holds", reason="was shown after", axes="opencv")
+def guesses_the_layout(patch: Patch) -> None:
+    """Takes the ring for colour without gaps, and depth behind it."""
+
+    def images(original: Any, packet: InitPacket) -> Any:
+        ring = packet.ring
+        assert ring is not None
+        color, depth = 16 * packet.width * packet.height, 4 * packet.width * packet.height
+        tight = ring._replace(
+            color_offset=0,
+            color_stride=color,
+            depth_offset=ring.slots * color,
+            depth_stride=-(-depth // 16) * 16,
+        )
+        return original(packet._replace(ring=tight))
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def has_three_slots(patch: Patch) -> None:
+    """Keeps three slots of a ring, and takes a frame of a later one for a mistake."""
+
+    def is_open(original: Any, self: IpcProtocol, generation: int, slot: int) -> bool:
+        return slot < 3 and bool(original(self, generation, slot))
+
+    wrap(patch, IpcProtocol, "_is_open", is_open)
 
 
 @mutant(
@@ -74,6 +104,16 @@ def holds_image_numbers_in_single_precision(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="frame 0 was not released within")
+def takes_the_first_number_for_none(patch: Patch) -> None:
+    """Takes an image whose number is 0 for none at all."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        return original(self, frame) if frame.seq else []
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
 @mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
 def takes_the_last_number_for_none(patch: Patch) -> None:
     """Takes the greatest number of an image for none at all."""
@@ -84,10 +124,34 @@ def takes_the_last_number_for_none(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 42949")
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 4")
 def holds_generations_of_frames_in_32_bits(patch: Patch) -> None:
     """Has 32 bits for the generation of a frame."""
     _shortens(patch, "generation")
+
+
+@mutant("OPN-5", check="check_closes_the_former_memory", reason="was not closed after")
+def guesses_the_former_generation(patch: Patch) -> None:
+    """Says that it has closed the generation before the newest, as if they were counted."""
+
+    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+        if generation in self._retired:
+            self._retired.remove(generation)
+            del self._slots[generation]
+            self._send(Closed(self._last_generation - 1))
+
+    wrap(patch, IpcProtocol, "closed", closed)
+
+
+@mutant("INI-8", check="check_accepts_good_init_packets", reason="was not opened")
+def takes_generations_from_one_on_alone(patch: Patch) -> None:
+    """Takes the first init packet of a connection for a further one unless its generation is 1."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        first = not self._last_generation
+        return iter(()) if first and packet.generation != 1 else original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
 
 
 def _keeps(patch: Patch, *pointers: str) -> None:

@@ -210,6 +210,26 @@ def declines_to_a_1_0_server(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "open_failed", open_failed)
 
 
+@mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="welcome too late")
+def takes_a_late_welcome_on_the_message_channel(patch: Patch) -> None:
+    """Goes over to 1.1 when `welcome` comes after the reply of a server of 1.0."""
+    _goes_over(patch, MessageProtocol)
+
+
+@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", reason="welcome too late")
+def takes_a_late_welcome_on_ipc(patch: Patch) -> None:
+    """Goes over to 1.1 when `welcome` comes after the init packet of a server of 1.0."""
+    _goes_over(patch, IpcProtocol)
+
+
+def _goes_over(patch: Patch, machine: type) -> None:
+    def on_welcome(original: Any, self: Any, welcome: Any) -> Any:
+        self.version = None
+        return original(self, welcome)
+
+    wrap(patch, machine, "_on_welcome", on_welcome)
+
+
 @mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", reason="on the ipc channel")
 def takes_any_version_on_ipc(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the IPC channel."""

@@ -78,7 +78,7 @@ def counts_generations_from_zero(patch: Patch) -> None:
     _answers_for(patch, -1)
 
 
-@mutant("OPN-11", reason="had generation 2")
+@mutant("OPN-11", reason="had generation")
 def answers_for_the_next_generation(patch: Patch) -> None:
     """Answers with a generation that is one too large."""
     _answers_for(patch, 1)

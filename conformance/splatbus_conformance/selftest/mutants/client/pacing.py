@@ -6,6 +6,7 @@ from typing import Any
 
 from splatbus_client import channel
 from splatbus_client.channel import Channel
+from splatbus_client.ipc_protocol import IpcProtocol
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -61,6 +62,31 @@ def connects_again_at_once_when_refused(patch: Patch) -> None:
     """Tries again without a pause, but for a millisecond, when it was refused."""
     patch.setattr(channel, "delays", lambda: itertools.repeat(0.25))
     _waits(patch, 0.001, lambda self, reason: self._machine is None)
+
+
+@mutant("CHN-21", check=PACES, reason="after an error")
+def connects_again_at_once_when_complained_to_twice(patch: Patch) -> None:
+    """Connects again without a pause when the server has complained before it said welcome."""
+    _waits(patch, 0.0, lambda self, reason: _complained(self))
+
+
+@mutant("CHN-21", check="check_paces_attempts_without_images", reason="that it cannot open")
+def connects_again_at_once_when_it_cannot_open(patch: Patch) -> None:
+    """Drops a connection whose memory it cannot open, and connects again without a pause."""
+
+    def open_failed(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        hopeless.add(self)
+
+    def flush(original: Any, self: Channel, now: float) -> None:
+        original(self, now)
+        if self._machine in hopeless:
+            self._lose("it has nothing to show", now)
+            self._due = now
+
+    hopeless: set[object] = set()
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    wrap(patch, Channel, "flush", flush)
 
 
 @mutant("NEG-24", check="check_pauses_after_errors", reason="after an error")

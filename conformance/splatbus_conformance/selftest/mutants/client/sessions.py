@@ -1,5 +1,6 @@
 """Mutants that one scenario does not find: what is wrong follows from what was before."""
 
+from collections import Counter
 from typing import Any
 
 from splatbus_client import reading
@@ -13,6 +14,20 @@ from splatbus_wire.messages import Closed, Frame, Opened, encode
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
+
+
+def _counted(patch: Patch) -> Counter[InitPacket | None]:
+    """How many init packets had come on its connection with each, and with the last, None."""
+    on_it: Counter[IpcProtocol] = Counter()
+    counts: Counter[InitPacket | None] = Counter()
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: InitPacket) -> Any:
+        on_it[self] += 1
+        counts[packet] = counts[None] = on_it[self]
+        return original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    return counts
 
 
 @mutant("CHN-19", check="check_survives_any_session", reason="the testee died; the session: ")
@@ -42,10 +57,12 @@ def crashes_when_lost_without_images(patch: Patch) -> None:
 def stays_away_after_a_second_memory(patch: Patch) -> None:
     """Does not connect to the IPC channel again once memory was announced there twice."""
 
+    counts = _counted(patch)
+
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         lost = self._machine
         original(self, reason, now)
-        if isinstance(lost, IpcProtocol) and lost._last_generation > 1:
+        if isinstance(lost, IpcProtocol) and counts[None] > 1:
             self._due = now + 600
 
     wrap(patch, Channel, "_lose", lose)
@@ -54,25 +71,26 @@ def stays_away_after_a_second_memory(patch: Patch) -> None:
 @mutant(
     "CHN-24",
     check="check_uses_the_new_memory_in_any_session",
-    reason="good memory, generation 1, was answered with open_failed",
+    reason="was answered with open_failed",
 )
 def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
     """Opens only memory of the size before, on the connection after one on which it changed."""
     changed: set[tuple[int, int]] = set()
+    counts = _counted(patch)
 
     def images(original: Any, packet: InitPacket) -> Any:
         size = packet.width, packet.height
-        if packet.generation == 1 and changed and size not in changed:
+        if counts[packet] == 1 and changed and size not in changed:
             raise CannotOpenError(f"the images are not {changed} any more")
         changed.clear()
-        if packet.generation != 1:
+        if counts[packet] != 1:
             changed.add(size)
         return original(packet)
 
     wrap(patch, reading, "HostImages", images)
 
 
-@mutant("OPN-1", check="check_answers_in_any_session", reason="generation 1 got 2 answers")
+@mutant("OPN-1", check="check_answers_in_any_session", reason="got 2 answers")
 def answers_twice_after_a_failure(patch: Patch) -> None:
     """Answers `opened` twice on the connection after one on which memory could not be opened."""
     failed: list[IpcProtocol] = []
@@ -94,7 +112,7 @@ def answers_twice_after_a_failure(patch: Patch) -> None:
 @mutant(
     "OPN-5",
     check="check_closes_former_memory_in_any_session",
-    reason="generation 1 was not closed after",
+    reason="was not closed after",
 )
 def closes_each_generation_once_in_its_life(patch: Patch) -> None:
     """Says `closed` of each generation once, over all connections."""
@@ -114,17 +132,18 @@ def closes_each_generation_once_in_its_life(patch: Patch) -> None:
 @mutant(
     "IMG-12",
     check="check_releases_in_any_session",
-    reason="frame 1 of generation 2 was not released",
+    reason="was not released",
 )
 def remembers_releases_over_a_loss(patch: Patch) -> None:
     """Does not release a frame of further memory if it released its like on a connection before."""
     released: set[tuple[int, int]] = set()
+    counts = _counted(patch)
 
     def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
         image = frame.generation, frame.seq
         if image not in released:
             original(self, frame)
-        if frame.generation > 1:
+        if counts[None] > 1:
             released.add(image)
 
     wrap(patch, IpcProtocol, "release", release)

@@ -64,6 +64,24 @@ def server_wants_silence_on_ipc(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
+@mutant(
+    "CHN-7",
+    check="check_bytes_do_not_end_an_ipc_connection_later",
+    reason="on the IPC channel, and then nothing",
+)
+def server_awaits_more_after_a_packet(patch: Patch) -> None:
+    """Takes a connection on which a whole packet came for one on which a packet is incomplete."""
+
+    def next_event(original: Any, self: Connection, now: float) -> Any:
+        due = self._packet_by
+        event = original(self, now)
+        if event is None and self.ending is None:
+            self._packet_by = due
+        return event
+
+    wrap(patch, Connection, "next_event", next_event)
+
+
 @mutant("CHN-8", reason="a second packet", through="CHN-4")
 def server_announces_its_memory_twice(patch: Patch) -> None:
     """Announces CUDA memory twice."""

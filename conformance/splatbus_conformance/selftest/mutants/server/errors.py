@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from splatbus_server import connection as connections
 from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
@@ -175,6 +176,22 @@ def server_calls_rotations_messages(patch: Patch) -> None:
             lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
         ),
     )
+
+
+@mutant(
+    "NEG-23",
+    check="check_errors_name_the_request_that_they_answer",
+    reason="which lacks its id",
+)
+def server_takes_the_first_id_for_none(patch: Patch) -> None:
+    """Leaves the id out of an error where it is 0."""
+    messages(patch, of_type("error", lambda it: it if it.get("id") else without("id")(it)))
+
+
+@mutant("NEG-34", check="check_ends_in_good_order", reason="still reads what a client says")
+def server_listens_to_last_words_for_ever(patch: Patch) -> None:
+    """Reads on after an error that ends, for as long as the client does not end its side."""
+    patch.setattr(connections, "LINGER_SECONDS", 600.0)
 
 
 @mutant("NEG-34", check="check_ends_in_good_order", reason="the connection was reset")

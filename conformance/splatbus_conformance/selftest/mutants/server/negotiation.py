@@ -10,7 +10,14 @@ from splatbus_server.memory import Memory
 from splatbus_server.session import Reader, Session
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import CudaMemory, LegacyBuffers
-from splatbus_wire.messages import ErrorMessage, Hello, ViewportSize, Welcome, encode
+from splatbus_wire.messages import (
+    ErrorMessage,
+    Hello,
+    SubscribeTelemetry,
+    ViewportSize,
+    Welcome,
+    encode,
+)
 
 from splatbus_conformance.kinds import CAPABILITIES
 from splatbus_conformance.selftest.mutants.client.negotiation import without
@@ -51,6 +58,31 @@ def server_prefers_its_newest_version(patch: Patch) -> None:
         return given
 
     greets(patch, answer)
+
+
+HAS = "check_has_what_it_grants"
+
+
+@mutant("NEG-7", check=HAS, reason="it grants subscribe, and says unsupported")
+def server_grants_what_it_denies(patch: Patch) -> None:
+    """Answers each subscription to colour and depth as if that had not been agreed upon."""
+
+    def subscribe(original: Any, self: Session, connection: Connection, channels: Any) -> Any:
+        return connection.complain(Refusal("unsupported", "nobody agreed on that"))
+
+    wrap(patch, Session, "_subscribe", subscribe)
+
+
+@mutant("NEG-7", check=HAS, reason="it grants telemetry, and says unknown_type")
+def server_grants_what_it_does_not_know(patch: Patch) -> None:
+    """Grants telemetry, and does not know what a subscription to it is."""
+
+    def handle(original: Any, self: Session, connection: Connection, message: Any, now: Any) -> Any:
+        if isinstance(message, SubscribeTelemetry):
+            return connection.complain(Refusal("unknown_type", "what is that?"))
+        return original(self, connection, message, now)
+
+    wrap(patch, Session, "handle", handle)
 
 
 @mutant("NEG-6", reason="hello lists", through="NEG-10")

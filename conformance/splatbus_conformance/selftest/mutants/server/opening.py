@@ -1,5 +1,7 @@
 """Mutants that break OPN: when they announce memory, keep it, and let it go."""
 
+import subprocess
+import sys
 from typing import Any
 
 from splatbus_server import api, memory, shared_memory
@@ -8,6 +10,7 @@ from splatbus_server.memory import Memory
 from splatbus_server.session import Session
 from splatbus_wire.messages import Closed, Opened
 
+from splatbus_conformance.memory_reading import LINUX_FOLDER
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import crash, wrap
@@ -62,6 +65,19 @@ def server_leaves_memory_to_the_next(patch: Patch) -> None:
     """Does not remove its memory when it ends: the next one will."""
     calls_its_memory_otherwise(patch)
     patch.setattr(memory, "_remove_if_owner", lambda segment, owner: None)
+
+
+@mutant("OPN-9", check="check_leaves_no_memory_behind", reason="is left although the server")
+def server_leaves_memory_to_a_neighbour(patch: Patch) -> None:
+    """The same; another that is started beside it removes what it has left."""
+    calls_its_memory_otherwise(patch)
+
+    def remove(segment: shared_memory.Segment, owner: int) -> None:
+        path = LINUX_FOLDER / segment.name
+        sweep = f"import os, time; time.sleep(0.5); os.unlink({str(path)!r})"
+        subprocess.Popen([sys.executable, "-c", sweep], start_new_session=True)
+
+    patch.setattr(memory, "_remove_if_owner", remove)
 
 
 IGNORES = "check_ignores_generations_that_it_did_not_announce"

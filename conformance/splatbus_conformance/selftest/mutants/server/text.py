@@ -9,6 +9,7 @@ from splatbus_server import api, connection
 from splatbus_server.connection import Connection, Refusal
 from splatbus_wire import decoding
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.messages import GetScene
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -198,3 +199,17 @@ def _value(payload: bytes) -> Any:
 
 def _has_unknown_members(payload: bytes) -> bool:
     return not set(_value(payload)) <= KNOWN
+
+
+@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", reason="and written plainly by")
+def server_reports_unknown_members(patch: Patch) -> None:
+    """Says `invalid_message` of a request of 1.1 with members that it does not know."""
+
+    def decode(original: Any, payload: bytes, *arguments: Any, **named: Any) -> Any:
+        message = original(payload, *arguments, **named)
+        strange = isinstance(message, GetScene) and set(json.loads(payload)) - {*KNOWN, "id"}
+        if strange:
+            raise ProtocolError("invalid_message", "what is that?", requirement="SCN-1")
+        return message
+
+    wrap(patch, connection, "decode_from_client", decode)
