@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from splatbus_schemas import FRAMING, LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.client_trial import PROBES, ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.kinds import POSES
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
@@ -30,8 +30,6 @@ PAIRS: tuple[tuple[Channel, Channel, str], ...] = (
 MOST_SECONDS: float = LIMITS["reconnect_max_seconds"] + 1.0
 ATTEMPTS = 4
 """Times that it took a testee to connect to one channel, until the other accepts too."""
-PROBES = 2
-"""Connections in a row that a testee may end for reasons of its own before one that it keeps."""
 
 
 def closing(trial: ClientTrial, connection: Connection, seconds: float) -> str:

@@ -10,7 +10,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.client.channels import closing
 from splatbus_conformance.checks.client.replies import asking, requests
-from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.client_trial import PROBES, ClientTrial
 from splatbus_conformance.messages import Json, encode, welcome
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
@@ -307,6 +307,9 @@ def check_half_reply_is_discarded(trial: ClientTrial) -> None:
         trial.role.replies = True
         getattr(connection, end)()
         again = trial.next_connection("msg")
+        for _ in range(PROBES):  # who ends it before anything was sent has read nothing there
+            if again and trial.ends(again, REACTION_SECONDS) and not again.sent:
+                again = trial.next_connection("msg")
         what = f"a connection that ends after {kept} bytes of a reply, by {end}"
         if again is None:
             trial.judge(trial.fate() or "hangs", what)
