@@ -73,7 +73,7 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     trial.wait(lambda: len(trial.replies(connection)) > PACE_REQUESTS or connection.ended)
     pace = (time.monotonic() - began) / PACE_REQUESTS
     most = (BUFFERS + LIMITS["max_unsent_bytes"]) // reply
-    outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, ON_THEIR_WAY * pace)
+    outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, pace)
     trial.judge(outcome, "a client that reads no replies")
     trial.expect(trial.serves(), "the server answers nobody after a client that read no replies")
 
@@ -103,11 +103,12 @@ def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
 
 
 def flood(
-    trial: ServerTrial, connection: Connection, request: bytes, most: int, held_up: float
+    trial: ServerTrial, connection: Connection, request: bytes, most: int, pace: float
 ) -> str:
     """Send so many requests, then one now and then, and read nothing; what becomes of it.
 
-    For `held_up` seconds a server may answer what it was given before TCP gives it more.
+    A server that takes so long for each, or longer now, may answer for a while what it was given
+    before TCP gives it more.
 
     Returns `closes`, `exits`, `dies`, or `hangs` if the connection is still there when the server
     has been given all, or has taken nothing, for longer than it may wait.
@@ -116,7 +117,7 @@ def flood(
     many = request * (CHUNK // len(request))
     sent, began = 0, time.monotonic()
     moved = began
-    while (now := time.monotonic()) < moved + STALL_SECONDS + held_up:
+    while (now := time.monotonic()) < moved + STALL_SECONDS + ON_THEIR_WAY * pace:
         flooded = sent >= most * len(request)
         if not flooded and now > began + FLOOD_SECONDS:
             trial.not_observable(
@@ -127,7 +128,8 @@ def flood(
         if taken is None or trial.fate():
             return trial.fate() or "closes"
         sent += taken
-        moved = moved if flooded or not taken else now
+        if taken and not flooded:
+            moved, pace = now, max(pace, (now - began) * len(request) / sent)
         trial.rest(PROBE_SECONDS if flooded or not taken else 0.0)
     return "hangs"
 
