@@ -24,16 +24,6 @@ MOST_PIXELS = 2**26
 Pixels = NDArray[np.float32]
 
 
-class Image(NamedTuple):
-    """A frame that was lent, and a copy of what lay in its slot while it was."""
-
-    frame: Json
-    color: Pixels
-    """(h, w, 4) float32, rows top-down."""
-    depth: Pixels
-    """(h, w) float32, rows top-down."""
-
-
 class CannotOpen(Exception):  # noqa: N818 - a finding, no error of ours
     """What was announced cannot be opened here; the message says why."""
 

@@ -2,8 +2,6 @@
 
 import contextlib
 import itertools
-import os
-import signal
 import time
 from collections.abc import Iterator
 
@@ -11,19 +9,21 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.device_memory import Device
 from splatbus_conformance.lenient_json import read
-from splatbus_conformance.memory_reading import Image
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection, Peer
-from splatbus_conformance.processes import owner
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, reach
 from splatbus_conformance.stand_in.session import StandIn
-from splatbus_conformance.testee import Ended, Launched, Testee
+from splatbus_conformance.testee import Launched, Testee
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
-from splatbus_conformance.values import finites, whole, within
+from splatbus_conformance.values import finites, within
 from splatbus_conformance.viewer import Viewer
 
 VIEWPORT_REQUEST: Json = {"type": "get_viewport_size"}
+CAMERA_REQUEST: Json = {"type": "get_camera_pose", "cam_idx": 0}
+VIEWPORT = VIEWPORT_REQUEST["type"].encode()
+SIGNS = {"get_viewport_size": "viewport_size", "get_camera_pose": "position"}
+"""What only the reply to each has."""
 STEP = 2.0**-4
 """How far apart the places are where a trial poses the camera, in scene units."""
 GREETINGS = 10
@@ -54,6 +54,8 @@ class ServerTrial(Trial):
         peer.on_open = viewer.on_open
         peer.on_packet = viewer.on_packet
         self._mover: Connection | None = None
+        self._unheard = False
+        """A connection was neither closed nor served."""
 
     # Meeting the testee
 
@@ -169,19 +171,6 @@ class ServerTrial(Trial):
             testee.add_to_environment({})
             self.viewer.token = token
 
-    def kill(self, connection: Connection) -> Ended:
-        """Kill the process at the other end of a connection, as a user does who is in a hurry."""
-        process = owner(connection.testee_port, connection.port)
-        if process is None or not self.testee.expendable:
-            self.not_observable("the process that serves cannot be found here, or not be killed")
-        self.killed = True
-        os.kill(process, signal.SIGKILL)
-        self.wait(self.testee.ended)
-        ended = self.testee.ended()
-        if ended is None:
-            self.not_observable("the launched command outlives the process that serves")
-        return ended
-
     # Asking
 
     def replies(self, connection: Connection) -> list[Json]:
@@ -200,14 +189,14 @@ class ServerTrial(Trial):
         self.wait(lambda: len(heard) > before or connection.ended)
         return heard[before] if len(heard) > before else None
 
-    def answers(self, connection: Connection) -> bool:
+    def answers(self, connection: Connection, request: Json = VIEWPORT_REQUEST) -> bool:
         """Whether the server answers a good request on this connection: the positive control."""
         packets = len(connection.packets)
-        self.viewer.say(connection, VIEWPORT_REQUEST)
+        self.viewer.say(connection, request)
 
         def came() -> bool:
             values = (read(packet.payload).value or {} for packet in connection.packets[packets:])
-            return any("viewport_size" in value for value in values)
+            return any(SIGNS[request["type"]] in value for value in values)
 
         self.wait(lambda: came() or connection.ended)
         self.delivered += came()
@@ -223,7 +212,8 @@ class ServerTrial(Trial):
         super().judge(outcome, what)
 
     def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
-        """Deliver scripts on a message connection, then a good request as the control.
+        """Deliver scripts on a message connection, then a good request as the control, whose reply
+        cannot be one to them.
 
         Returns `ignores` (the good request was answered, and nothing else), `reports` (so was the
         script, by an `error`), `replies` (by something else), `closes` (and a new connection is
@@ -233,7 +223,8 @@ class ServerTrial(Trial):
         before = len(heard)
         for script in scripts:
             connection.send(script)
-        answered = self.answers(connection)
+        taken_amiss = any(VIEWPORT in script for script in scripts)
+        answered = self.answers(connection, CAMERA_REQUEST if taken_amiss else VIEWPORT_REQUEST)
         said = [message.get("type") for message in heard[before:]]
         if answered:
             if len(said) == 1:
@@ -270,7 +261,7 @@ class ServerTrial(Trial):
         """
         return not self.fate() and self._serves_on("msg") and self._serves_on("ipc")
 
-    def _serves_on(self, channel: Channel) -> bool:
+    def _serves_on(self, channel: Channel, until: float = 0.0) -> bool:
         said_first = self.facts.welcome[channel] or self.facts.at_once
         if not self.facts.listens[channel] or (channel == "ipc" and not said_first):
             return True
@@ -286,6 +277,10 @@ class ServerTrial(Trial):
             served = self.wait(lambda: heard or connection.ended) and bool(heard)
         others = (c for c in self.peer.connections if c.channel == channel and c is not connection)
         served = served or (connection.ended is not None and any(not c.gone for c in others))
+        until = until or time.monotonic() + EFFECT_SECONDS
+        if not served and connection.ended and time.monotonic() < until:
+            self.rest(GONE_SECONDS)  # it has not seen yet, perhaps, who has gone
+            return self._serves_on(channel, until)
         connection.close()
         return served
 
@@ -315,10 +310,23 @@ class ServerTrial(Trial):
             connection = reach(self.peer, self.testee, channel, self.patience)
             if connection is None or not retries:
                 return connection
-            self.rest(GONE_SECONDS)
+            self._take_place(connection)
             if not connection.ended or time.monotonic() > deadline:
                 return connection
             connection.close()
+
+    def _take_place(self, connection: Connection) -> None:
+        """Wait until the server has either closed this connection or begun to serve it, which an
+        answer shows; that is forgotten.
+        """
+        asks = connection.channel == "msg" and self.facts.answers and not self._unheard
+        if not asks or self.facts.welcome["msg"]:
+            self.rest(GONE_SECONDS)
+            return
+        self.viewer.say(connection, VIEWPORT_REQUEST)
+        self._unheard = not self.wait(lambda: connection.packets or connection.ended)
+        connection.packets.clear()
+        self.viewer.with_(connection).heard.clear()
 
     def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:
         """What becomes of a connection that is to end within this time: `closes` (and new ones are
@@ -369,23 +377,6 @@ class ServerTrial(Trial):
 
         self.wait(lambda: found() or connection.ended, seconds)
         return found()
-
-    def image(self, connection: Connection, after: int = 0) -> Image:
-        """The next image past so many frames of this connection, copied before it is released.
-
-        Only with `viewer.releases` off; skips the check if none comes in time.
-        """
-        dealings = self.viewer.with_(connection)
-        self.wait(lambda: len(dealings.frames) > after or connection.ended)
-        if len(dealings.frames) <= after or dealings.memory is None:
-            self.not_observable("the server sent no further frame")
-        frame = dealings.frames[after]
-        slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)
-        if slot is None:
-            self.not_observable("the server sent a frame that names no slot of its ring")
-        image = Image(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
-        self.viewer.release(connection, frame)
-        return image
 
 
 def shows(frame: Json, pose: Json) -> bool:

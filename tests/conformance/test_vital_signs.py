@@ -5,6 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.stand import set_up
+from splatbus_conformance.vital_signs import BRIEF_SECONDS
 
 from tests.conformance.commanding import run
 
@@ -76,3 +79,73 @@ def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
     assert "no more of SPLATBUS_MSG_PORT" in loss["text"]
     assert loss["replay"].startswith("splatbus-conformance replay")
     assert "not conforming: CHN-14 broken" in output
+
+
+ONE_AT_A_TIME = """
+import os, socket, threading
+
+def packet(connection):
+    header = connection.recv(4, socket.MSG_WAITALL)
+    size = int.from_bytes(header, "little")
+    return connection.recv(size, socket.MSG_WAITALL) if len(header) == 4 else b""
+
+def serve(connection):
+    with connection, PLACE:
+        while request := packet(connection):
+            if b"get_viewport_size" in request:
+                reply = b'{"viewport_size":[64,48]}'
+                connection.sendall(len(reply).to_bytes(4, "little") + reply)
+
+def await_place(connection):
+    if PLACE.acquire(timeout=WAITS):
+        PLACE.release()
+        serve(connection)
+    else:
+        connection.close()
+
+def listen(name, talk):
+    listener = socket.create_server(("127.0.0.1", int(os.environ[name])))
+    while True:
+        threading.Thread(target=talk, args=(listener.accept()[0],), daemon=True).start()
+
+PLACE = threading.Lock()
+threading.Thread(target=listen, args=("SPLATBUS_IPC_PORT", packet), daemon=True).start()
+listen("SPLATBUS_MSG_PORT", await_place)
+"""
+
+
+@pytest.mark.parametrize("waits", [0.5, 60.0])
+def test_a_server_that_has_a_further_client_wait_serves_one(tmp_path: Path, waits: float) -> None:
+    """Whether it closes that one in time (CHN-13) or not."""
+    program = tmp_path / "server.py"
+    program.write_text(f"WAITS = {waits}\n{ONE_AT_A_TIME}")
+    stand = set_up(
+        Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
+    )
+    try:
+        stand.introduce()
+        assert stand.facts.alone == {"ipc": False, "msg": True}
+    finally:
+        stand.close()
+
+
+def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path) -> None:
+    program = tmp_path / "server.py"
+    program.write_text(f"MOST = {MET}\n{SERVER}")
+    stand = set_up(
+        Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
+    )
+    try:
+        stand.introduce()
+        while not stand.lost(briefly=False):
+            pass
+        waited: list[float] = []
+        until = stand.peer.until
+        stand.peer.until = lambda condition, seconds: (  # type: ignore[method-assign]
+            waited.append(seconds),
+            until(condition, seconds),
+        )[1]
+        assert "it accepts no connection on the message channel" in stand.lost(briefly=True)
+        assert max(waited) <= BRIEF_SECONDS
+    finally:
+        stand.close()

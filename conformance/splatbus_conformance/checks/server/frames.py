@@ -1,14 +1,18 @@
 """Checks on how servers lend images (spec 1.1 chapter 5)."""
 
+from typing import NamedTuple
+
 import numpy as np
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.memory_reading import Image, Opened, Pixels
+from splatbus_conformance.memory_reading import Opened, Pixels
 from splatbus_conformance.messages import Json
+from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial, shows
 from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import whole
 from splatbus_conformance.watching import LENDS, beside, fell_silent, frames_of, holding, pinning
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
@@ -126,11 +130,39 @@ def quiet(trial: ServerTrial, frames: list[Json]) -> bool:
 def expect_different_images(trial: ServerTrial) -> None:
     """Of a server that goes on sending frames while nothing is sent to it: that they differ."""
     watcher, _ = holding(trial)
-    images = [trial.image(watcher, after) for after in range(SAME_IMAGES)]
+    images = [image_of(trial, watcher, after) for after in range(SAME_IMAGES)]
     trial.expect(
         any(not alike(images[0], image) for image in images[1:]),
         f"nothing moved, and {SAME_IMAGES} images were published that show the same",
     )
+
+
+class Image(NamedTuple):
+    """A frame that was lent, and a copy of what lay in its slot while it was."""
+
+    frame: Json
+    color: Pixels
+    """(h, w, 4) float32, rows top-down."""
+    depth: Pixels
+    """(h, w) float32, rows top-down."""
+
+
+def image_of(trial: ServerTrial, connection: Connection, after: int) -> Image:
+    """The next image past so many frames of this connection, copied before it is released.
+
+    Only with `viewer.releases` off; skips the check if none comes in time.
+    """
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: len(dealings.frames) > after or connection.ended)
+    if len(dealings.frames) <= after or dealings.memory is None:
+        trial.not_observable("the server sent no further frame")
+    frame = dealings.frames[after]
+    slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)
+    if slot is None:
+        trial.not_observable("the server sent a frame that names no slot of its ring")
+    image = Image(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
+    trial.viewer.release(connection, frame)
+    return image
 
 
 def alike(one: Image, other: Image) -> bool:

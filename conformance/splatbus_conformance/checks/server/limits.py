@@ -25,6 +25,10 @@ replies beyond wait in the server."""
 STALL_SECONDS: float = LIMITS["stalled_reader_seconds"] + LIMITS["close_seconds"]
 FLOOD_SECONDS = 120.0
 """For which a flood is poured at most; a server on a busy machine reads it slowly."""
+PACE_REQUESTS = 100
+"""So many show how long a server takes for each."""
+ON_THEIR_WAY = 10_000
+"""Requests that the systems hold for a server that reads slowly."""
 CHUNK = 1 << 16
 PROBE_SECONDS = 0.1
 """Between requests that only find out whether the connection is still there."""
@@ -64,8 +68,12 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     connection = trial.dial_narrowly("msg")
     trial.expect(trial.ask(connection, CAMERA_REQUEST), "no reply on the message channel")
     reply = 4 + len(connection.packets[-1].payload)
+    began = time.monotonic()
+    connection.send(PACE_REQUESTS * packet(encode(CAMERA_REQUEST)))
+    trial.wait(lambda: len(trial.replies(connection)) > PACE_REQUESTS or connection.ended)
+    pace = (time.monotonic() - began) / PACE_REQUESTS
     most = (BUFFERS + LIMITS["max_unsent_bytes"]) // reply
-    outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most)
+    outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, pace)
     trial.judge(outcome, "a client that reads no replies")
     trial.expect(trial.serves(), "the server answers nobody after a client that read no replies")
 
@@ -94,8 +102,13 @@ def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
             trial.delivered += 1
 
 
-def flood(trial: ServerTrial, connection: Connection, request: bytes, most: int) -> str:
+def flood(
+    trial: ServerTrial, connection: Connection, request: bytes, most: int, pace: float
+) -> str:
     """Send so many requests, then one now and then, and read nothing; what becomes of it.
+
+    A server that takes so long for each, or longer now, may answer for a while what it was given
+    before TCP gives it more.
 
     Returns `closes`, `exits`, `dies`, or `hangs` if the connection is still there when the server
     has been given all, or has taken nothing, for longer than it may wait.
@@ -104,7 +117,7 @@ def flood(trial: ServerTrial, connection: Connection, request: bytes, most: int)
     many = request * (CHUNK // len(request))
     sent, began = 0, time.monotonic()
     moved = began
-    while (now := time.monotonic()) < moved + STALL_SECONDS:
+    while (now := time.monotonic()) < moved + STALL_SECONDS + ON_THEIR_WAY * pace:
         flooded = sent >= most * len(request)
         if not flooded and now > began + FLOOD_SECONDS:
             trial.not_observable(
@@ -115,7 +128,8 @@ def flood(trial: ServerTrial, connection: Connection, request: bytes, most: int)
         if taken is None or trial.fate():
             return trial.fate() or "closes"
         sent += taken
-        moved = moved if flooded or not taken else now
+        if taken and not flooded:
+            moved, pace = now, max(pace, (now - began) * len(request) / sent)
         trial.rest(PROBE_SECONDS if flooded or not taken else 0.0)
     return "hangs"
 

@@ -1,5 +1,8 @@
 """Checks on how servers keep memory, and let it go (spec 1.1 chapter 4)."""
 
+import os
+import signal
+
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
@@ -7,6 +10,8 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.memory_reading import LINUX_FOLDER
 from splatbus_conformance.messages import encode
 from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
+from splatbus_conformance.processes import owner
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Ended
 from splatbus_conformance.watching import LENDS, beside, holding
@@ -63,7 +68,21 @@ def check_leaves_no_memory_behind(trial: ServerTrial) -> None:
     memory = trial.viewer.with_(connection).memory
     assert memory is not None
     left = memory.name
-    expect_sweep(trial, left, trial.kill(connection))
+    expect_sweep(trial, left, kill(trial, connection))
+
+
+def kill(trial: ServerTrial, connection: Connection) -> Ended:
+    """Kill the process at the other end of a connection, as a user does who is in a hurry."""
+    process = owner(connection.testee_port, connection.port)
+    if process is None or not trial.testee.expendable:
+        trial.not_observable("the process that serves cannot be found here, or not be killed")
+    trial.killed = True
+    os.kill(process, signal.SIGKILL)
+    trial.wait(trial.testee.ended)
+    ended = trial.testee.ended()
+    if ended is None:
+        trial.not_observable("the launched command outlives the process that serves")
+    return ended
 
 
 def announced(trial: ServerTrial) -> str:

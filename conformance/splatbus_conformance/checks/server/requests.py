@@ -153,8 +153,13 @@ def every_request(trial: ServerTrial, connection: Connection) -> list[Json]:
 def replies_after(
     trial: ServerTrial, connection: Connection, before: int, count: int
 ) -> list[Json]:
-    """What was answered past so many replies, once so many more have come or can be missed."""
-    trial.wait(lambda: len(trial.replies(connection)) >= before + count or connection.ended)
+    """What was answered past so many replies, once so many more have come, or none for a while."""
+    came = before
+    while came < before + count:
+        trial.wait(lambda: len(trial.replies(connection)) > came or connection.ended)  # noqa: B023
+        if len(trial.replies(connection)) == came:
+            break
+        came = len(trial.replies(connection))
     return trial.replies(connection)[before:]
 
 
