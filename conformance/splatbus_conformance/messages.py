@@ -147,15 +147,29 @@ def intrinsics(width: int = 64, height: int = 48) -> Json:
     }
 
 
-def frame(generation: int, seq: int, slot: int, width: int = 64, height: int = 48) -> Json:
-    """A `frame` (spec 1.1 section 5.1)."""
+LISTED = (None, (), ("default",), ("default", "o" * 64, "ö"))
+"""Objects at rest that a frame may list, which means the same as if it did not (OBJ-7)."""
+
+
+def frame(
+    generation: int,
+    seq: int,
+    slot: int,
+    width: int = 64,
+    height: int = 48,
+    objects: Collection[str] | None = None,
+) -> Json:
+    """A `frame` (spec 1.1 section 5.1), with these objects listed at rest."""
     pose = {"position": [0.0, 0.0, -4.0], "rotation": [0.0, 0.0, 0.0, 1.0]}
+    rest = {"position": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0], "scale": 1.0}
+    listed = [{"object": name, **rest} for name in objects or ()]
     return {
         "type": "frame",
         "generation": generation,
         "seq": seq,
         "slot": slot,
         "camera": {**pose, **intrinsics(width, height)},
+        **({} if objects is None else {"objects": listed}),
         "time": 0.0,
         "renderedAt": time.monotonic(),
     }

@@ -273,7 +273,8 @@ class Role:
         seq, slot = self.coming(connection)
         dealings.coming, dealings.lent_of = None, dealings.generation
         dealings.frames.append(seq)
-        frame = messages.frame(dealings.generation, seq, slot, self.width, self.height)
+        objects = messages.LISTED[seq % len(messages.LISTED)]
+        frame = messages.frame(dealings.generation, seq, slot, self.width, self.height, objects)
         frame["camera"] |= self.lens
         if self.viewpoint:
             frame["camera"] |= self.viewpoint.camera(self.width, self.height)

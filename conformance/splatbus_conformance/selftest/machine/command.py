@@ -15,12 +15,14 @@ from typing import TypeVar
 from rich.console import Console
 from rich.text import Text
 
+from splatbus_conformance.coverage import check_functions
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.selftest import harnesses
 from splatbus_conformance.selftest.machine import lines, modules, specimens
 from splatbus_conformance.selftest.machine.lines import Watched
 from splatbus_conformance.selftest.machine.testing import FOLDERS, ROOT, ByTests, watch_tests
 from splatbus_conformance.selftest.machine.trials import (
+    BY_RULES,
     PHASES,
     TESTS,
     Fate,
@@ -165,6 +167,7 @@ def _by_tests(folder: str) -> tuple[str, Watched]:
 
 
 def _by_checks(phase: Phase) -> tuple[str, Watched]:
+    every = [it.__name__ for it in check_functions(phase.side)]  # named ones run in any profile
     with tempfile.TemporaryDirectory(prefix="splatbus-lines-") as folder:
         path = Path(folder, "lines")
         now = lines.now_of(path)
@@ -173,7 +176,7 @@ def _by_checks(phase: Phase) -> tuple[str, Watched]:
         report, status, last_words = run_harness(
             name,
             phase.side,
-            "",
+            ",".join((BY_RULES, *every)),
             WATCHED_SECONDS,
             phase.axes,
             environment=phase.environment,

@@ -32,6 +32,16 @@ def loses_every_tenth_release(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "release", release)
 
 
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def keeps_frames_that_list_objects(patch: Patch) -> None:
+    """Drops a frame that lists objects, and keeps its slot."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        return [] if frame.objects else original(self, frame)
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
 @mutant("IMG-12", reason="no frame had generation 7", through="IMG-12")
 def releases_with_another_generation(patch: Patch) -> None:
     """Names another generation in `release` than the `frame` did."""

@@ -167,3 +167,14 @@ def server_tells_a_series_more(patch: Patch) -> None:
     """Adds a series of its own to what was asked for."""
     added = {"name": "splats", "kind": "scalar", "value": 6.0}
     telemetry(patch, lambda told: {"series": [*told["series"], added]})
+
+
+@mutant("TEL-3", check=ASKED, reason="was subscribed to, of")
+def server_takes_no_list_of_series(patch: Patch) -> None:
+    """Refuses a subscription that names series, so that the one before it stays in force."""
+
+    def subscribe(original: Any, self: Readings, connection: Any, names: Any) -> None:
+        if names is None:
+            original(self, connection, names)
+
+    wrap(patch, Readings, "subscribe", subscribe)
