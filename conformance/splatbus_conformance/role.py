@@ -235,8 +235,9 @@ class Role:
 
     @property
     def ring_layout(self) -> Json:
-        """Where the slots lie in memory that the host has."""
-        layout: Json = self._packet(0, self.width, self.height)["ring"]
+        """Where the slots lie in what is offered."""
+        packet = self._packet(0, self.width, self.height)
+        layout: Json = self.ring.layout if self.ring else packet["ring"]
         return layout
 
     def _packet(self, generation: int, width: int, height: int) -> Json:

@@ -8,7 +8,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.control import controlling
-from splatbus_conformance.messages import camera_pose, encode
+from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.resizing import (
@@ -83,8 +83,11 @@ def check_answers_what_follows_another_size_after_it(trial: ServerTrial) -> None
 def _agreed_in_order(trial: ServerTrial, client: Connection, size: Size) -> bool:
     """Whether images have this size now; what is asked right behind has to be answered later."""
     heard, first = trial.viewer.with_(client).heard, next(_firsts)
-    resize = {"type": "set_viewport", "width": size[0], "height": size[1]}
-    requests = resize, {"type": "get_camera_pose", "cam_idx": 0}, {"type": "get_viewport_size"}
+    requests: tuple[Json, ...] = (
+        {"type": "set_viewport", "width": size[0], "height": size[1]},
+        {"type": "get_camera_pose", "cam_idx": 0},
+        {"type": "get_viewport_size"},
+    )
     asked = [request | {"id": first + place} for place, request in enumerate(requests)]
     before = len(heard)
     client.send(b"".join(packet(encode(request)) for request in asked))
