@@ -24,6 +24,7 @@ from splatbus_conformance.viewpoint import Viewpoint, viewpoint
 MAX_SIZE: int = LIMITS["max_image_size"]
 LAST_GENERATION: int = LIMITS["max_safe_integer"]
 FIRST_NUMBERS = (0, 1, 1, 1, 2**16 - 1, 2**31 - 1, 2**32 - 1)
+PROGRAM = {"name": "splatbus-conformance", "version": "1.1"}
 FIRST_GENERATIONS = (2, 77, 2**16 - 1, 2**31 - 1, 2**32 - 1)
 """On every second pair of connections; on the others the least that there is."""
 LEAPS = (2, 255, 2**16, 2**32)
@@ -122,6 +123,8 @@ class Role:
         self.device_packet: Json | None = None
         """What a server of 1.0 offers; without it, handles that no device knows."""
         self.welcomes = True
+        self.server = PROGRAM
+        """What it calls itself in `welcome`."""
         self.offers_memory = True
         self.lends_frames = True
         """Lends one frame of each generation that is opened, and of each pose with a tag; a check
@@ -185,7 +188,7 @@ class Role:
         """Send `welcome`, with members changed as named, and the memory that goes with it."""
         dealings = self.with_(connection)
         offered = texts(within(dealings.hello, "capabilities"))
-        dealings.welcome = messages.welcome(connection.channel, offered)
+        dealings.welcome = messages.welcome(connection.channel, offered) | {"server": self.server}
         kind = "cuda_ipc" if self.ring else "host_shm"
         if connection.channel == "ipc" and self.ring:
             others = [it for it in dealings.welcome["capabilities"] if it != "host_shm"]
@@ -235,8 +238,9 @@ class Role:
 
     @property
     def ring_layout(self) -> Json:
-        """Where the slots lie in memory that the host has."""
-        layout: Json = self._packet(0, self.width, self.height)["ring"]
+        """Where the slots lie in what is offered."""
+        packet = self._packet(0, self.width, self.height)
+        layout: Json = self.ring.layout if self.ring else packet["ring"]
         return layout
 
     def _packet(self, generation: int, width: int, height: int) -> Json:

@@ -25,6 +25,7 @@ TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit")
 SETTLE_SECONDS = 0.05
 """Between the end of a connection and the end of a process that died."""
 ANSWERS = ("opened", "open_failed")
+LONGEST_NAME = "n" * LIMITS["max_name_chars"]
 
 
 def said(trial: ClientTrial, connection: Connection, *types: str) -> Counter[int | None]:
@@ -52,9 +53,12 @@ def names_memory(init_packet: Json) -> bool:
 )
 def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
     """Good init packets, three in one segment where the testee takes further ones: rings of all
-    kinds, all meanings of pixels, memory that exists and memory that does not.
+    kinds, all meanings of pixels, memory that exists and memory that does not. The name of the
+    server is empty, or as long as it may be.
     """
     trial.role.offers_memory = trial.role.lends_frames = False
+    name = LONGEST_NAME if trial.seed % 2 else ""
+    trial.role.server = {"name": name, "version": LONGEST_NAME[len(name) :]}
     with HostMemory(ROOM) as memory:
         named = {"memory/name": memory.name}
         meanings = [[changed(init_packet_1_1("", 0), meaning)] for meaning in SEMANTICS]

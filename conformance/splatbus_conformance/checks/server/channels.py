@@ -105,6 +105,9 @@ def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
         trial.not_observable("the server ends an IPC connection on which nothing is said, too")
     outcome = trial.fate() or ("closes" if spoken.ended else "ignores")
     trial.judge(outcome, f"{NOBODYS[0][1][:60]!r} on the IPC channel, and then nothing")
+    trial.peer.close_all()
+    if not trial.serves():
+        trial.not_observable("the connection stayed open, and the server serves nobody")
     trial.delivered += 1
 
 

@@ -185,8 +185,8 @@ def check_tells_it_once(trial: ServerTrial) -> None:
     needs=("1.1", "frames"),
 )
 def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
-    """Three clients, of 1.1, 1.0 and 1.1, pose many times, the last with all that it may say; the
-    first closes, then the next.
+    """Three clients, of 1.1, 1.0 and 1.1, pose many times, the last with all that it may say, its
+    intrinsics only once (CAM-7); the first closes, then the next.
     """
     steering, first = Steering(trial), trial.commanding()
     trial.expect(steering.shows(first, camera_pose((0.0, 0.0, 3.0))), "no frame shows a good pose")
@@ -198,7 +198,8 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     time = (trial.facts.time_range() or (0.0, 0.0))[1] if _grants(trial, "time") else None
     for number in range(3):
         for client, place in clients:
-            more = {"tag": NEWEST_TAG[:-1] + str(number)} | ({"intrinsics": lens} if lens else {})
+            more: Json = {"tag": NEWEST_TAG[:-1] + str(number)}
+            more |= {"intrinsics": lens} if lens and number == 0 else {}
             camera = camera_pose((place, number, 0.0)) | (more if client is third else {})
             for pose in (camera, _cloud(place + number)):
                 trial.viewer.say(client, pose)

@@ -17,12 +17,16 @@ from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import show, strings, within
 
 VERSIONS = ("1.1", "1.0")
+MOST_CHARS: int = LIMITS["max_name_chars"]
 DENIALS = {"unknown_type", "unsupported"}
 """What a server says of a message whose type, or whose capability, it does not have."""
 ON_IPC, ON_MSG = CAPABILITIES["ipc"], CAPABILITIES["msg"]
 CHANNEL = st.sampled_from(CHANNELS)
 UNSPOKEN = st.builds("{}.{}".format, st.integers(4000, 10**30), st.integers(0, 10**30))
 """Versions that nobody speaks yet."""
+CLIENTS = tuple(
+    {"name": text, "version": text} for text in ("", "v", "n" * MOST_CHARS, "🙂" * MOST_CHARS)
+)
 LETTERS = "abcdefghijklmnopqrstuvwxyz_"
 CHARACTERS = LETTERS + "AZ09 .-/\\\"'{}\x00\x1f\x7f\xa0\u00e9\u03a9\u4e2d\u202e\uffff\U0001f642"
 """Of one to four bytes each, and such that need an escape."""
@@ -45,26 +49,31 @@ def spoken(trial: ServerTrial) -> list[str]:
     return [version for version in VERSIONS if named(trial, "msg", [version]) == version]
 
 
-def named(trial: ServerTrial, channel: Channel, versions: list[str]) -> object:
+def named(trial: ServerTrial, channel: Channel, versions: list[str], **more: object) -> object:
     """The version that `welcome` names after a hello that lists these; None without `welcome`."""
-    connection, answer = trial.answered(channel, versions=versions)
+    connection, answer = trial.answered(channel, versions=versions, **more)
     connection.close()
     return (answer or {}).get("version")
 
 
 @check("NEG-6", observable="the version that welcome names, for many lists", needs=("1.1",))
 def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
-    """Lists of up to 16 versions, of which the server speaks one or two, in any order."""
+    """Lists of up to 16 versions, of which the server speaks one or two, in any order; of clients
+    whose names have no character, or as many as they may.
+    """
     speaks = spoken(trial)
     if not speaks:
         trial.not_observable("the server answers no hello")
     strangers = st.lists(UNSPOKEN, max_size=LIMITS["max_versions"] - len(VERSIONS))
     known = st.lists(st.sampled_from(speaks), min_size=1, unique=True)
     lists = st.tuples(known, strangers).flatmap(lambda both: st.permutations(both[0] + both[1]))
-    for channel, versions in trial.each(drawn=st.tuples(CHANNEL, lists), quick=25, full=1000):
+    drawn = st.tuples(CHANNEL, lists)
+    for number, (channel, versions) in enumerate(trial.each(drawn=drawn, quick=25, full=1000)):
         first = next(version for version in versions if version in speaks)
-        found = named(trial, channel, versions)
+        client = CLIENTS[number % len(CLIENTS)]
+        found = named(trial, channel, versions, client=client)
         what = f"{channel}: of {', '.join(versions)[:80]} it speaks {first} first"
+        what += f" to {show(client)}"
         trial.expect(found is not None, f"{what}, and it sent no welcome")
         trial.expect(found == first, f"{what}, and welcome names {found}")
         trial.delivered += 1

@@ -1,15 +1,20 @@
 """Checks on images of another size, which a client asked for (spec 1.1 chapter 8)."""
 
+from functools import partial
+from itertools import count
 from typing import Any
 
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.control import controlling
-from splatbus_conformance.messages import camera_pose
+from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.packets import packet
+from splatbus_conformance.peer import Connection
 from splatbus_conformance.resizing import (
     REINIT_SECONDS,
     RESIZES,
+    Size,
     asked,
     asked_again,
     changed,
@@ -22,9 +27,10 @@ from splatbus_conformance.resizing import (
 )
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.studio import answers, further
-from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.values import show
 
+_firsts = count(1, 3)
 LARGEST: int = LIMITS["max_image_size"]
 BAD_SIZES: tuple[tuple[Any, Any], ...] = (
     *((0, 0), (-1, 48), (64, LARGEST + 1), (1.5, 48), ("64", "48"), (None, 48), (2**31, 2**31)),
@@ -61,6 +67,38 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
             size_now in (in_force, [0, 0]),
             f"the size was set to {in_force}, and a client that comes is told {show(size_now)}",
         )
+
+
+@check("NEG-29", observable="the order of the answers", needs=("1.1", "capability:viewport"))
+def check_answers_what_follows_another_size_after_it(trial: ServerTrial) -> None:
+    """A `set_viewport` that changes the size, and other requests right behind it."""
+    with resizing(trial) as client:
+        for size in trial.each(other_sizes(trial)):
+            agreed = partial(_agreed_in_order, trial, client, size)
+            if not trial.peer.until(agreed, EFFECT_SECONDS):
+                break
+            trial.delivered += 1
+
+
+def _agreed_in_order(trial: ServerTrial, client: Connection, size: Size) -> bool:
+    """Whether images have this size now; what is asked right behind has to be answered later."""
+    heard, first = trial.viewer.with_(client).heard, next(_firsts)
+    requests: tuple[Json, ...] = (
+        {"type": "set_viewport", "width": size[0], "height": size[1]},
+        {"type": "get_camera_pose", "cam_idx": 0},
+        {"type": "get_viewport_size"},
+    )
+    asked = [request | {"id": first + place} for place, request in enumerate(requests)]
+    before = len(heard)
+    client.send(b"".join(packet(encode(request)) for request in asked))
+    trial.wait(lambda: len(heard) - before >= len(asked) or client.ended)
+    told = [answer.get("id") for answer in heard[before:] if "id" in answer]
+    what = f"set_viewport to {size[0]}×{size[1]} and requests behind it have the ids {first},"
+    trial.expect(
+        told == [request["id"] for request in asked],
+        f"{what} {first + 1} and {first + 2}, and their answers {show(told)}",
+    )
+    return any(answer.get("type") == "viewport_size" for answer in heard[before : before + 1])
 
 
 @check("VPT-3", observable="the error while one reader takes no reinit", needs=RESIZES)

@@ -4,7 +4,6 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from splatbus_client import message_protocol
 from splatbus_client.session import Session
 from splatbus_client.steering import Steering
 from splatbus_wire import conventions
@@ -16,8 +15,7 @@ from splatbus_wire.conventions import (
     UNREAL,
     Engine,
 )
-from splatbus_wire.errors import ProtocolError
-from splatbus_wire.messages import CameraPose, GetCameraPose
+from splatbus_wire.messages import CameraPose
 from splatbus_wire.poses import Pose, view_matrix
 
 from splatbus_conformance.selftest.patching import Patch
@@ -205,23 +203,6 @@ def understands_in_single_precision(patch: Patch) -> None:
         return Pose(position, tuple(float(np.float32(number)) for number in rotation))  # type: ignore[arg-type]
 
     wrap(patch, Engine, "from_wire", from_wire)
-
-
-@mutant(
-    "REQ-11",
-    check="check_matches_replies_by_their_order",
-    reason="it waited for a reply until it closed",
-    axes="opencv",
-)
-def understands_no_camera(patch: Patch) -> None:
-    """Takes every reply to `get_camera_pose` for a broken one, and waits on."""
-
-    def decode(original: Any, payload: bytes, request: Any) -> Any:
-        if isinstance(request, GetCameraPose) and b'"position"' in payload:
-            raise ProtocolError("invalid_message", "no camera", requirement="REQ-5")
-        return original(payload, request)
-
-    wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
 @mutant(

@@ -89,6 +89,16 @@ def _answers_for(patch: Patch, away: int) -> None:
 
 
 @mutant("OPN-1", check=ONCE, reason="no answer to")
+def wants_to_know_who_says_welcome(patch: Patch) -> None:
+    """Ignores a `welcome` of a server that has no name, or no version."""
+
+    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+        return original(self, welcome) if all(welcome.server) else iter(())
+
+    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+
+
+@mutant("OPN-1", check=ONCE, reason="no answer to")
 def answers_success_alone(patch: Patch) -> None:
     """Says nothing when memory cannot be opened."""
     patch.setattr(IpcProtocol, "open_failed", lambda *_: None)

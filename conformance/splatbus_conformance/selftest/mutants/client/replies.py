@@ -5,7 +5,7 @@ from typing import Any
 from splatbus_client import message_protocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.messages import GetViewportSize, ViewportSize
+from splatbus_wire.messages import GetCameraPose, GetViewportSize, ViewportSize
 
 from splatbus_conformance.selftest.mutants.client.negotiation import without
 from splatbus_conformance.selftest.patching import Patch
@@ -35,6 +35,23 @@ def camera_index_with_a_fraction(patch: Patch) -> None:
 def no_camera_index(patch: Patch) -> None:
     """Asks for a camera without saying which."""
     messages(patch, of_type("get_camera_pose", without("cam_idx")))
+
+
+@mutant(
+    "REQ-11",
+    check="check_matches_replies_by_their_order",
+    reason="it waited for a reply until it closed",
+    axes="opencv",
+)
+def understands_no_camera(patch: Patch) -> None:
+    """Takes every reply to `get_camera_pose` for a broken one, and waits on."""
+
+    def decode(original: Any, payload: bytes, request: Any) -> Any:
+        if isinstance(request, GetCameraPose) and b'"position"' in payload:
+            raise ProtocolError("invalid_message", "no camera", requirement="REQ-5")
+        return original(payload, request)
+
+    wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
 @mutant("REQ-12", check="check_asks_again_after_a_while", reason="it asked again")

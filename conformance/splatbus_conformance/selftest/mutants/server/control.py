@@ -200,6 +200,21 @@ def server_remembers_the_first_pose(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
+@mutant("CTL-5", check=PASSES, reason="it had sent intrinsics, and fx is")
+def server_forgets_the_lens_of_who_has_no_control(patch: Patch) -> None:
+    """Keeps the newest pose of who has no control, and not the intrinsics that came before it."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        known = self._sent.get(connection, {})
+        if self.holder is not connection and isinstance(
+            former := known.get(CameraPose), CameraPose
+        ):
+            known[CameraPose] = former._replace(intrinsics=None)
+        return original(self, connection, message)
+
+    wrap(patch, Control, "move", move)
+
+
 def leaves(patch: Patch, **changes: Any) -> None:
     """Change what is in force when control has passed on."""
 

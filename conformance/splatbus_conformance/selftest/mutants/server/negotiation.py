@@ -85,6 +85,19 @@ def server_grants_what_it_does_not_know(patch: Patch) -> None:
     wrap(patch, Session, "handle", handle)
 
 
+@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="sent no welcome")
+def server_wants_to_know_who_says_hello(patch: Patch) -> None:
+    """Takes a hello whose client has no name for a broken one."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        if not hello.client.name:
+            raise ProtocolError("invalid_message", "who is there?", requirement="NEG-2")
+        given: Answer = usual(hello)
+        return given
+
+    greets(patch, answer)
+
+
 @mutant("NEG-6", reason="hello lists", through="NEG-10")
 def server_welcomes_who_speaks_another_version(patch: Patch) -> None:
     """Names its own version in welcome, whether or not hello lists it."""

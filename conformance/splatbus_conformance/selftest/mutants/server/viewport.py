@@ -33,6 +33,16 @@ def unhindered(patch: Patch, requirement: str, words: str) -> None:
     wrap(patch, Session, "_hindrance", hindrance)
 
 
+@mutant(
+    "NEG-29",
+    check="check_answers_what_follows_another_size_after_it",
+    reason="and their answers",
+)
+def server_answers_while_it_makes_memory(patch: Patch) -> None:
+    """Goes on answering requests while it has not yet answered a `set_viewport`."""
+    patch.setattr(Connection, "hold", lambda self: None)
+
+
 @mutant("VPT-2", check=ANSWERS, reason="was answered by")
 def server_rounds_sizes_up(patch: Patch) -> None:
     """Says that images have a width that four divides, whatever was asked for."""
