@@ -1,7 +1,6 @@
 """A stand for servers: the server, and a dialler."""
 
 import os
-import socket
 
 from splatbus_schemas.requirements import Requirement
 
@@ -9,6 +8,7 @@ from splatbus_conformance.device_introduction import device_for, stand_in_for, w
 from splatbus_conformance.device_memory import STAND_IN
 from splatbus_conformance.peer import CHANNELS, Peer
 from splatbus_conformance.plan import Plan
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.server_introduction import ServerFacts, introduce, reach
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched, Say, not_met
@@ -29,7 +29,7 @@ class ServerStand:
         self.plan = plan
         self.stand_in = stand_in_for(plan)
         self.device = device_for(plan, self.stand_in)
-        ports = [port or _free_port(plan.host) for port in plan.ports]
+        ports = [port or free_port(plan.host) for port in plan.ports]
         self.peer = Peer(plan.host, dict(zip(CHANNELS, ports, strict=True)), plays="client")
         device = self.stand_in.environment() if self.stand_in else {}
         self.testee = (
@@ -100,9 +100,3 @@ class ServerStand:
         self._viewer.close()
         self._viewer = Viewer(self._token, self.device)
         return self._viewer
-
-
-def _free_port(host: str) -> int:
-    with socket.create_server((host, 0)) as listener:
-        port: int = listener.getsockname()[1]
-        return port

@@ -1,7 +1,6 @@
 """The harness, run as its user runs it, and the smallest clients for it."""
 
 import os
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -39,9 +38,3 @@ def broken(tmp_path: Path, *changes: tuple[str, str]) -> str:
     path = tmp_path / "client.py"
     path.write_text(source, "utf-8")
     return f'"{sys.executable}" "{path}" 1.1'
-
-
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])

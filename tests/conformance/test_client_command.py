@@ -12,8 +12,9 @@ from pathlib import Path
 import jsonschema
 import pytest
 from splatbus_conformance.data import read_json
+from splatbus_conformance.ports import free_port
 
-from tests.conformance.commanding import GOOD, MINIATURE, OLD, broken, free_port, run, start
+from tests.conformance.commanding import GOOD, MINIATURE, OLD, broken, run, start
 
 
 def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ import pytest
 from splatbus_conformance.messages import encode, init_packet_1_0
 from splatbus_conformance.packets import packet
 from splatbus_conformance.plan import Plan, Side
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.stand import set_up
 
-from tests.conformance.commanding import GOOD, MINIATURE, broken, free_port
+from tests.conformance.commanding import GOOD, MINIATURE, broken
 
 SAYS = """
 import os, socket, sys, time

@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 from splatbus_conformance.host_memory import PREFIX, HostMemory
 from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.testee import Launched
 
-from tests.conformance.commanding import GOOD, LIMIT_SECONDS, broken, free_port, run, start
+from tests.conformance.commanding import GOOD, LIMIT_SECONDS, broken, run, start
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and permissions of POSIX")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows it")

@@ -7,22 +7,15 @@ from pathlib import Path
 
 import pytest
 from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.recording import load
 from splatbus_conformance.relay_process import Endpoint, Relayed, endpoint, relayed
 
 MOST_SECONDS = 20.0
 
 
-def free_ports() -> tuple[int, int]:
-    with (
-        socket.create_server(("127.0.0.1", 0)) as one,
-        socket.create_server(("127.0.0.1", 0)) as two,
-    ):
-        return one.getsockname()[1], two.getsockname()[1]
-
-
 def listening(*, host: str = "127.0.0.1") -> Endpoint:
-    return Endpoint(host, *free_ports())
+    return Endpoint(host, free_port(), free_port())
 
 
 def warned(relay: Relayed) -> str:

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.script import Case, Script, save
 
-from tests.conformance.commanding import free_port
 from tests.guides.pages import ROOT
 
 GUIDES = ROOT / "conformance" / "guides"

@@ -13,21 +13,15 @@ import sys
 import time
 from pathlib import Path
 
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.relay_process import Endpoint, relayed
 
 NAMES = ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT")
 
 
-def free_ports() -> tuple[int, int]:
-    with socket.socket() as one, socket.socket() as two:
-        for each in (one, two):
-            each.bind(("127.0.0.1", 0))
-        return one.getsockname()[1], two.getsockname()[1]
-
-
 def main(side: str, recording: str, program: str) -> int:
     host, ipc, msg = (os.environ[name] for name in NAMES)
-    outside, inside = Endpoint(host, int(ipc), int(msg)), Endpoint(host, *free_ports())
+    outside, inside = Endpoint(host, int(ipc), int(msg)), Endpoint(host, free_port(), free_port())
     listen, to = (inside, outside) if side == "client" else (outside, inside)
     environment = os.environ | dict(zip(NAMES, map(str, inside), strict=True))
     # One recording for each time that the harness starts the program.

@@ -16,6 +16,7 @@ from splatbus_conformance import cli
 from splatbus_conformance.audit import audit
 from splatbus_conformance.commands import console
 from splatbus_conformance.plan import Usage
+from splatbus_conformance.ports import free_port
 from splatbus_conformance.recording import load
 
 from tests.pair.legacy import packet
@@ -23,14 +24,6 @@ from tests.pair.painting import is_whole, painter
 from tests.pair.rig import MOST_SECONDS, serving
 
 Ports = tuple[int, int]
-
-
-def free_ports() -> Ports:
-    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
-    ipc, msg = (listener.getsockname()[1] for listener in listeners)
-    for listener in listeners:
-        listener.close()
-    return ipc, msg
 
 
 def proxied(listen: Ports, to: Ports, file: Path, seconds: float, *more: str) -> int:
@@ -71,7 +64,8 @@ def test_a_session_is_passed_on_written_down_and_judged(
 ) -> None:
     import splatbus_client
 
-    listen, file, report = free_ports(), tmp_path / "session.jsonl", tmp_path / "report.json"
+    listen = (free_port(), free_port())
+    file, report = tmp_path / "session.jsonl", tmp_path / "report.json"
     whole = []
 
     def look() -> None:
@@ -102,7 +96,7 @@ def test_a_session_is_passed_on_written_down_and_judged(
 def test_what_is_broken_is_said_while_the_session_lasts_and_fails_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    listen = free_ports()
+    listen = (free_port(), free_port())
 
     def misbehave() -> None:
         with connected(listen[1]) as client:
@@ -128,7 +122,7 @@ def test_a_server_that_comes_later_is_found_by_a_client_that_came_first(
 ) -> None:
     import splatbus_client
 
-    listen, to = free_ports(), free_ports()
+    listen, to = (free_port(), free_port()), (free_port(), free_port())
     came, shown = threading.Event(), []
 
     def look() -> None:
@@ -161,7 +155,7 @@ def test_a_server_that_comes_later_is_found_by_a_client_that_came_first(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signal there is like Ctrl-C")
 def test_ctrl_c_ends_the_session_and_judges_it(tmp_path: Path) -> None:
-    listen = free_ports()
+    listen = (free_port(), free_port())
     with serving(painter()) as (bus, _):
         to = bus.address.ipc_port, bus.address.message_port
         ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
