@@ -28,8 +28,11 @@ class Listening:
         held.callback(self._leave)
         self._further: Connection | None = None
         """A connection on which a further packet was taken."""
-        if not self.opens(self.fresh(), self.image()):
+        first = self.image()
+        if not self.opens(self.fresh(), first):
             trial.not_observable("the testee did not open good device memory")
+        self._reads = trial.wait(lambda: first.copies(trial.calls()))
+        """It was seen to copy what it opened."""
 
     def image(self, width: int = 64, height: int = 48, layout: Layout | None = None) -> DeviceImage:
         """An image in device memory, drawn and complete; freed in the end."""
@@ -51,6 +54,14 @@ class Listening:
         """Whether the testee opens an image whose packet is sent here, spelled so if so it is."""
         connection.send(packet(payload or encode(image.init_packet())))
         return self.comes_to_open(connection, image)
+
+    def takes(self, connection: Connection, image: DeviceImage, payload: bytes) -> bool:
+        """As `opens`; and it reads it, if it reads at all: some die between the two."""
+        trial = self._trial
+        if not (self.opens(connection, image, payload) and self._reads):
+            return image.opened(trial.calls())
+        trial.wait(lambda: image.copies(trial.calls()) or connection.ended)
+        return bool(image.copies(trial.calls()))
 
     def comes_to_open(self, connection: Connection, image: DeviceImage) -> bool:
         """Whether the testee opens an image whose packet was sent."""

@@ -246,8 +246,9 @@ def judge_writers(trial: ClientTrial, writers: Iterable[Writer]) -> None:
         for writer in writers:
             connection, good = listening.fresh(), listening.image()
             payload = writer(good.init_packet())
-            opened = listening.opens(connection, good, payload)
-            outcome = "accepts" if opened else trial.fate() or "ignores"
+            taken = listening.takes(connection, good, payload)
+            left = "closes" if connection.ended else "ignores"
+            outcome = "accepts" if taken else trial.fate() or left
             text = shorten(payload.decode(), 400)
             trial.judge(outcome, f"the message {text!r} on the IPC channel")
             trial.delivered += 1
