@@ -2,11 +2,14 @@
 
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import strategies as st
+from splatbus_conformance.messages import encode
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.script import Case
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.trial import Trial
 from splatbus_schemas.requirements import requirements
@@ -91,3 +94,19 @@ def test_what_an_ended_testee_had_begun_is_not_taken_for_its_successors(trial, t
         assert len(trial.peer.connections) == 1
     finally:
         trial.testee.close()
+
+
+@pytest.mark.parametrize(
+    ("script", "control"),
+    [
+        ({"type": {"type": "get_viewport_size"}}, "get_camera_pose"),
+        ({"type": "get_camera_pose"}, "get_viewport_size"),
+    ],
+)
+def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(script, control) -> None:
+    asked = []
+    trial = object.__new__(ServerTrial)
+    trial.viewer = SimpleNamespace(with_=lambda connection: SimpleNamespace(heard=[]))
+    trial.answers = lambda connection, request: not asked.append(request["type"])
+    trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), encode(script))
+    assert asked == [control]
