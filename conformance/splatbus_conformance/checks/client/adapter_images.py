@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.checks.client.text import odd_spelling, spellings
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lending import Lending
-from splatbus_conformance.messages import Json
+from splatbus_conformance.lenient_json import shorten
+from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.painting import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trial import REACTION_SECONDS
 
@@ -92,6 +94,44 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
         lending.spoil_everything()
         trial.rest(linger)
         _judge(trial, lending, f"was shown after the client had given image {seq} back")
+
+
+@check(
+    "JSN-6",
+    observable="the client's newest image is the one whose frame was spelled so",
+    needs=READS,
+)
+def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
+    """Frames with members in any order, white space, escapes, and numbers in any form: who cannot
+    read one gives its slot back all the same. A frame that is spelled plainly is read after each.
+    """
+    lending = Lending(trial)
+
+    def listing_none(message: Json) -> Json:
+        return {name: it for name, it in message.items() if name != "objects"}
+
+    def plainly(message: Json) -> bytes:
+        return encode(listing_none(message))
+
+    trial.role.encode["ipc"] = plainly
+    lending.show(coordinates(0, *lending.size))
+    for number, case in enumerate(spellings(trial, quick=8, full=200), 1):
+        write = odd_spelling(case)
+        said: list[str] = []
+
+        def oddly(message: Json) -> bytes:
+            said.append(write(listing_none(message)).decode())  # noqa: B023 - ends with the round
+            return said[-1].encode()  # noqa: B023
+
+        trial.role.encode["ipc"] = oddly
+        seq = lending.lend(coordinates(number, *lending.size))
+        given_back = trial.releases(lending.connection, seq)
+        trial.role.encode["ipc"] = plainly
+        shown = lending.newest()["seq"]
+        lending.show(coordinates(0, *lending.size))
+        what = f"frame {shorten(said[0])}: its slot was given back, and it was not read"
+        trial.expect(not given_back or shown == seq, what)
+        trial.delivered += 1
 
 
 def _judge(trial: ClientTrial, lending: Lending, otherwise: str) -> None:

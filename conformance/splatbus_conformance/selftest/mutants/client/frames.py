@@ -3,6 +3,8 @@
 from typing import Any
 
 from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire import from_server
+from splatbus_wire.fields import Field
 from splatbus_wire.messages import Frame, Release, Subscribe, encode
 
 from splatbus_conformance.selftest.patching import Patch
@@ -114,3 +116,18 @@ def subscribes(patch: Patch, *channels: str) -> None:
             self._out += encode(Subscribe(frozenset(channels)))
 
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+
+
+@mutant(
+    "JSN-6",
+    check="check_reads_what_is_lent_in_any_spelling",
+    reason="and it was not read",
+    axes="opencv",
+)
+def reads_frames_of_one_spelling(patch: Patch) -> None:
+    """Gives back unread what is lent by a frame that is not spelled as frames usually are."""
+
+    def frame(original: Any, fields: Field) -> Any:
+        raise fields.refused("is spelled otherwise")
+
+    wrap(patch, from_server, "frame", frame)
