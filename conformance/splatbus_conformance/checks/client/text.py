@@ -18,7 +18,7 @@ from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import LIBERTIES, Plain, spell, spell_in_utf_8
-from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.trial import ENDING_SECONDS, REACTION_SECONDS
 from splatbus_conformance.unknown_members import between_unknown_members, with_unknown_members
 
 Writer = Callable[[Json], bytes]
@@ -325,7 +325,9 @@ def _broken_replies(trial: ClientTrial, *requirements: str) -> list[BrokenText]:
 
 def judge_row(trial: ClientTrial, payloads: Sequence[BrokenText]) -> None:
     """Send broken payloads in a row; where that goes wrong, each by itself."""
-    chosen = list(trial.each(payloads, kind=lambda broken: broken.kind))
+    # All are chosen before the first is sent: what costs a start is not known to be too much yet.
+    spare = None if "msg" in trial.facts.returns else 0
+    chosen = list(trial.each(payloads, kind=lambda broken: broken.kind, spare=spare))
     outcome = outcome_of_row(trial, chosen)
     if outcome not in trial.requirement.acceptable:
         for broken in chosen:
@@ -344,6 +346,11 @@ def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
     returns = "msg" in trial.facts.returns
     connection = asking(trial)
     for broken in payloads:
+        if connection.ended and not returns:
+            trial.wait(trial.fate, ENDING_SECONDS)
+            if fate := trial.fate():
+                return fate
+            trial.delivered += 1  # it has closed, and lives
         if connection.ended:
             again = trial.next_connection("msg") if returns else asking(trial)
             if again is None:
