@@ -11,7 +11,7 @@ from splatbus_conformance.kinds import REPLY_TO, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.trial import JITTER_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trial import ENDING_SECONDS, JITTER_SECONDS, REACTION_SECONDS
 
 BAD_CAMERAS: tuple[Json, ...] = (
     {"position": [0, 0, 0]},
@@ -96,6 +96,8 @@ def outcome_of_reading(trial: ClientTrial, connection: Connection) -> str:
             return "ignores"
         if trial.fate() is None and not _notices_the_end_after_replies(trial):
             return "ignores"
+    if connection.ended and not trial.wait(trial.fate, ENDING_SECONDS):
+        trial.delivered += 1  # it has closed, and lives
     return trial.fate() or ("closes" if connection.ended else "hangs")
 
 

@@ -19,7 +19,7 @@ from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import LIBERTIES, Plain, spell, spell_in_utf_8
-from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.trial import ENDING_SECONDS, REACTION_SECONDS
 from splatbus_conformance.unknown_members import between_unknown_members, with_unknown_members
 
 Writer = Callable[[Json], bytes]
@@ -328,9 +328,10 @@ def _broken_replies(trial: ClientTrial, *requirements: str) -> list[BrokenText]:
 def judge_row(trial: ClientTrial, payloads: Sequence[BrokenText]) -> None:
     """Send broken payloads in a row; where that goes wrong, each by itself."""
     chosen: list[BrokenText] = []
+    spare = None if "msg" in trial.facts.returns else 0  # each of these may cost a start
 
     def delivered() -> Generator[BrokenText]:  # one after the other, for each may take a connection
-        for broken in trial.each(payloads, kind=lambda broken: broken.kind):
+        for broken in trial.each(payloads, kind=lambda broken: broken.kind, spare=spare):
             chosen.append(broken)
             yield broken
 
@@ -353,6 +354,11 @@ def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
     returns = "msg" in trial.facts.returns
     connection = asking(trial)
     for broken in payloads:
+        if connection.ended and not returns:
+            trial.wait(trial.fate, ENDING_SECONDS)
+            if fate := trial.fate():
+                return fate
+            trial.delivered += 1  # it has closed, and lives
         if connection.ended:
             again = trial.next_connection("msg") if returns else asking(trial)
             if again is None:
