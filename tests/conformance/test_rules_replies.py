@@ -283,3 +283,13 @@ def test_what_may_be_about_several_messages_is_one_answer_too_many(silent: tuple
     pipelined = msg(*map(client, (*silent, ASK_SIZE)), server({"ok": True}), server({"ok": True}))
     found = breaches(pipelined)
     assert {name for peer, name in found if peer == "server"} == {"REQ-3", "REQ-7"}
+
+
+def test_an_answer_without_the_id_of_what_has_none_is_not_about_that() -> None:
+    """After hello: it is for another, as those are for whom it is the one too many."""
+    asked = [ASK_CAMERA | {"id": 1}, NO_INDEX | {"id": 2}]
+    typed = {"type": "camera", **CAMERA}
+    named = msg(*GREETING, *map(client, asked), server(typed | {"id": 1}), server(typed))
+    assert {name for peer, name in breaches(named) if peer == "server"} == {"REQ-7"}
+    told = msg(*GREETING, *map(client, asked), *(server(typed | {"id": n}) for n in (1, 2)))
+    assert {name for peer, name in breaches(told) if peer == "server"} == {"REQ-9"}

@@ -301,8 +301,9 @@ def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
                 requirement: first
                 for requirement, messages in silent.items()
                 if (first := next((it for it in messages if _may_be_for(message, it)), None))
+                and (not negotiated or _is_named_as(message, first))
             }
-            if len(causes) > 1:
+            if len(causes) > 1 or (negotiated and not causes and extra[at]):
                 told.append(Blamed(message, extra[at], "REQ-7"))
                 continue
             cause = extra[at]
@@ -310,6 +311,12 @@ def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
                 silent[requirement].remove(cause)
             told.append(Blamed(message, cause, _blame(cause, negotiated=negotiated)))
     return tuple(told)
+
+
+def _is_named_as(answer: Message, message: Message) -> bool:
+    """Whether an answer has the id of a message, if that can be read: else it is for another."""
+    unread = message.value is None or bool(message.faults)
+    return unread or (answer.value or {}).get("id") == (message.value or {}).get("id")
 
 
 def _may_be_for(answer: Message, message: Message) -> bool:
