@@ -273,14 +273,15 @@ def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
 
     A server answers in order. What comes when each request has its answer is about something that
     the client had sent since it last knew that; else it is one more answer to the last. Where that
-    can be several messages, which are left alone by different sentences, it is one answer too many
-    to all of them.
+    can be several messages, which are left alone by different sentences, or ids are not given back,
+    it is one answer too many to all of them.
     """
     found = exchanges(conversation)
     negotiated = conversation.welcome is not None
     waits = {pair.answer.packet.offset: pair.question.packet.offset for pair in found.pairs}
     asked = {*waits.values(), *(message.packet.offset for message in found.unanswered)}
     extra = {it.answer.packet.offset: it.cause for it in found.extra}
+    nameless = any(p.welcomed and not _is_named_as(p.answer, p.question) for p in found.pairs)
     told: list[Blamed] = []
     silent: defaultdict[str, list[Message]] = defaultdict(list)
     waiting, all_answered = 0, False
@@ -303,7 +304,7 @@ def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
                 if (first := next((it for it in messages if _may_be_for(message, it)), None))
                 and (not negotiated or _is_named_as(message, first))
             }
-            if len(causes) > 1 or (negotiated and not causes and extra[at]):
+            if nameless or len(causes) > 1 or (negotiated and not causes and extra[at]):
                 told.append(Blamed(message, extra[at], "REQ-7"))
                 continue
             cause = extra[at]
