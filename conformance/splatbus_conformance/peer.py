@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Literal, TypeVar
 
 from splatbus_conformance.packets import HEADER, Packet, Splitter
-from splatbus_conformance.ports import free_port
+from splatbus_conformance.ports import listen_somewhere
 from splatbus_conformance.recording import Channel, Direction, Entry, Event
 
 T = TypeVar("T")
@@ -204,8 +204,11 @@ class Peer:
         """Accept connections on this channel from now on; OSError if the port is taken."""
         listener = self._listeners.get(channel)
         if listener is None:
-            self.ports[channel] = self.ports[channel] or free_port(self.host)
-            listener = socket.create_server((self.host, self.ports[channel]), backlog=16)
+            if port := self.ports[channel]:
+                listener = socket.create_server((self.host, port), backlog=16)
+            else:
+                listener = listen_somewhere(self.host)
+                self.ports[channel] = listener.getsockname()[1]
             listener.setblocking(False)
             self._listeners[channel] = listener
         if listener not in self._selector.get_map():

@@ -9,15 +9,19 @@ take the port of a server between its end and its next start."""
 TRIES = 100
 
 
-def free_port(host: str = "127.0.0.1") -> int:
-    """One at which nobody listens. Raises OSError if there seems to be none."""
+def listen_somewhere(host: str) -> socket.socket:
+    """Listens at such a port. Raises OSError if none seems to be free."""
     for tries_left in reversed(range(TRIES)):
-        port = FIRST + secrets.randbelow(LAST - FIRST)
         try:
-            socket.create_server((host, port)).close()
+            return socket.create_server((host, FIRST + secrets.randbelow(LAST - FIRST)), backlog=16)
         except OSError:
             if not tries_left:
                 raise
-        else:
-            return port
     raise AssertionError("it tries once at least")
+
+
+def free_port(host: str = "127.0.0.1") -> int:
+    """One at which nobody listens. Raises OSError if there seems to be none."""
+    with listen_somewhere(host) as listener:
+        port: int = listener.getsockname()[1]
+        return port

@@ -303,28 +303,53 @@ def recurses_without_limit(patch: Patch) -> None:
 )
 def crashes_on_broken_text_of_the_message_channel(patch: Patch) -> None:
     """Crashes on a reply that is no JSON."""
+    _crashes(patch, lambda problem: problem.code == "malformed_json", REPLIES)
 
-    def decode(original: Any, payload: bytes, request: Any) -> Any:
+
+@mutant(
+    "JSN-10",
+    check="check_survives_names_twice_and_depths_on_the_message_channel",
+    reason="on the msg channel: the testee died",
+)
+def crashes_on_a_name_that_comes_twice(patch: Patch) -> None:
+    """Crashes on a reply with two members of one name."""
+    _crashes(patch, lambda problem: problem.requirement == "JSN-3", REPLIES)
+
+
+@mutant(
+    "JSN-10",
+    check="check_survives_numbers_out_of_range_on_the_message_channel",
+    reason="on the msg channel: the testee died",
+)
+def crashes_on_a_number_that_is_not_finite(patch: Patch) -> None:
+    """Crashes on a reply with a number that no type of numbers holds."""
+    _crashes(patch, lambda problem: problem.requirement == "JSN-4", REPLIES)
+
+
+@mutant(
+    "JSN-10",
+    check="check_survives_odd_messages_on_the_message_channel",
+    reason="on the msg channel: the testee died",
+)
+def crashes_on_a_reply_without_its_member(patch: Patch) -> None:
+    """Crashes on a reply that lacks a member."""
+    _crashes(patch, lambda problem: "is missing" in str(problem), REPLIES)
+
+
+INIT_PACKETS = (ipc_protocol, "decode_from_server_ipc")
+REPLIES = (message_protocol, "decode_from_server_message")
+
+
+def _crashes(patch: Patch, at: Any, decoder: tuple[Any, str] = INIT_PACKETS) -> None:
+    def decode(original: Any, *read: Any) -> Any:
         try:
-            return original(payload, request)
-        except ProtocolError as problem:
-            if problem.code == "malformed_json":
-                crash()
-            raise
-
-    wrap(patch, message_protocol, "decode_from_server_message", decode)
-
-
-def _crashes(patch: Patch, at: Any) -> None:
-    def decode(original: Any, payload: bytes) -> Any:
-        try:
-            return original(payload)
+            return original(*read)
         except ProtocolError as problem:
             if at(problem):
                 crash()
             raise
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    wrap(patch, *decoder, decode)
 
 
 @mutant(
