@@ -371,9 +371,13 @@ class ServerTrial(Trial):
     ) -> Json | None:
         """The first frame on this connection that was rendered from this pose, if it comes."""
         frames = self.viewer.with_(connection).frames
+        others = 0
 
         def found() -> Json | None:
-            return next((frame for frame in frames if shows(frame, pose)), None)
+            nonlocal others
+            while others < len(frames) and not shows(frames[others], pose):
+                others += 1
+            return frames[others] if others < len(frames) else None
 
         self.wait(lambda: found() or connection.ended, seconds)
         return found()

@@ -66,10 +66,10 @@ class Steering:
 
     def now(self) -> Camera:
         """What the newest frame was rendered with."""
-        seen = self.cameras()
-        if not seen:
+        newest = next(filter(None, map(camera_in, reversed(self._frames))), None)
+        if newest is None:
             self.trial.not_observable("no frame says with which camera it was rendered")
-        return seen[-1]
+        return newest
 
     def shows_now(self, pose: Json) -> bool:
         """Whether the newest frame shows a pose."""
