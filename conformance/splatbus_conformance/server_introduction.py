@@ -253,7 +253,8 @@ def _serves_one(
             lambda: any(it.ended for it in pair) or all(len(it.packets) >= most for it in pair),
             EFFECT_SECONDS,
         )
-        return any(it.ended or len(it.packets) < most for it in pair)
+        answered = [len(it.packets) >= most for it in pair]
+        return any(it.ended for it in pair) or (any(answered) and not all(answered))
     peer.pump(GONE_SECONDS)
     return any(it.ended for it in pair)
 

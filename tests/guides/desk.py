@@ -148,7 +148,7 @@ def started(command: str, folder: Path, added: dict[str, str], sign: str = "") -
         yield
     finally:
         process.terminate()
-        process.wait(10)
+        process.wait(LIMIT_SECONDS)
 
 
 def finished(line: str, folder: Path, added: dict[str, str], until: str) -> Outcome:
@@ -166,7 +166,8 @@ def finished(line: str, folder: Path, added: dict[str, str], until: str) -> Outc
         while process.poll() is None and time.monotonic() < ends:
             if until and (until in log.read_text("utf-8") or (folder / until).exists()):
                 os.killpg(process.pid, signal.SIGINT)
-                process.wait(20)
+                with contextlib.suppress(subprocess.TimeoutExpired):  # busy, or still starting
+                    process.wait(10)
             time.sleep(0.05)
         with contextlib.suppress(ProcessLookupError):  # what it left in the background
             os.killpg(process.pid, signal.SIGTERM if process.poll() is not None else signal.SIGKILL)

@@ -8,7 +8,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import changed
 from splatbus_conformance.checks import check
-from splatbus_conformance.client_trial import ClientTrial
+from splatbus_conformance.client_trial import PROBES, ClientTrial
 from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.messages import error
 from splatbus_conformance.peer import Connection
@@ -246,12 +246,23 @@ def check_comes_back_soon(trial: ClientTrial) -> None:
         how = how if trial.facts.speaks_1_1(channel) else ENDS[trial.seed % len(ENDS)]
         trial.connection(channel)
         trial.reassure(channel)
-        connection = trial.connection(channel)
-        if how not in ENDS:
-            trial.says_hello(connection)
+        connection = _kept(trial, channel)
         before = sum(c.channel == channel for c in trial.peer.connections)
         lose(trial, connection, how)
         _expect_soon(trial, channel, before, f"it was lost ({how})")
+
+
+def _kept(trial: ClientTrial, channel: Channel) -> Connection:
+    """A connection that is no mere look at whether the server is there."""
+    for _ in range(PROBES):
+        connection = trial.connection(channel)
+        if trial.facts.speaks_1_1(channel):
+            trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)  # noqa: B023
+        else:
+            trial.rest(SETTLE_SECONDS)
+        if not connection.ended:
+            return connection
+    return trial.connection(channel)
 
 
 def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:

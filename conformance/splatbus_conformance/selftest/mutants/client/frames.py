@@ -50,7 +50,9 @@ def releases_with_another_generation(patch: Patch) -> None:
     messages(patch, of_type("release", lambda release: release | {"generation": 7}))
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 77")
+@mutant(
+    "IMG-15", check="check_ignores_frames_of_unknown_memory", reason="a frame with {'generation': "
+)
 def releases_frames_of_any_generation(patch: Patch) -> None:
     """Takes every frame for one of the memory that it has open."""
 

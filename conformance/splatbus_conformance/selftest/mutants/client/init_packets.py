@@ -49,7 +49,7 @@ def limits_the_size_to_16384(patch: Patch) -> None:
     _declines(patch, lambda it: max(it.width, it.height) > 16384)
 
 
-@mutant("INI-8", check=ACCEPTS, reason="9007199254740991 was not opened")
+@mutant("INI-8", check=ACCEPTS, reason="was not opened")
 def generations_of_32_bits(patch: Patch) -> None:
     """Has 32 bits for the generation."""
     _declines(patch, lambda it: it.generation >= 1 << 32)
