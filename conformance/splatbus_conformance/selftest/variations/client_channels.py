@@ -1,6 +1,5 @@
 """Allowed variations in the life of the two channels."""
 
-from socket import SO_ERROR, SOL_SOCKET
 from typing import Any
 
 from splatbus_client.channel import Channel
@@ -23,23 +22,3 @@ def one_channel_after_the_other(patch: Patch) -> None:
         original(self, now)
 
     wrap(patch, Channel, "_connect", connect)
-
-
-@variation()
-def looks_before_it_connects(patch: Patch) -> None:
-    """Opens a connection to see whether the server is there, closes it, and opens the real one an
-    eighth of a second later: at its start, and whenever it comes back.
-    """
-    looked: set[Channel] = set()
-
-    def finish(original: Any, self: Channel, now: float) -> None:
-        assert self.socket is not None
-        if self in looked or self.socket.getsockopt(SOL_SOCKET, SO_ERROR):
-            looked.discard(self)
-            original(self, now)
-            return
-        looked.add(self)
-        self.socket.close()
-        self.socket, self._due = None, now + 0.125
-
-    wrap(patch, Channel, "_finish_connecting", finish)
