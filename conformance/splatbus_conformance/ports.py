@@ -1,5 +1,6 @@
 """Ports that stay free while nobody listens there."""
 
+import contextlib
 import secrets
 import socket
 
@@ -11,13 +12,14 @@ TRIES = 100
 
 def listen_somewhere(host: str) -> socket.socket:
     """Listens at such a port. Raises OSError if none seems to be free."""
-    for tries_left in reversed(range(TRIES)):
-        try:
-            return socket.create_server((host, FIRST + secrets.randbelow(LAST - FIRST)), backlog=16)
-        except OSError:
-            if not tries_left:
-                raise
-    raise AssertionError("it tries once at least")
+    for _ in range(TRIES - 1):
+        with contextlib.suppress(OSError):
+            return _listen_at_random(host)
+    return _listen_at_random(host)
+
+
+def _listen_at_random(host: str) -> socket.socket:
+    return socket.create_server((host, FIRST + secrets.randbelow(LAST - FIRST)), backlog=16)
 
 
 def free_port(host: str = "127.0.0.1") -> int:
