@@ -16,11 +16,15 @@ if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses these, but a checkou
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("schemas", "reference_server", "reference_client", "conformance", "tests", "benchmarks")
-PACKAGES = (
+RENDERERS = (
     "schemas/splatbus_schemas",
     "schemas/splatbus_wire",
     "reference_server/splatbus_server",
     "reference_client/splatbus_client",
+)
+"""What runs where trained models live, which is Python 3.9 and later."""
+PACKAGES = (
+    *RENDERERS,
     "conformance/splatbus_conformance",
     "conformance/site/splatbus_site",
 )
@@ -29,6 +33,18 @@ STEPS = {
     "lint": (*PYTHON, "ruff", "check", *SOURCES),
     "format": (*PYTHON, "ruff", "format", "--check", *SOURCES),
     "types": (*PYTHON, "mypy", *PACKAGES),
+    "win32": (
+        *(*PYTHON, "mypy", "--platform", "win32", "--follow-imports", "silent"),
+        *("--exclude", "selftest", *PACKAGES),  # which forks
+    ),
+    "darwin": (*PYTHON, "mypy", "--platform", "darwin", *PACKAGES),
+    "python3.10": (  # mypy's oldest, for which NumPy's newest has no types
+        *(*PYTHON, "mypy", "--python-version", "3.10", "--no-warn-return-any", *RENDERERS),
+    ),
+    "python3.9": (
+        *(str(Path(sys.executable).with_name("vermin")), "--no-tips", "--eval-annotations"),
+        *("--target=3.9-", "--violations", *RENDERERS),
+    ),
     "imports": (str(Path(sys.executable).with_name("lint-imports")),),
     "prose": (*PYTHON, "splatbus_schemas.prose"),
     "tests": (

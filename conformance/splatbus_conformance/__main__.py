@@ -1,10 +1,22 @@
-"""`python -m splatbus_conformance`."""
+"""`splatbus-conformance`, or `python -m splatbus_conformance`: says what is missing, or starts."""
 
+import importlib.util
 import sys
 
-if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses these, but a checkout runs without it
-    sys.exit(f"Python 3.11 or newer is needed, and this is {sys.version.split()[0]}")
 
-from splatbus_conformance.cli import main
+def main() -> int:
+    """Run the command line, if what it needs is there; returns the exit status."""
+    if sys.version_info < (3, 11):  # noqa: UP036 - wire, server and client take older ones
+        sys.exit(f"Python 3.11 or newer is needed, and this is {sys.version.split()[0]}")
+    needs = ("hypothesis", "jinja2", "jsonschema", "markupsafe", "PIL", "pytest", "rich")
+    missing = [name for name in needs if importlib.util.find_spec(name) is None]
+    if missing:
+        extra = "pip install 'splatbus-protocol[conformance]'"
+        sys.exit(f"the harness needs {', '.join(missing)}; install with: {extra}")
+    from splatbus_conformance.cli import main as begin
 
-sys.exit(main())
+    return begin()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -50,7 +50,7 @@ def free_bytes() -> int | None:
 
 def _reserve(file: int, size: int) -> None:
     """Have all pages now: where there are too few, whoever touches one too many is killed."""
-    if size:
+    if size and sys.platform == "linux":
         os.posix_fallocate(file, 0, size)
 
 

@@ -5,6 +5,7 @@ Only Linux shows it, and only of processes of one's own; elsewhere nothing is kn
 
 import contextlib
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -27,8 +28,9 @@ def owner(port: int, peer_port: int) -> int | None:
 
 def group(pid: int) -> int | None:
     """The group of processes that a process is in, where there are groups and it is there."""
-    with contextlib.suppress(AttributeError, OSError):
-        return os.getpgid(pid)
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):
+            return os.getpgid(pid)
     return None
 
 

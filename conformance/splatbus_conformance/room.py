@@ -1,6 +1,7 @@
 """How many instances of a testee do well beside each other on this machine."""
 
 import os
+import sys
 from pathlib import Path
 
 from splatbus_conformance.client_introduction import SLOW_START_SECONDS, ClientFacts
@@ -35,6 +36,8 @@ def at_a_time(stand: Stand) -> int:
 
 def _cpu_seconds(group: int) -> float:
     """What the processes of a group have used of processors."""
+    if sys.platform == "win32":
+        return 0.0
     ticks = 0
     for pid in members(group):
         fields = _read(PROC / str(pid) / "stat").rpartition(")")[2].split()
@@ -44,6 +47,8 @@ def _cpu_seconds(group: int) -> float:
 
 def _resident_bytes(group: int) -> int:
     """What the processes of a group hold in memory."""
+    if sys.platform == "win32":
+        return 0
     pages = 0
     for pid in members(group):
         fields = _read(PROC / str(pid) / "statm").split()

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -151,7 +152,9 @@ def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
 def _let_others_leave(process: subprocess.Popen[bytes]) -> None:
     """What it had started may be clearing up behind it, and a check looks at what was cleared."""
     deadline = time.monotonic() + LEAVING_SECONDS
-    with contextlib.suppress(AttributeError, ProcessLookupError, PermissionError):
+    if sys.platform == "win32":
+        return
+    with contextlib.suppress(ProcessLookupError, PermissionError):
         while time.monotonic() < deadline:
             os.killpg(process.pid, 0)  # raises once none is left
             time.sleep(0.01)
@@ -159,13 +162,16 @@ def _let_others_leave(process: subprocess.Popen[bytes]) -> None:
 
 GROUPED: dict[str, Any] = {"process_group": 0} if os.name == "posix" else {}
 """A testee and what it starts are a group of processes of its own."""
-FORCE = signal.SIGKILL if os.name == "posix" else signal.SIGTERM
+if sys.platform == "win32":
+    FORCE = signal.SIGTERM
+else:
+    FORCE = signal.SIGKILL
 
 
 def _signal(
     process: subprocess.Popen[bytes], alone: Callable[[], None], number: signal.Signals
 ) -> None:
-    if os.name != "posix":
+    if sys.platform == "win32":
         alone()
         return
     with contextlib.suppress(ProcessLookupError, PermissionError):  # none is left of the group

@@ -3,6 +3,8 @@
 It speaks conformance/ADAPTER.md, which describes each command, and is the example of an adapter.
 """
 
+from __future__ import annotations
+
 import argparse
 import hashlib
 import json

@@ -4,6 +4,8 @@ No method blocks. Whoever owns a channel calls `ready` when its socket is, `adva
 deadline has passed, and `flush` after giving its machine something to send.
 """
 
+from __future__ import annotations
+
 import contextlib
 import logging
 import os
@@ -202,24 +204,21 @@ class Channel:
 
     def _take(self, events: Iterable[Event], now: float) -> None:
         for event in events:
-            match event:
-                case MustClose(reason):
-                    self._lose(reason, now)
-                    return
-                case Ignored(reason):
-                    self._warn(f"ignored a packet: {reason}")
-                    continue
-                case ServerError(error):
-                    self._welcome = False
-                    problem = f"the server says {error.code}: {error.message}"
-                    self.status = self.status._replace(problem=problem)
-                    self._warn(problem)
-                    self._owner.handle(event)
-                    continue
-                case Negotiated(version, server, capabilities):
-                    self.status = self.status._replace(
-                        version=version, server=server, capabilities=capabilities
-                    )
+            if isinstance(event, MustClose):
+                self._lose(event.reason, now)
+                return
+            if isinstance(event, Ignored):
+                self._warn(f"ignored a packet: {event.reason}")
+                continue
+            if isinstance(event, ServerError):
+                self._welcome = False
+                problem = f"the server says {event.error.code}: {event.error.message}"
+                self.status = self.status._replace(problem=problem)
+                self._warn(problem)
+                self._owner.handle(event)
+                continue
+            if isinstance(event, Negotiated):
+                self.status = self.status._replace(**event._asdict())
             self._welcome = True
             self._owner.handle(event)
 

@@ -1,5 +1,7 @@
 """`splatbus-client`: what a person types."""
 
+from __future__ import annotations
+
 import argparse
 import io
 import logging
@@ -20,7 +22,6 @@ from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.poses import parse_look_at, parse_pose
 from splatbus_client.session import Session
 from splatbus_client.settings import Settings, read_token, settings
-from splatbus_client.snapshot import snapshot
 from splatbus_client.steering import ServerRefusedError
 from splatbus_client.view import view
 
@@ -121,6 +122,11 @@ def _stopped_by_signals() -> threading.Event:
 
 
 def _snapshot(where: Settings, options: argparse.Namespace) -> int:
+    try:
+        from splatbus_client.snapshot import snapshot
+    except ImportError as problem:
+        print(problem, file=sys.stderr)
+        return 1
     with Session(where) as session:
         pose = options.pose
         if options.camera_index is not None:

@@ -1,5 +1,7 @@
 """A frame as a screen wants it, whatever its semantics [MEM-13]."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

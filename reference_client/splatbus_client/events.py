@@ -1,6 +1,8 @@
 """What a connection's protocol machine tells its owner."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import NamedTuple, Union
 
 from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.messages import (
@@ -17,7 +19,7 @@ from splatbus_wire.messages import (
 
 from splatbus_client.clock import Sample
 
-Answer = ViewportSize | CameraReply | Scene | Sample
+Answer = Union[ViewportSize, CameraReply, Scene, Sample]
 """What a request is answered with; a ping with when it was sent, and its pong received."""
 
 
@@ -116,8 +118,8 @@ class MustClose(NamedTuple):
     reason: str
 
 
-IpcEvent = Negotiated | Announced | Declined | Lent | Look | ServerError | Ignored | MustClose
-MessageEvent = (
-    Negotiated | Replied | Refused | NotOffered | Measured | ServerError | Ignored | MustClose
-)
-Event = IpcEvent | MessageEvent
+IpcEvent = Union[Negotiated, Announced, Declined, Lent, Look, ServerError, Ignored, MustClose]
+MessageEvent = Union[
+    Negotiated, Replied, Refused, NotOffered, Measured, ServerError, Ignored, MustClose
+]
+Event = Union[IpcEvent, MessageEvent]

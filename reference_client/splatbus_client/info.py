@@ -1,5 +1,7 @@
 """What there is to know of a server: what it speaks and can do, its scene, its clock."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 from splatbus_wire.messages import Scene, SceneObject

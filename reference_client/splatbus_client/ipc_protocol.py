@@ -3,6 +3,8 @@
 It knows what was announced, opened and lent; it never touches memory.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -162,17 +164,17 @@ class IpcProtocol:
         except ProtocolError as problem:
             yield from self._on_broken(payload, str(problem))
             return
-        match message:
-            case Welcome():
-                yield from self._on_welcome(message)
-            case InitPacket(version=None):
+        if isinstance(message, Welcome):
+            yield from self._on_welcome(message)
+        elif isinstance(message, InitPacket):
+            if message.version is None:
                 yield from self._on_init_packet_of_1_0(message)
-            case InitPacket():
+            else:
                 yield from self._on_init_packet(message)
-            case Frame():
-                yield from self._on_frame(message)
-            case ErrorMessage():
-                yield ServerError(message)
+        elif isinstance(message, Frame):
+            yield from self._on_frame(message)
+        elif isinstance(message, ErrorMessage):
+            yield ServerError(message)
 
     def _on_broken(self, payload: bytes, problem: str) -> Iterator[IpcEvent]:
         if (generation := _refused_generation(payload)) is not None:

@@ -1,11 +1,12 @@
 """How long a pose takes to become an image, from the tags that come back [CAM-2]."""
 
+from __future__ import annotations
+
 import math
 import statistics
 from bisect import bisect_right
 from collections import Counter, OrderedDict, deque
 from collections.abc import Sequence
-from itertools import pairwise
 
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import Pose
@@ -70,7 +71,7 @@ def histogram(seconds: Sequence[float]) -> list[str]:
         f"latency from pose to image, {len(seconds)} images:"
         f" median {1e3 * median:.1f} ms, 99th percentile {1e3 * late:.1f} ms"
     ]
-    for index, (least, end) in enumerate(pairwise(edges)):
+    for index, (least, end) in enumerate(zip(edges, edges[1:])):
         share = counts[index] / most
         row = f"{f'{least:g} to {end:g} ms':>16} {bar(share, _BAR_LETTERS)}".rstrip()
         lines.append(f"{row} {counts[index]}")

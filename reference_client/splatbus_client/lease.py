@@ -1,9 +1,11 @@
 """A frame in the hands of its reader: the right to read one slot, until it is given back."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable
 from types import TracebackType
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,7 +174,7 @@ class FrameLease:
             raise RuntimeError(f"{name} was not subscribed to [IMG-22]")
         return image
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> FrameLease:
         return self
 
     def __exit__(

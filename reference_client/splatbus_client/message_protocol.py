@@ -4,6 +4,8 @@ Requests go out one at a time. Replies of 1.0 carry no id, so a reply that canno
 could otherwise make every later one answer the wrong request [REQ-11].
 """
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Iterator
 from itertools import count
@@ -11,7 +13,6 @@ from itertools import count
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import FramingError, ProtocolError
 from splatbus_wire.messages import (
-    CameraReply,
     ErrorMessage,
     GetCameraPose,
     GetScene,
@@ -21,7 +22,6 @@ from splatbus_wire.messages import (
     Pong,
     Reply,
     Request,
-    Scene,
     Telemetry,
     ViewportSize,
     Welcome,
@@ -220,15 +220,14 @@ class MessageProtocol:
             # its time runs out and the connection with it, rather than its order [REQ-13].
             yield Ignored(str(problem))
             return
-        match message:
-            case Welcome():
-                yield from self._on_welcome(message)
-            case ErrorMessage():
-                yield from self._on_error(message)
-            case Telemetry():
-                yield self._on_telemetry(message)
-            case ViewportSize() | CameraReply() | Scene() | Pong():
-                yield from self._on_reply(message, now)
+        if isinstance(message, Welcome):
+            yield from self._on_welcome(message)
+        elif isinstance(message, ErrorMessage):
+            yield from self._on_error(message)
+        elif isinstance(message, Telemetry):
+            yield self._on_telemetry(message)
+        else:
+            yield from self._on_reply(message, now)
 
     def _on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
         # Once a reply has shown that the server speaks 1.0, it may name whatever version it likes.

@@ -1,5 +1,7 @@
 """The newest image, copied: for whoever looks at images now and then and keeps none lent."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -3,7 +3,10 @@
 Functions from messages to messages; nothing here sends.
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection
+from typing import Optional, Union
 
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
@@ -26,9 +29,9 @@ from splatbus_wire.messages import (
 from splatbus_wire.parts import MAX_IMAGE_SIZE, MAX_NAME_CHARS, intrinsics
 from splatbus_wire.rotations import check_quaternion
 
-Told = CameraPose | ObjectPose | SetTime | SubscribeTelemetry
+Told = Union[CameraPose, ObjectPose, SetTime, SubscribeTelemetry]
 """What has no reply, and of which only the newest of a kind matters [POS-7]."""
-Kind = tuple[type[Told], str | None]
+Kind = tuple[type[Told], Optional[str]]
 """What it is about: a type, and which object where it moves one."""
 
 _CAPABILITIES: dict[type, str] = {
@@ -55,11 +58,11 @@ def succeeding(former: Told | None, message: Told) -> Told:
 
 def needs(message: Told | Request) -> str | None:
     """Return the capability without which the message, or a part of it, may not be sent."""
-    match message:
-        case CameraPose(intrinsics=lens):
-            return None if lens is None else "intrinsics"
-        case ObjectPose(name, _, scale):
-            return None if (name, scale) == (DEFAULT_OBJECT, 1.0) else "objects"
+    if isinstance(message, CameraPose):
+        return None if message.intrinsics is None else "intrinsics"
+    if isinstance(message, ObjectPose):
+        whole = (message.object, message.scale) == (DEFAULT_OBJECT, 1.0)
+        return None if whole else "objects"
     return _CAPABILITIES.get(type(message))
 
 
@@ -79,13 +82,12 @@ def permitted(
     """
     needed = needs(message)
     missing = needed is not None and needed not in capabilities
-    match message:
-        case CameraPose():
-            lens = None if missing else message.intrinsics
-            tag = message.tag if version == "1.1" else None
-            return message._replace(intrinsics=lens, tag=tag)
-        case ObjectPose(_, pose, _, timestamp) if needed is None:
-            return PointCloudPose(pose, timestamp)
+    if isinstance(message, CameraPose):
+        lens = None if missing else message.intrinsics
+        tag = message.tag if version == "1.1" else None
+        return message._replace(intrinsics=lens, tag=tag)
+    if isinstance(message, ObjectPose) and needed is None:
+        return PointCloudPose(message.pose, message.timestamp)
     return None if missing else message
 
 
@@ -95,19 +97,18 @@ def checked(message: Told) -> Told:
     Raises:
         ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
     """
-    match message:
-        case CameraPose(pose, timestamp, tag, lens):
-            if tag is not None:
-                _text(Field(tag, "/tag", "CAM-1"), LIMITS["max_tag_chars"])
-            return CameraPose(_pose(pose), timestamp, tag, lens and _lens(lens))
-        case ObjectPose(name, pose, scale, timestamp):
-            _text(Field(name, "/object", "OBJ-1"), MAX_NAME_CHARS)
-            return ObjectPose(name, _pose(pose), _scale(scale), timestamp)
-        case SetTime(time):
-            return SetTime(Field(float(time), "/time", "TIM-1").number())
-        case SubscribeTelemetry(names):
-            _names(names)
-            return message
+    if isinstance(message, CameraPose):
+        if message.tag is not None:
+            _text(Field(message.tag, "/tag", "CAM-1"), LIMITS["max_tag_chars"])
+        lens = message.intrinsics
+        return message._replace(pose=_pose(message.pose), intrinsics=lens and _lens(lens))
+    if isinstance(message, ObjectPose):
+        _text(Field(message.object, "/object", "OBJ-1"), MAX_NAME_CHARS)
+        return message._replace(pose=_pose(message.pose), scale=_scale(message.scale))
+    if isinstance(message, SetTime):
+        return SetTime(Field(float(message.time), "/time", "TIM-1").number())
+    _names(message.names)
+    return message
 
 
 def checked_request(request: Request) -> Request:
@@ -116,17 +117,16 @@ def checked_request(request: Request) -> Request:
     Raises:
         ProtocolError: it breaks REQ-2, VPT-1 or PNG-1.
     """
-    match request:
-        case GetCameraPose(index):
-            most = MAX_SAFE_INTEGER
-            return GetCameraPose(Field(index, "/cam_idx", "REQ-2").integer(-most, most))
-        case SetViewport(width, height):
-            return SetViewport(
-                Field(width, "/width", "VPT-1").integer(1, MAX_IMAGE_SIZE),
-                Field(height, "/height", "VPT-1").integer(1, MAX_IMAGE_SIZE),
-            )
-        case Ping(t):
-            return Ping(Field(float(t), "/t", "PNG-1").number())
+    if isinstance(request, GetCameraPose):
+        most = MAX_SAFE_INTEGER
+        return GetCameraPose(Field(request.cam_idx, "/cam_idx", "REQ-2").integer(-most, most))
+    if isinstance(request, SetViewport):
+        return SetViewport(
+            Field(request.width, "/width", "VPT-1").integer(1, MAX_IMAGE_SIZE),
+            Field(request.height, "/height", "VPT-1").integer(1, MAX_IMAGE_SIZE),
+        )
+    if isinstance(request, Ping):
+        return Ping(Field(float(request.t), "/t", "PNG-1").number())
     return request
 
 

@@ -1,12 +1,19 @@
 """Three panels: colour, depth in false colour with its scale, and a composite with a mesh."""
 
+from typing import Union
+
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from splatbus_wire.compositing import over_straight
 
 from splatbus_client.display import Float32Array, Shown
 from splatbus_client.mesh import ring_around
+
+try:
+    from PIL import Image, ImageDraw, ImageFont
+except ImportError as problem:  # pragma: no cover
+    extra = "install it with: pip install 'splatbus-protocol[client]'"
+    raise ImportError(f"pictures need Pillow; {extra}") from problem
 
 # Nine points of Matplotlib's viridis (CC0), near to far: yellow to violet.
 _NEAR_TO_FAR = np.array(
@@ -24,7 +31,7 @@ _NEAR_TO_FAR = np.array(
 ) / np.float32(255)
 _PAPER, _INK, _FAINT = (250, 250, 248), (30, 32, 36), (120, 124, 130)
 _BLUISH = np.array([0.9, 1.0, 1.2], np.float32)
-_Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+_Font = Union[ImageFont.FreeTypeFont, ImageFont.ImageFont]
 _Bytes = NDArray[np.uint8]
 
 

@@ -27,7 +27,7 @@ def look_at(eye: Vector, target: Vector) -> Pose:
     Raises:
         ValueError: eye and target coincide.
     """
-    dx, dy, dz = (t - e for t, e in zip(target, eye, strict=True))
+    dx, dy, dz = (t - e for t, e in zip(target, eye))
     if not math.hypot(dx, dy, dz) > 0:
         raise ValueError("the eye and its target are the same point")
     half_turn = math.atan2(dx, dz) / 2

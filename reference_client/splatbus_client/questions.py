@@ -1,5 +1,7 @@
 """What a viewer asks on each new connection: where the first camera is, the size of images."""
 
+from __future__ import annotations
+
 import logging
 from concurrent.futures import Future
 from typing import Any
@@ -49,7 +51,7 @@ class Questions:
             self._size = self._session.ask_viewport_size()  # the session keeps REQ-12's distance
 
 
-def _answer(future: "Future[Any]") -> Any:
+def _answer(future: Future[Any]) -> Any:
     """Return what was answered, or None if nothing was yet, or an error."""
     try:
         return future.result(0)
@@ -57,7 +59,7 @@ def _answer(future: "Future[Any]") -> Any:
         return None
 
 
-def _complain(answer: "Future[Any]") -> None:
+def _complain(answer: Future[Any]) -> None:
     problem = None if answer.cancelled() else answer.exception()
-    if isinstance(problem, ServerRefusedError | NotOfferedError):
+    if isinstance(problem, (ServerRefusedError, NotOfferedError)):
         log.warning("the images keep their size: %s", problem)

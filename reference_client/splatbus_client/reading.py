@@ -3,6 +3,8 @@
 Nothing here waits or locks; the session does.
 """
 
+from __future__ import annotations
+
 import logging
 from typing import Any, NamedTuple, Protocol
 
@@ -102,15 +104,14 @@ class Reading:
 
     def handle(self, event: IpcEvent) -> None:
         """Do what an event of the connection asks for."""
-        match event:
-            case Announced(packet):
-                self._open(packet)
-            case Declined(_, reason):
-                self._go_without(reason)
-            case Lent(frame, channels):
-                self._lend(frame, channels)
-            case Look():
-                self._look()
+        if isinstance(event, Announced):
+            self._open(event.packet)
+        elif isinstance(event, Declined):
+            self._go_without(event.reason)
+        elif isinstance(event, Lent):
+            self._lend(event.frame, event.channels)
+        elif isinstance(event, Look):
+            self._look()
 
     def end(self) -> None:
         """Regard the buffers as gone, because the connection has ended [CHN-18]."""

@@ -4,11 +4,13 @@ A thread of its own does all waiting on sockets; the caller's thread sends direc
 pose or a `release` does not wait for another thread to wake.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from concurrent.futures import CancelledError, Future
 from importlib.metadata import version
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from splatbus_wire.messages import (
     DEFAULT_OBJECT,
@@ -52,7 +54,7 @@ def connect(
     *,
     token: str | None = None,
     channels: Iterable[str] = CHANNELS,
-) -> "Session":
+) -> Session:
     """Begin a session; what is not given comes from SPLATBUS_HOST, _IPC_PORT, _MSG_PORT, _TOKEN.
 
     Returns at once: connecting goes on in the background, and again whenever a connection is lost.
@@ -154,7 +156,7 @@ class Session:
 
     # What is asked
 
-    def ask(self, request: Request) -> "Future[Any]":
+    def ask(self, request: Request) -> Future[Any]:
         """Ask without waiting; a lost connection delays the answer.
 
         Args:
@@ -170,11 +172,11 @@ class Session:
         """
         return self._ask(request, lambda answer: answer)
 
-    def ask_viewport_size(self) -> "Future[tuple[int, int]]":
+    def ask_viewport_size(self) -> Future[tuple[int, int]]:
         """Ask without waiting; (0, 0) is a reply too. A lost connection delays the answer."""
         return self._ask(GetViewportSize(), _size)
 
-    def ask_camera_pose(self, index: int) -> "Future[Pose]":
+    def ask_camera_pose(self, index: int) -> Future[Pose]:
         """Ask without waiting; a lost connection delays the answer."""
         return self._ask(GetCameraPose(index), lambda camera: camera.pose)
 
@@ -313,7 +315,7 @@ class Session:
         """End both connections, and with them every lease. Further calls do nothing."""
         self._loop.close()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Session:
         return self
 
     def __exit__(
@@ -332,7 +334,7 @@ class Session:
             self._require_open()
             self._steering.tell(message)
 
-    def _ask(self, request: Request, value: Callable[[Any], Any]) -> "Future[Any]":
+    def _ask(self, request: Request, value: Callable[[Any], Any]) -> Future[Any]:
         with self._loop.sending(self._message):
             self._require_open()
             return self._steering.ask(request, value)
@@ -359,7 +361,7 @@ class Session:
             lambda: self._reading.lasts(loan),
         )
 
-    def _answer(self, answer: "Future[Any]", end: float, name: str) -> Any:
+    def _answer(self, answer: Future[Any], end: float, name: str) -> Any:
         try:
             return answer.result(max(0.0, end - clock()))
         except CancelledError:

@@ -1,5 +1,7 @@
 """Whom to connect to and with which token: from arguments, the environment and defaults."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,5 +1,7 @@
 """One picture of what a server shows, from where it is asked for."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from splatbus_wire.poses import Pose

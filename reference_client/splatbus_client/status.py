@@ -1,5 +1,7 @@
 """How a session fares, and in words why something did not come."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 from splatbus_client.channel import ChannelStatus

@@ -3,6 +3,8 @@
 Nothing here waits or locks; the session does.
 """
 
+from __future__ import annotations
+
 import logging
 from collections import deque
 from collections.abc import Callable
@@ -44,7 +46,7 @@ class ServerRefusedError(Exception):
 class _Question:
     request: Request
     value: Callable[[Any], Any]
-    answer: "Future[Any]"
+    answer: Future[Any]
     ticket: int | None = None
 
 
@@ -83,23 +85,22 @@ class Steering:
 
     def handle(self, event: MessageEvent) -> None:
         """Give an answer to those who wait for it, and keep what else the server says."""
-        match event:
-            case Negotiated():
-                for message in self._newest.values():
-                    self._say_what_is_lacking(message)
-            case Replied(ticket, answer):
-                for question in self._answered(ticket):
-                    question.answer.set_result(question.value(answer))
-            case Refused(ticket, error):
-                for question in self._answered(ticket):
-                    question.answer.set_exception(ServerRefusedError(error))
-            case NotOffered(ticket, capability):
-                for question in self._answered(ticket):
-                    question.answer.set_exception(NotOfferedError(capability))
-            case Measured(telemetry):
-                self.telemetry.append(telemetry)
-            case ServerError(error) if error.code == "busy":
-                self._busy = True
+        if isinstance(event, Negotiated):
+            for message in self._newest.values():
+                self._say_what_is_lacking(message)
+        elif isinstance(event, Replied):
+            for question in self._answered(event.ticket):
+                question.answer.set_result(question.value(event.answer))
+        elif isinstance(event, Refused):
+            for question in self._answered(event.ticket):
+                question.answer.set_exception(ServerRefusedError(event.error))
+        elif isinstance(event, NotOffered):
+            for question in self._answered(event.ticket):
+                question.answer.set_exception(NotOfferedError(event.capability))
+        elif isinstance(event, Measured):
+            self.telemetry.append(event.telemetry)
+        elif isinstance(event, ServerError) and event.error.code == "busy":
+            self._busy = True
 
     def end(self) -> None:
         """Keep what is unanswered for the next connection."""
@@ -133,7 +134,7 @@ class Steering:
 
     def ask(
         self, request: Request, value: Callable[[Any], Any] = lambda answer: answer
-    ) -> "Future[Any]":
+    ) -> Future[Any]:
         """Ask on this connection, or on the next one; `value` makes the future's of the `Answer`.
 
         Raises:

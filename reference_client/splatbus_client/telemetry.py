@@ -1,5 +1,7 @@
 """Figures from a renderer, printed as they come: a table on a terminal, lines or JSON elsewhere."""
 
+from __future__ import annotations
+
 import json
 import math
 import threading
@@ -7,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TextIO
 
-from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, Text, message_object
+from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, message_object
 
 from splatbus_client.loop import clock
 from splatbus_client.session import Session
@@ -97,14 +99,15 @@ def _lines(out: TextIO) -> Show:
 def _cells(series: Series, course: Iterable[float] = ()) -> tuple[str, str, str]:
     """What a row shows: a name, a value, and a picture or a text."""
     name = printable(series.name)
-    match series:
-        case Scalar(_, value, unit):
-            return name, f"{value:.6g} {printable(unit or '')}".rstrip(), _curve(list(course))
-        case Histogram(_, edges, counts):
-            shape = columns(_fewer(counts), 0, max(_fewer(counts)))
-            return name, f"{sum(counts)} counted", f"{edges[0]:.4g} |{shape}| {edges[-1]:.4g}"
-        case Text(_, value):
-            return name, "", printable(value)
+    name = series.name
+    if isinstance(series, Scalar):
+        unit = printable(series.unit or "")
+        return name, f"{series.value:.6g} {unit}".rstrip(), _curve(list(course))
+    if isinstance(series, Histogram):
+        counts, edges = _fewer(series.counts), series.edges
+        shape = columns(counts, 0, max(counts))
+        return name, f"{sum(series.counts)} counted", f"{edges[0]:.4g} |{shape}| {edges[-1]:.4g}"
+    return name, "", printable(series.value)
 
 
 def _curve(course: list[float]) -> str:

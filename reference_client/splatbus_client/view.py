@@ -1,5 +1,7 @@
 """A viewer without a window: steers along an orbit, reads every frame, says how it goes."""
 
+from __future__ import annotations
+
 import math
 import secrets
 import shutil
@@ -93,7 +95,7 @@ def _size(session: Session, questions: Questions) -> tuple[int, int]:
     return questions.size if images is None else (images.width, images.height)
 
 
-def _read_one(session: Session, frames: "_Frames", until: float) -> None:
+def _read_one(session: Session, frames: _Frames, until: float) -> None:
     """Read a frame if one comes in time, and otherwise wait as long."""
     try:
         frame = session.next_frame(max(0.0, until - clock()))

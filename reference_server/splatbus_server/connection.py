@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Union
 
 from splatbus_schemas import LIMITS, VERSIONS
 from splatbus_wire.errors import FramingError, ProtocolError
@@ -63,7 +63,7 @@ class Refusal(NamedTuple):
     id: int | None = None
 
 
-Event = ClientMessage | Refusal
+Event = Union[ClientMessage, Refusal]
 
 
 class Connection:

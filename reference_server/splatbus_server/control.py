@@ -12,7 +12,6 @@ from splatbus_wire.messages import (
     ObjectPose,
     Placement,
     PointCloudPose,
-    SetTime,
     Steering,
 )
 from splatbus_wire.poses import IDENTITY, Pose
@@ -45,13 +44,11 @@ class Poses(NamedTuple):
         if isinstance(message, CameraPose):  # most of what arrives, so without detours
             lens = self.intrinsics if message.intrinsics is None else message.intrinsics  # CAM-7
             return Poses(message.pose, self.objects, lens, self.time, message.tag, self.serial + 1)
-        match message:
-            case PointCloudPose(pose):
-                return self._placed(Placement(DEFAULT_OBJECT, pose))  # OBJ-2
-            case ObjectPose(name, pose, scale):
-                return self._placed(Placement(name, pose, scale))
-            case SetTime(time):
-                return self._replace(time=time)
+        if isinstance(message, PointCloudPose):
+            return self._placed(Placement(DEFAULT_OBJECT, message.pose))  # OBJ-2
+        if isinstance(message, ObjectPose):
+            return self._placed(Placement(message.object, message.pose, message.scale))
+        return self._replace(time=message.time)
 
     def look_alike(self, other: Poses) -> bool:
         """Whether both give the same image; q and −q are the same rotation [IMG-10]."""
@@ -63,7 +60,7 @@ class Poses(NamedTuple):
                 self.objects is other.objects
                 or all(
                     _same_pose(a.pose, b.pose) and a.scale == b.scale
-                    for a, b in zip(self.objects.values(), other.objects.values(), strict=True)
+                    for a, b in zip(self.objects.values(), other.objects.values())
                 )
             )
         )

@@ -95,7 +95,7 @@ class Raycaster:
         self._depth.fill(np.inf)
         with np.errstate(all="ignore"):  # a ray that misses computes NaN, on purpose
             parts = [self._draw(part, camera) for part in (scene, *scene.beside)]
-        stats = Stats(*map(sum, zip(*parts, strict=True)))
+        stats = Stats(*map(sum, zip(*parts)))
         return Render(self._color, self._depth if want_depth else None, stats)
 
     def _draw(self, scene: Scene, camera: Camera) -> Stats:
@@ -273,7 +273,7 @@ def _floor_box(floor: Floor, camera: Camera) -> _Box | None:
         for corner in ((-e, h, -e), (e, h, -e), (e, h, e), (-e, h, e))
     ]
     visible = []
-    for (ax, ay, az), (bx, by, bz) in zip(corners, corners[1:] + corners[:1], strict=True):
+    for (ax, ay, az), (bx, by, bz) in zip(corners, corners[1:] + corners[:1]):
         if az >= camera.near:
             visible.append((ax / az, ay / az))
         if (az >= camera.near) != (bz >= camera.near):
@@ -282,5 +282,5 @@ def _floor_box(floor: Floor, camera: Camera) -> _Box | None:
             visible.append((x / camera.near, y / camera.near))
     if not visible:
         return None
-    xs, ys = zip(*visible, strict=True)
+    xs, ys = zip(*visible)
     return _box(camera, (min(xs), max(xs)), (min(ys), max(ys)))

@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from splatbus_wire.messages import Channel, ClientMessage, Hello, Request
+from splatbus_wire.messages import Channel, ClientMessage, GetCameraPose, GetViewportSize, Hello
 
 from splatbus_server.connection import Connection, Refusal, Terms
 from splatbus_server.session import Session
@@ -246,7 +246,7 @@ class Service:
             return self._session.handle(connection, message, now)
         except Exception:
             log.exception("%s: %s failed, a defect of this server", peer.name, message)
-            if connection.welcome is None and isinstance(message, Request):
+            if connection.welcome is None and isinstance(message, (GetViewportSize, GetCameraPose)):
                 connection.end("there is no reply, and 1.0 has no error for that [REQ-9]", now)
             request = getattr(message, "id", None)
             return connection.complain(Refusal("internal", "a defect of this server", id=request))

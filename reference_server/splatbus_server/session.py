@@ -124,23 +124,21 @@ class Session:
         if needed is not None and not connection.has(needed):
             reason, request = f"{needed} was not agreed upon [NEG-5]", getattr(message, "id", None)
             return connection.complain(Refusal("unsupported", reason, id=request))
-        match message:
-            case CameraPose() | PointCloudPose() | ObjectPose() | SetTime():
-                return self._move(connection, message)
-            case GetViewportSize() | GetCameraPose() | GetScene() | SetViewport() | Ping():
-                return self._answer(connection, message, now)
+        if isinstance(message, (CameraPose, PointCloudPose, ObjectPose, SetTime)):
+            return self._move(connection, message)
+        if isinstance(message, (GetViewportSize, GetCameraPose, GetScene, SetViewport, Ping)):
+            return self._answer(connection, message, now)
         self.has_news = True
-        match message:
-            case Hello():
-                return self._greet(connection, now)
-            case Opened() | OpenFailed() | Closed():
-                return self._answered(connection, message)
-            case Release():
-                return self._release(connection, message)
-            case Subscribe(channels):
-                return self._subscribe(connection, channels)
-            case SubscribeTelemetry(names):
-                self._readings.subscribe(connection, names)
+        if isinstance(message, Hello):
+            return self._greet(connection, now)
+        if isinstance(message, (Opened, OpenFailed, Closed)):
+            return self._answered(connection, message)
+        if isinstance(message, Release):
+            return self._release(connection, message)
+        if isinstance(message, Subscribe):
+            return self._subscribe(connection, message.channels)
+        if isinstance(message, SubscribeTelemetry):
+            self._readings.subscribe(connection, message.names)
         return None
 
     def leave(self, connection: Connection) -> None:
@@ -213,25 +211,24 @@ class Session:
 
     def _answer(self, connection: Connection, request: Request, now: float) -> Refusal | None:
         self._statistics.requests += 1
-        match request:
-            case GetViewportSize():
-                memory = self._exchange.memory
-                connection.send(ViewportSize(memory.width, memory.height, request.id))
-            case GetCameraPose():
-                camera = self._cameras[request.cam_idx % len(self._cameras)]
-                lens = self._exchange.lens if connection.has("intrinsics") else None  # CAM-8
-                connection.send(CameraReply(camera, request.id, lens))
-            case GetScene():
-                connection.send(self.scene._replace(id=request.id))
-            case Ping():
-                connection.send(Pong(request.t, now, request.id))
-            case SetViewport():
-                self._free(now)  # of what the messages before this one let go of
-                refusal = self._hindrance(connection)
-                if refusal is not None:
-                    return connection.complain(refusal._replace(id=request.id))
-                self.has_news = True
-                self.viewport.set(connection, request)
+        if isinstance(request, GetViewportSize):
+            memory = self._exchange.memory
+            connection.send(ViewportSize(memory.width, memory.height, request.id))
+        elif isinstance(request, GetCameraPose):
+            camera = self._cameras[request.cam_idx % len(self._cameras)]
+            lens = self._exchange.lens if connection.has("intrinsics") else None  # CAM-8
+            connection.send(CameraReply(camera, request.id, lens))
+        elif isinstance(request, GetScene):
+            connection.send(self.scene._replace(id=request.id))
+        elif isinstance(request, Ping):
+            connection.send(Pong(request.t, now, request.id))
+        else:
+            self._free(now)  # of what the messages before this one let go of
+            refusal = self._hindrance(connection)
+            if refusal is not None:
+                return connection.complain(refusal._replace(id=request.id))
+            self.has_news = True
+            self.viewport.set(connection, request)
         return None
 
     def _hindrance(self, asker: Connection) -> Refusal | None:

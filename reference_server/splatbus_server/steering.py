@@ -23,16 +23,17 @@ def objection(
         width: of the images.
         height: of the images.
     """
-    match message:
-        case CameraPose(intrinsics=lens) if lens is not None:
-            if not connection.has("intrinsics"):
-                reason = "intrinsics were not agreed upon [NEG-5]"
-                return Refusal("unsupported", reason, "/intrinsics")
-            if not fits(lens, width, height):
-                reason = f"{lens.width}×{lens.height} has not the shape of {width}×{height} [CAM-6]"
-                return Refusal("invalid_message", reason, "/intrinsics")
-        case ObjectPose(name) if name not in poses.objects:
-            return Refusal("unknown_object", f"the scene has no object {name!r} [OBJ-3]", "/object")
+    if isinstance(message, CameraPose) and message.intrinsics is not None:
+        lens = message.intrinsics
+        if not connection.has("intrinsics"):
+            reason = "intrinsics were not agreed upon [NEG-5]"
+            return Refusal("unsupported", reason, "/intrinsics")
+        if not fits(lens, width, height):
+            reason = f"{lens.width}×{lens.height} has not the shape of {width}×{height} [CAM-6]"
+            return Refusal("invalid_message", reason, "/intrinsics")
+    if isinstance(message, ObjectPose) and message.object not in poses.objects:
+        reason = f"the scene has no object {message.object!r} [OBJ-3]"
+        return Refusal("unknown_object", reason, "/object")
     return None
 
 

@@ -6,7 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, SupportsFloat
+from typing import Any, SupportsFloat, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +17,10 @@ from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, Text
 from splatbus_server.connection import Connection
 from splatbus_server.statistics import Statistics
 
-Reading = SupportsFloat | tuple[SupportsFloat, str] | str | tuple[ArrayLike, ArrayLike]
+Reading = Union[SupportsFloat, tuple[SupportsFloat, str], str, tuple[ArrayLike, ArrayLike]]
 """A number, a number and its unit, a text, or counts and edges as `numpy.histogram` returns them.
 """
-Given = Reading | Callable[[], Reading]
+Given = Union[Reading, Callable[[], Reading]]
 
 
 @dataclass
@@ -134,13 +134,13 @@ def series(name: str, value: Any) -> Series:
 
 
 def _series(name: str, value: Any) -> Series:
-    match value:
-        case str():
-            return Text(name, _text(value, 0, LIMITS["max_text_chars"]))
-        case (number, str(unit)):
-            return Scalar(name, _number(number), _text(unit, 0, LIMITS["max_name_chars"]))
-        case (counts, edges):
-            return _histogram(name, np.asarray(counts), np.asarray(edges, np.float64))
+    if isinstance(value, str):
+        return Text(name, _text(value, 0, LIMITS["max_text_chars"]))
+    if isinstance(value, (tuple, list)) and len(value) == 2:
+        first, second = value
+        if isinstance(second, str):
+            return Scalar(name, _number(first), _text(second, 0, LIMITS["max_name_chars"]))
+        return _histogram(name, np.asarray(first), np.asarray(second, np.float64))
     return Scalar(name, _number(value))
 
 

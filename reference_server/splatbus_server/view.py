@@ -203,7 +203,7 @@ class View:
         _, pose, scale = self.placement
         if origin is None:
             return self.poses.camera, pose, relative.NO_ORIGIN, scale
-        x, y, z = (a - b for a, b in zip(origin, self.origin, strict=True))
+        x, y, z = (a - b for a, b in zip(origin, self.origin))
         return self.poses.camera, pose, (x, y, z), scale
 
     def _pixels(self, in_camera: NDArray[np.floating[Any]]) -> Points:

@@ -4,6 +4,8 @@ The chapters are the source; `python -m splatbus_schemas.prose` compares and wri
 chapter and section is numbered with its part, and so is each reference to one.
 """
 
+from __future__ import annotations
+
 import posixpath
 import re
 from collections.abc import Callable, Iterator, Mapping

@@ -1,5 +1,7 @@
 """The JSON files of this package, read."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from importlib.resources import files

@@ -7,6 +7,8 @@ keeps the document that holds all of 1.1.
 Run `python -m splatbus_schemas.prose` in a checkout to compare, with `--write` to write.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import re

@@ -1,5 +1,7 @@
 """The requirements of the specification, as collected from its prose."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -8,7 +10,7 @@ from types import MappingProxyType
 from splatbus_schemas.data import VERSIONS, read_json
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Requirement:
     """One normative sentence (spec/1.0 section 1.2).
 

@@ -4,6 +4,8 @@ What JSON Schema cannot say, a schema's `$comment` lists: a message that passes 
 that. jsonschema takes NaN and infinities for numbers, so parse strictly first (JSN-4).
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator
 from functools import cache

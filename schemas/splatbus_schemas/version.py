@@ -1,5 +1,7 @@
 """The version of this project as it is installed, for the commands that say it."""
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Sequence
 from typing import Any, NoReturn

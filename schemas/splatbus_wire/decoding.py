@@ -1,5 +1,7 @@
 """Payloads into messages: strict about what is known, blind to what is not [JSN-7, JSN-8]."""
 
+from __future__ import annotations
+
 from typing import Any, Literal
 
 from splatbus_wire import from_client, from_server
@@ -56,17 +58,17 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
         return pose._replace(tag=None)
     message = Field(parse_object(payload), "", "")
     found: ClientMessage | None = None
-    match channel, message.value.get("type"):
-        case _, "hello":
-            found = from_client.hello(message.under("NEG-2"))
-        case "ipc", kind:
-            found = from_client.on_ipc_channel(kind, message)
-        case "message", kind if said_hello:
-            found = from_client.on_message_channel(kind, message)
-        case "message", ("camera_pose" | "point_cloud_pose") as kind:
-            found = from_client.pose_of_1_0(kind, message)
-        case "message", ("get_viewport_size" | "get_camera_pose") as kind:
-            found = from_client.request_of_1_0(kind, message)
+    kind = message.value.get("type")
+    if kind == "hello":
+        found = from_client.hello(message.under("NEG-2"))
+    elif channel == "ipc":
+        found = from_client.on_ipc_channel(kind, message)
+    elif said_hello:
+        found = from_client.on_message_channel(kind, message)
+    elif kind in ("camera_pose", "point_cloud_pose"):
+        found = from_client.pose_of_1_0(kind, message)
+    elif kind in ("get_viewport_size", "get_camera_pose"):
+        found = from_client.request_of_1_0(kind, message)
     if found is None:
         raise _unknown_type(message, "NEG-9" if said_hello or channel == "ipc" else "REQ-8")
     return found
@@ -82,13 +84,13 @@ def decode_from_server_ipc(payload: bytes) -> InitPacket | Welcome | Frame | Err
     if (frame := plain_frame(payload)) is not None:
         return frame
     message = Field(parse_object(payload), "", "")
-    match message.value.get("type"):
-        case "welcome":
-            return from_server.welcome(message)
-        case "error":
-            return from_server.error(message.under("NEG-23"))
-        case "frame":
-            return from_server.frame(message.under("IMG-1"))
+    kind = message.value.get("type")
+    if kind == "welcome":
+        return from_server.welcome(message)
+    if kind == "error":
+        return from_server.error(message.under("NEG-23"))
+    if kind == "frame":
+        return from_server.frame(message.under("IMG-1"))
     if is_init_packet(message.value):
         return parse_init_packet(message.value)
     raise _unknown_type(message, "INI-11")
@@ -111,25 +113,24 @@ def decode_from_server_message(
     typed = "type" in message.value
     kind = message.value["type"] if typed else _reply_type(request)
     reply: Reply
-    match kind:
-        case "welcome":
-            return from_server.welcome(message)
-        case "error":
-            return from_server.error(message.under("NEG-23"))
-        case "viewport_size":
-            reply = from_server.viewport_size(message)
-        case "camera":
-            reply = from_server.camera(message)
-        case "scene" if typed:
-            reply = from_server.scene(message)
-        case "pong" if typed:
-            reply = from_server.pong(message)
-        case "telemetry":
-            return from_server.telemetry(message)
-        case None if not typed:
-            raise message.refused("answers no request", "unknown_type")
-        case _:
-            raise _unknown_type(message, "NEG-9")
+    if kind == "welcome":
+        return from_server.welcome(message)
+    if kind == "error":
+        return from_server.error(message.under("NEG-23"))
+    if kind == "telemetry":
+        return from_server.telemetry(message)
+    if kind == "viewport_size":
+        reply = from_server.viewport_size(message)
+    elif kind == "camera":
+        reply = from_server.camera(message)
+    elif kind == "scene" and typed:
+        reply = from_server.scene(message)
+    elif kind == "pong" and typed:
+        reply = from_server.pong(message)
+    elif kind is None and not typed:
+        raise message.refused("answers no request", "unknown_type")
+    else:
+        raise _unknown_type(message, "NEG-9")
     if request is None:
         raise message.refused("answers no request", "unknown_type")
     if kind != _reply_type(request):

@@ -9,6 +9,8 @@ Which function, depends on what the renderer gives (`depth.estimator` of 1.1, se
 All arrays are float32, and wider ones are refused: rounding them first would round twice.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_schemas import LIMITS

@@ -1,5 +1,7 @@
 """Messages into packets, with the members in the order in which the specification shows them."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from splatbus_wire.framing import encode_packet
@@ -16,6 +18,7 @@ from splatbus_wire.message_types import (
     GetViewportSize,
     Hello,
     Histogram,
+    Intrinsics,
     Message,
     ObjectPose,
     Opened,
@@ -33,11 +36,25 @@ from splatbus_wire.message_types import (
     Subscribe,
     SubscribeTelemetry,
     Telemetry,
-    Text,
     ViewportSize,
     Welcome,
 )
 from splatbus_wire.poses import Pose
+
+_BY_THEIR_MEMBERS: dict[type, str] = {
+    SetTime: "set_time",
+    GetViewportSize: "get_viewport_size",
+    GetCameraPose: "get_camera_pose",
+    GetScene: "get_scene",
+    SetViewport: "set_viewport",
+    Ping: "ping",
+    ErrorMessage: "error",
+    Opened: "opened",
+    OpenFailed: "open_failed",
+    Closed: "closed",
+    Release: "release",
+}
+"""Messages whose members on the wire are those that they have here."""
 
 
 def encode(message: Message, *, typed_replies: bool = False) -> bytes:
@@ -57,93 +74,61 @@ def encode(message: Message, *, typed_replies: bool = False) -> bytes:
 
 def message_object(message: Message, *, typed_replies: bool = False) -> dict[str, Any]:
     """Return a message as the JSON object that is sent; arguments as of `encode`."""
-    match message:
-        case CameraPose(pose, timestamp, tag, intrinsics):
-            return (
-                _present(type="camera_pose", timestamp=timestamp)
-                | _pose_as_objects(pose)
-                | _present(tag=tag, intrinsics=intrinsics and intrinsics._asdict())
-            )
-        case PointCloudPose(pose, timestamp):
-            return _present(type="point_cloud_pose", timestamp=timestamp) | _pose_as_objects(pose)
-        case ObjectPose(name, pose, scale, timestamp):
-            members = _present(type="object_pose", object=name, timestamp=timestamp)
-            return members | _pose_as_objects(pose) | {"scale": scale}
-        case SetTime(time):
-            return {"type": "set_time", "time": time}
-        case GetViewportSize(identifier, timestamp):
-            return _present(type="get_viewport_size", id=identifier, timestamp=timestamp)
-        case GetCameraPose(cam_idx, identifier, timestamp):
-            return _present(
-                type="get_camera_pose", cam_idx=cam_idx, id=identifier, timestamp=timestamp
-            )
-        case GetScene(identifier):
-            return _present(type="get_scene", id=identifier)
-        case SetViewport():
-            return _present(type="set_viewport", **message._asdict())
-        case Ping():
-            return _present(type="ping", **message._asdict())
-        case ViewportSize(width, height, identifier):
-            reply = _present(type="viewport_size", id=identifier) if typed_replies else {}
-            return reply | {"viewport_size": [width, height]}
-        case CameraReply(pose, identifier, intrinsics):
-            if not typed_replies:
-                return _pose_as_arrays(pose)
-            lens = _present(intrinsics=intrinsics and intrinsics._asdict())
-            return _present(type="camera", id=identifier) | _pose_as_arrays(pose) | lens
-        case Scene():
-            return _scene_object(message)
-        case Pong(t, server_time, identifier):
-            return _present(type="pong", id=identifier, t=t, serverTime=server_time)
-        case Hello(versions, client, capabilities, token):
-            return _present(
-                type="hello",
-                versions=versions,
-                client=client._asdict(),
-                capabilities=capabilities,
-                token=token,
-            )
-        case Welcome(version, server, capabilities):
-            return {
-                "type": "welcome",
-                "version": version,
-                "server": server._asdict(),
-                "capabilities": capabilities,
-            }
-        case ErrorMessage():
-            return _present(type="error", **message._asdict())
-        case Opened(generation):
-            return {"type": "opened", "generation": generation}
-        case OpenFailed(generation, reason):
-            return {"type": "open_failed", "generation": generation, "reason": reason}
-        case Closed(generation):
-            return {"type": "closed", "generation": generation}
-        case Release(generation, seq):
-            return {"type": "release", "generation": generation, "seq": seq}
-        case Subscribe(channels):
-            return {"type": "subscribe", "channels": sorted(channels)}
-        case SubscribeTelemetry(names):
-            return {
-                "type": "subscribe_telemetry",
-                "names": None if names is None else sorted(names),
-            }
-        case Telemetry(seq, time, series):
-            listed = [_series_object(each) for each in series]
-            return {"type": "telemetry", "seq": seq, "time": time, "series": listed}
-        case Frame():
-            return _frame_object(message)
-        case InitPacket():
-            return init_packet_object(message)
+    if isinstance(message, CameraPose):
+        return (
+            _present(type="camera_pose", timestamp=message.timestamp)
+            | _pose_as_objects(message.pose)
+            | _present(tag=message.tag, intrinsics=_lens(message.intrinsics))
+        )
+    if isinstance(message, PointCloudPose):
+        members = _present(type="point_cloud_pose", timestamp=message.timestamp)
+        return members | _pose_as_objects(message.pose)
+    if isinstance(message, ObjectPose):
+        members = _present(type="object_pose", object=message.object, timestamp=message.timestamp)
+        return members | _pose_as_objects(message.pose) | {"scale": message.scale}
+    if isinstance(message, ViewportSize):
+        reply = _present(type="viewport_size", id=message.id) if typed_replies else {}
+        return reply | {"viewport_size": [message.width, message.height]}
+    if isinstance(message, CameraReply):
+        if not typed_replies:
+            return _pose_as_arrays(message.pose)
+        lens = _present(intrinsics=_lens(message.intrinsics))
+        return _present(type="camera", id=message.id) | _pose_as_arrays(message.pose) | lens
+    if isinstance(message, Scene):
+        return _scene_object(message)
+    if isinstance(message, Pong):
+        return _present(type="pong", id=message.id, t=message.t, serverTime=message.server_time)
+    if isinstance(message, Hello):
+        return _present(type="hello", **message._asdict() | {"client": message.client._asdict()})
+    if isinstance(message, Welcome):
+        return {"type": "welcome", **message._asdict(), "server": message.server._asdict()}
+    if isinstance(message, Subscribe):
+        return {"type": "subscribe", "channels": sorted(message.channels)}
+    if isinstance(message, SubscribeTelemetry):
+        names = message.names
+        return {"type": "subscribe_telemetry", "names": None if names is None else sorted(names)}
+    if isinstance(message, Telemetry):
+        listed = [_series_object(each) for each in message.series]
+        return {"type": "telemetry", "seq": message.seq, "time": message.time, "series": listed}
+    if isinstance(message, Frame):
+        return _frame_object(message)
+    if isinstance(message, InitPacket):
+        return init_packet_object(message)
+    return _present(type=_BY_THEIR_MEMBERS[type(message)], **message._asdict())
 
 
 def _present(**members: Any) -> dict[str, Any]:
     return {name: value for name, value in members.items() if value is not None}
 
 
+def _lens(intrinsics: Intrinsics | None) -> dict[str, Any] | None:
+    return None if intrinsics is None else intrinsics._asdict()
+
+
 def _pose_as_objects(pose: Pose) -> dict[str, Any]:
     return {
-        "position": dict(zip("xyz", pose.position, strict=True)),
-        "rotation": dict(zip("xyzw", pose.rotation, strict=True)),
+        "position": dict(zip("xyz", pose.position)),
+        "rotation": dict(zip("xyzw", pose.rotation)),
     }
 
 
@@ -185,10 +170,7 @@ def _scene_object(scene: Scene) -> dict[str, Any]:
 
 
 def _series_object(series: Series) -> dict[str, Any]:
-    match series:
-        case Scalar(name, value, unit):
-            return _present(name=name, kind="scalar", value=value, unit=unit)
-        case Histogram(name, edges, counts):
-            return {"name": name, "kind": "histogram", "edges": edges, "counts": counts}
-        case Text(name, value):
-            return {"name": name, "kind": "text", "value": value}
+    if isinstance(series, Scalar):
+        return _present(name=series.name, kind="scalar", value=series.value, unit=series.unit)
+    kind = "histogram" if isinstance(series, Histogram) else "text"
+    return {"name": series.name, "kind": kind, **series._asdict()}

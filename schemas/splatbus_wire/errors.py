@@ -1,5 +1,7 @@
 """The errors that a peer's bytes can cause: what is wrong, where, and which requirement says so."""
 
+from __future__ import annotations
+
 
 class ProtocolError(ValueError):
     """A message breaks a requirement; the connection goes on.

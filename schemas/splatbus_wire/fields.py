@@ -1,5 +1,7 @@
 """Take typed values out of parsed JSON; an error says what is wrong, where and by which rule."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Collection
@@ -35,25 +37,25 @@ class Field(NamedTuple):
             code, f"{name} {problem}", requirement=self.requirement, pointer=self.pointer
         )
 
-    def under(self, requirement: str) -> "Field":
+    def under(self, requirement: str) -> Field:
         """The same value, to be judged by another requirement."""
         return self._replace(requirement=requirement)
 
-    def member(self, name: str) -> "Field":
+    def member(self, name: str) -> Field:
         """The member `name` of this object."""
         found = self.optional(name)
         if found is None:
             raise Field(None, self.pointer + step(name), self.requirement).refused("is missing")
         return found
 
-    def optional(self, name: str) -> "Field | None":
+    def optional(self, name: str) -> Field | None:
         """The member `name` of this object, or None if it has none."""
         members = self._expect(dict, "an object")
         if name not in members:
             return None
         return Field(members[name], self.pointer + step(name), self.requirement)
 
-    def items(self, least: int, most: float = math.inf) -> list["Field"]:
+    def items(self, least: int, most: float = math.inf) -> list[Field]:
         """The items of this array of `least` to `most` items."""
         items = self._expect(list, "an array")
         if not least <= len(items) <= most:

@@ -1,5 +1,7 @@
 """Cut a stream of bytes into packets, and make packets (1.0 chapter 2)."""
 
+from __future__ import annotations
+
 from collections import deque
 
 from splatbus_schemas import FRAMING, LIMITS

@@ -1,5 +1,7 @@
 """What a client sends, parsed: each function takes one message's fields."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from splatbus_schemas import LIMITS
@@ -54,47 +56,45 @@ def request_of_1_0(kind: str, message: Field) -> GetViewportSize | GetCameraPose
 
 def on_message_channel(kind: Any, message: Field) -> ClientMessage | None:
     """A message of the message channel after `hello`; None if the type is unknown."""
-    match kind:
-        case "camera_pose":
-            return _camera_pose(message)
-        case "point_cloud_pose":
-            return PointCloudPose(*pose_and_timestamp(message))
-        case "object_pose":
-            return _object_pose(message)
-        case "set_time":
-            return SetTime(message.under("TIM-1").member("time").number())
-        case "get_viewport_size":
-            return GetViewportSize(_id(message), timestamp(message))
-        case "get_camera_pose":
-            return GetCameraPose(_cam_idx(message), _id(message), timestamp(message))
-        case "get_scene":
-            return GetScene(_id(message))
-        case "set_viewport":
-            return _set_viewport(message)
-        case "ping":
-            return Ping(message.under("PNG-1").member("t").number(), _id(message))
-        case "subscribe_telemetry":
-            return SubscribeTelemetry(_names(message.under("TEL-1").member("names")))
+    if kind == "camera_pose":
+        return _camera_pose(message)
+    if kind == "point_cloud_pose":
+        return PointCloudPose(*pose_and_timestamp(message))
+    if kind == "object_pose":
+        return _object_pose(message)
+    if kind == "set_time":
+        return SetTime(message.under("TIM-1").member("time").number())
+    if kind == "get_viewport_size":
+        return GetViewportSize(_id(message), timestamp(message))
+    if kind == "get_camera_pose":
+        return GetCameraPose(_cam_idx(message), _id(message), timestamp(message))
+    if kind == "get_scene":
+        return GetScene(_id(message))
+    if kind == "set_viewport":
+        return _set_viewport(message)
+    if kind == "ping":
+        return Ping(message.under("PNG-1").member("t").number(), _id(message))
+    if kind == "subscribe_telemetry":
+        return SubscribeTelemetry(_names(message.under("TEL-1").member("names")))
     return None
 
 
 def on_ipc_channel(kind: Any, message: Field) -> ClientMessage | None:
     """A message of the IPC channel; None if the type is unknown."""
-    match kind:
-        case "opened":
-            return Opened(message.under("OPN-13").generation())
-        case "open_failed":
-            reason = message.under("OPN-13").member("reason").under("OPN-3")
-            return OpenFailed(
-                message.under("OPN-13").generation(), reason.string(1, LIMITS["max_reason_chars"])
-            )
-        case "closed":
-            return Closed(message.under("OPN-13").generation())
-        case "release":
-            released = message.under("IMG-12")
-            return Release(released.generation(), released.seq())
-        case "subscribe":
-            return _subscribe(message.under("IMG-19"))
+    if kind == "opened":
+        return Opened(message.under("OPN-13").generation())
+    if kind == "open_failed":
+        reason = message.under("OPN-13").member("reason").under("OPN-3")
+        return OpenFailed(
+            message.under("OPN-13").generation(), reason.string(1, LIMITS["max_reason_chars"])
+        )
+    if kind == "closed":
+        return Closed(message.under("OPN-13").generation())
+    if kind == "release":
+        released = message.under("IMG-12")
+        return Release(released.generation(), released.seq())
+    if kind == "subscribe":
+        return _subscribe(message.under("IMG-19"))
     return None
 
 

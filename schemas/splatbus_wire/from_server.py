@@ -1,6 +1,6 @@
 """What a server sends, parsed: each function takes one message's fields."""
 
-from itertools import pairwise
+from __future__ import annotations
 
 from splatbus_schemas import LIMITS
 
@@ -175,7 +175,7 @@ def _scene_object(item: Field) -> SceneObject:
 
 def _box(bounds: Field) -> Box:
     box = Box(bounds.member("min").vector(), bounds.member("max").vector())
-    if any(least > most for least, most in zip(*box, strict=True)):
+    if any(least > most for least, most in zip(*box)):
         raise bounds.refused("has a min that is greater than its max")
     return box
 
@@ -189,25 +189,25 @@ def _time_range(array: Field) -> tuple[float, float]:
 
 def _series(item: Field) -> Series | None:
     name = item.member("name").string(1, MAX_NAME_CHARS)
-    match item.member("kind").string(0, MAX_SAFE_INTEGER):
-        case "scalar":
-            unit = item.optional("unit")
-            return Scalar(
-                name,
-                item.member("value").number(),
-                None if unit is None else unit.string(0, MAX_NAME_CHARS),
-            )
-        case "histogram":
-            return _histogram(name, item)
-        case "text":
-            return Text(name, item.member("value").string(0, LIMITS["max_text_chars"]))
+    kind = item.member("kind").string(0, MAX_SAFE_INTEGER)
+    if kind == "scalar":
+        unit = item.optional("unit")
+        return Scalar(
+            name,
+            item.member("value").number(),
+            None if unit is None else unit.string(0, MAX_NAME_CHARS),
+        )
+    if kind == "histogram":
+        return _histogram(name, item)
+    if kind == "text":
+        return Text(name, item.member("value").string(0, LIMITS["max_text_chars"]))
     return None
 
 
 def _histogram(name: str, item: Field) -> Histogram:
     array = item.member("edges")
     edges = tuple(edge.number() for edge in array.items(2, LIMITS["max_edges"]))
-    if any(not a < b for a, b in pairwise(edges)):
+    if any(not a < b for a, b in zip(edges, edges[1:])):
         raise array.refused("does not ascend")
     counts = item.member("counts").items(len(edges) - 1, len(edges) - 1)
     return Histogram(name, edges, tuple(count.integer(0, MAX_SAFE_INTEGER) for count in counts))

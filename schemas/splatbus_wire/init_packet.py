@@ -1,10 +1,11 @@
 """The init packet: where the images are (1.0 chapter 4; 1.1 chapter 3)."""
 
+from __future__ import annotations
+
 import math
 import re
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
@@ -332,6 +333,7 @@ def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
         )
         for start in range(offset, offset + ring.slots * stride, stride)
     ]
+    placed = sorted(extents)
     for _, end, name in extents:
         if end > memory_bytes:
             raise ProtocolError(
@@ -340,7 +342,7 @@ def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
                 requirement="MEM-10",
                 pointer=f"/ring/{name}Offset",
             )
-    for (_, end, name), (start, _, other) in pairwise(sorted(extents)):
+    for (_, end, name), (start, _, other) in zip(placed, placed[1:]):
         if end > start:
             raise ProtocolError(
                 "invalid_message",

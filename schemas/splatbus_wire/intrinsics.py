@@ -6,6 +6,8 @@ point (width / 2, height / 2) is the middle of the image, as in COLMAP and 3DGS.
 the centre of the top-left pixel instead; see `from_opencv`.
 """
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 
@@ -26,7 +28,7 @@ class Pinhole(NamedTuple):
     width: int
     height: int
 
-    def scaled_to(self, width: int, height: int) -> "Pinhole":
+    def scaled_to(self, width: int, height: int) -> Pinhole:
         """Return the same camera for an image of another size, within 2 ULP.
 
         Each axis is scaled on its own [CAM-5]; see `has_shape_of`.

@@ -5,6 +5,8 @@ infinity, half a surrogate pair. Hooks refuse these as they are met. Only then i
 again, to find the JSON pointer: what is valid pays nothing for the error's address.
 """
 
+from __future__ import annotations
+
 import json
 import math
 import re

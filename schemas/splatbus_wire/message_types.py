@@ -1,6 +1,8 @@
 """The messages of both channels as plain values (1.0 chapter 6; 1.1)."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import NamedTuple, Union
 
 from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.poses import Pose, Vector
@@ -172,7 +174,7 @@ class Text(NamedTuple):
     value: str
 
 
-Series = Scalar | Histogram | Text
+Series = Union[Scalar, Histogram, Text]
 
 
 class SubscribeTelemetry(NamedTuple):
@@ -319,20 +321,12 @@ class Frame(NamedTuple):
     objects: tuple[Placement, ...] = ()
 
 
-Steering = CameraPose | PointCloudPose | ObjectPose | SetTime
+Steering = Union[CameraPose, PointCloudPose, ObjectPose, SetTime]
 """What belongs to control of the scene (1.1 section 6.3)."""
-Request = GetViewportSize | GetCameraPose | GetScene | SetViewport | Ping
-Reply = ViewportSize | CameraReply | Scene | Pong
-ClientMessage = (
-    Steering
-    | Request
-    | Hello
-    | Opened
-    | OpenFailed
-    | Closed
-    | Release
-    | Subscribe
-    | SubscribeTelemetry
-)
-ServerMessage = InitPacket | Reply | Welcome | Frame | Telemetry | ErrorMessage
-Message = ClientMessage | ServerMessage
+Request = Union[GetViewportSize, GetCameraPose, GetScene, SetViewport, Ping]
+Reply = Union[ViewportSize, CameraReply, Scene, Pong]
+ClientMessage = Union[
+    Steering, Request, Hello, Opened, OpenFailed, Closed, Release, Subscribe, SubscribeTelemetry
+]
+ServerMessage = Union[InitPacket, Reply, Welcome, Frame, Telemetry, ErrorMessage]
+Message = Union[ClientMessage, ServerMessage]

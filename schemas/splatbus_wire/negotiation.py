@@ -1,5 +1,7 @@
 """How a server answers `hello` (1.1 chapter 2)."""
 
+from __future__ import annotations
+
 import hmac
 from collections.abc import Collection
 

@@ -4,8 +4,9 @@ The members are in the order in which the specification shows them, and the refe
 them. What is not plainly valid is for the careful way to judge.
 """
 
+from __future__ import annotations
+
 import math
-import re
 from collections.abc import Sequence
 
 from splatbus_schemas import LIMITS
@@ -15,6 +16,7 @@ from splatbus_wire.plain import (
     INTEGER,
     NUMBER,
     array_of,
+    expression,
     member,
     members,
     object_of,
@@ -49,7 +51,7 @@ _CAMERA = object_of(
 # The placements are found one by one afterwards: a group keeps only the last of its matches.
 _ONE = unnamed(_PLACEMENT)
 _OBJECTS = spaced(rb"\[", rb"(" + _ONE + rb"(?:" + spaced(b"", b",", _ONE) + rb")*+)", rb"\]")
-_FRAME = re.compile(
+_FRAME = expression(
     spaced(
         b"",
         object_of(
@@ -65,7 +67,7 @@ _FRAME = re.compile(
         b"",
     )
 )
-_EACH_PLACEMENT = re.compile(_PLACEMENT)
+_EACH_PLACEMENT = expression(_PLACEMENT)
 
 
 def plain_frame(payload: bytes) -> Frame | None:

@@ -4,13 +4,14 @@ The members are in the order that POS-4 recommends and every deployed client kee
 plainly valid may be valid all the same: that is for the careful way to judge.
 """
 
+from __future__ import annotations
+
 import math
-import re
 
 from splatbus_schemas import LIMITS
 
 from splatbus_wire.message_types import CameraPose, PointCloudPose
-from splatbus_wire.plain import NUMBER, member, members, object_of, spaced, text, then
+from splatbus_wire.plain import NUMBER, expression, member, members, object_of, spaced, text, then
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import NORM_TOLERANCE
 
@@ -21,7 +22,7 @@ def _vector(axes: str) -> bytes:
     return object_of(members(*(member(axis.encode(), NUMBER) for axis in axes)))
 
 
-_POSE = re.compile(
+_POSE = expression(
     spaced(
         b"",
         object_of(

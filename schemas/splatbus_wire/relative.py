@@ -10,6 +10,8 @@ Everything is in the axes and units of the object: X_world = scale·R_object·(X
 [OBJ-1]. `origin` is what points are counted from, (0, 0, 0) unless a scene is stored in tiles.
 """
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +55,7 @@ def camera_in_object(
         scale: of the object [OBJ-1].
     """
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_matrix(object_pose.rotation)
-    x, y, z = (c - p for c, p in zip(camera.position, object_pose.position, strict=True))
+    x, y, z = (c - p for c, p in zip(camera.position, object_pose.position))
     ox, oy, oz = origin
     return (
         (r00 * x + r10 * y + r20 * z) / scale - ox,

@@ -5,6 +5,8 @@ floats in row-major order. Plain Python floats, because one pose at a time is wh
 NumPy costs more for nine numbers than the arithmetic does.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -9,6 +9,7 @@ import re
 import secrets
 import shutil
 import struct
+import sys
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
@@ -40,6 +41,12 @@ def named_by(handle: bytes) -> Named | None:
     return Named(parts[1].decode(), int(parts[2]), parts[3].decode()) if parts else None
 
 
+def _write_at(file: int, data: bytes, offset: int) -> int:
+    if sys.platform == "win32":
+        raise OSError("the stand-in runtime is for POSIX")
+    return os.pwrite(file, data, offset)
+
+
 class Shared:
     """A file of the device, and the handle that another process opens it by."""
 
@@ -51,7 +58,8 @@ class Shared:
         self.handle = handle.ljust(HANDLE_BYTES, b"\0")
         self._path = folder / f"{content}-{self.name}"
         self._file = os.open(self._path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
-        os.posix_fallocate(self._file, 0, size)
+        if sys.platform == "linux":
+            os.posix_fallocate(self._file, 0, size)
 
     def free(self) -> None:
         """Remove it: nobody can open it any more. Once is enough, and more does no harm."""
@@ -73,7 +81,7 @@ class Allocation(Shared):
         if not 0 <= offset <= self.size - len(data):
             raise ValueError(f"{len(data)} bytes at {offset} of {self.size}")
         while data:
-            written = os.pwrite(self._file, data, offset)
+            written = _write_at(self._file, data, offset)
             data, offset = data[written:], offset + written
 
     def poison(self) -> None:
@@ -97,11 +105,11 @@ class Event(Shared):
     def begin(self) -> None:
         """Record it behind work that is not done yet: who waits now, waits for `complete`."""
         self._records += 1
-        os.pwrite(self._file, PROGRESS.pack(self._records, self._records - 1), 0)
+        _write_at(self._file, PROGRESS.pack(self._records, self._records - 1), 0)
 
     def complete(self) -> None:
         """The work before the last record is done."""
-        os.pwrite(self._file, PROGRESS.pack(self._records, self._records), 0)
+        _write_at(self._file, PROGRESS.pack(self._records, self._records), 0)
 
 
 class Device:

@@ -1,5 +1,7 @@
 """An image on a GPU, for whichever library reads it there: DLPack, the CUDA array interface."""
 
+from __future__ import annotations
+
 import ctypes
 import math
 from collections.abc import Callable

@@ -6,7 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from cuda.bindings import driver as api  # type: ignore[import-not-found,unused-ignore]
+from cuda.bindings import __version__ as bindings  # type: ignore[import-not-found,unused-ignore]
+from cuda.bindings import driver as api
+
+if not bindings.startswith("13."):  # pragma: no cover
+    extra = "install it with: pip install 'splatbus-protocol[cuda]'"
+    raise ImportError(f"memory on a GPU needs cuda-bindings 13, and this is {bindings}; {extra}")
 
 __all__ = ["CudaError", "Device", "api", "call", "device", "filled", "numbered"]
 

@@ -1,5 +1,7 @@
 """The ring of one init packet in memory of a GPU: opened, waited for, read, closed."""
 
+from __future__ import annotations
+
 import ctypes
 import math
 import weakref

@@ -55,7 +55,7 @@ class LegacyImages(CudaImages):
         sizes = _COLOR_BYTES * pixels, _DEPTH_BYTES * pixels
         places = (legacy.mem_color, legacy.offset_color), (legacy.mem_depth, legacy.offset_depth)
         self._planes = []
-        for (handle, offset), size in zip(places, sizes, strict=True):
+        for (handle, offset), size in zip(places, sizes):
             pointer, room = opened_memory(self._device, handle, undo)
             if offset + size > room:
                 raise CudaError(f"an image ends at byte {offset + size} of {room}")

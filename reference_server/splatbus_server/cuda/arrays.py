@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Any, TypeAlias
+from typing import Any
 
 from splatbus_server.cuda import dlpack
 
@@ -12,13 +12,13 @@ LEGACY_STREAM = 1
 _BITS = {"<f4": 32, "<f2": 16}
 
 
-Form: TypeAlias = tuple[tuple[int, ...], tuple[int, ...], Any, int]
+Form = tuple[tuple[int, ...], tuple[int, ...], Any, int]
 """How an array lies in memory, the same for each frame of most renderers: its shape; its strides in
 numbers, not bytes; the bits of a number (32 or 16, 0 if it is none of ours), or what `bits_of`
 tells that from; the ordinal of its device, -1 where it is not known.
 """
 
-DeviceArray: TypeAlias = tuple[int, Form, int, Any]
+DeviceArray = tuple[int, Form, int, Any]
 """Numbers on a GPU: the address of the first; how the others lie; the stream on which they are
 ready, a handle of the driver, 0 or 1 for the default one; and what keeps the memory alive for as
 long as it is read, where freeing it is not ordered by that stream, None where it is.

@@ -14,9 +14,12 @@ _HANDLE_BYTES: int = LIMITS["handle_bytes"]
 _EXTRA = "install it with: pip install 'splatbus-protocol[cuda]'"
 
 try:
-    from cuda.bindings import driver as api  # type: ignore[import-not-found,unused-ignore]
+    from cuda.bindings import __version__ as bindings  # type: ignore[import-not-found,unused-ignore]
+    from cuda.bindings import driver as api
 except ImportError as problem:  # pragma: no cover
     raise ImportError(f"memory on a GPU needs cuda-bindings; {_EXTRA}") from problem
+if not bindings.startswith("13."):  # pragma: no cover
+    raise ImportError(f"memory on a GPU needs cuda-bindings 13, and this is {bindings}; {_EXTRA}")
 
 __all__ = ["CudaError", "Device", "api", "call", "event_handle", "interprocess_event"]
 __all__ += ["memory_handle", "refused"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 from splatbus_server.cuda.arrays import Form, bits_of, device_array
 from splatbus_server.cuda.kernels import Format
@@ -15,7 +15,7 @@ _VECTOR_BYTES = 16
 _NOTHING = 0, None, 0, None
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """What follows from how the arrays lie, whatever their addresses are; there is one of each.
 
@@ -32,7 +32,7 @@ class Layout:
     alpha: tuple[int, int]
 
 
-Source: TypeAlias = tuple[Layout, tuple[int, int, int], int, list[Any]]
+Source = tuple[Layout, tuple[int, int, int], int, list[Any]]
 """An image on a GPU, top row first: how its arrays lie; pointers to colour, depth and alpha, 0 for
 what there is not; the stream to work on; what keeps the memory alive until the kernel has read it.
 """

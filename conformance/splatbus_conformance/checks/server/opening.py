@@ -1,7 +1,6 @@
 """Checks on how servers keep memory, and let it go (spec 1.1 chapter 4)."""
 
 import os
-import signal
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
@@ -13,7 +12,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.processes import owner
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.testee import Ended
+from splatbus_conformance.testee import FORCE, Ended
 from splatbus_conformance.watching import LENDS, beside, holding
 
 SAFE: int = LIMITS["max_safe_integer"]
@@ -77,7 +76,7 @@ def kill(trial: ServerTrial, connection: Connection) -> Ended:
     if process is None or not trial.testee.expendable:
         trial.not_observable("the process that serves cannot be found here, or not be killed")
     trial.killed = True
-    os.kill(process, signal.SIGKILL)
+    os.kill(process, FORCE)
     trial.wait(trial.testee.ended)
     ended = trial.testee.ended()
     if ended is None:
