@@ -53,9 +53,11 @@ class Questions:
 
 def _answer(future: Future[Any]) -> Any:
     """Return what was answered, or None if nothing was yet, or an error."""
+    if not future.done():
+        return None
     try:
-        return future.result(0)
-    except (TimeoutError, ServerRefusedError):
+        return future.result()
+    except ServerRefusedError:
         return None
 
 

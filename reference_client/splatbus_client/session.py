@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import CancelledError, Future
+from concurrent.futures import TimeoutError as NotInTime  # Python's own only since 3.11
 from importlib.metadata import version
 from types import TracebackType
 from typing import Any
@@ -366,7 +367,7 @@ class Session:
             return answer.result(max(0.0, end - clock()))
         except CancelledError:
             raise RuntimeError("the session is closed") from None
-        except TimeoutError:
+        except NotInTime:
             answer.cancel()
             why = why_no_reply(self.status, self._where)
             raise TimeoutError(f"no {name} came in time: {why}") from None
