@@ -40,6 +40,38 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
     trial.expect(trial.sees(first, pose), "a reader that goes on after a pause is sent nothing")
 
 
+@check(
+    "IMG-4", observable="the bytes of the images that two readers hold", needs=(*LENDS, "pixels")
+)
+def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
+    """Two readers hold an image each, and not the same, while a third is shown others until the
+    ring has gone round.
+    """
+    holders = [first := trial.reading(), beside(trial, first)]
+    if not all(pinning(trial, it) for it in holders):
+        trial.not_observable("a reader was sent no frame of the newest pose")
+    reader = beside(trial, *holders)
+    memory = trial.viewer.with_(reader).memory
+    assert memory is not None
+    before = [_held(trial, it) for it in holders]
+    for _ in trial.each(range(3 * min(memory.layout.slots, MOST_READERS))):
+        if trial.sees(reader, trial.move()) is None:
+            trial.not_observable("no frame of the newest pose came beside two that are held")
+        trial.delivered += 1
+    for number, it in enumerate(holders):
+        told = f"two readers hold an image each, and that of the {('first', 'second')[number]}"
+        trial.expect(_held(trial, it) == before[number], f"{told} was written meanwhile")
+
+
+def _held(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:
+    """Colour and depth of the image that a reader holds."""
+    dealings = trial.viewer.with_(reader)
+    assert dealings.memory is not None
+    assert dealings.held is not None
+    slot = int(dealings.held["slot"])
+    return dealings.memory.color(slot).tobytes(), dealings.memory.depth(slot).tobytes()
+
+
 @check("IMG-16", observable="what becomes of the lease that is held", needs=LENDS)
 def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
     """Releases of other images, of other generations, and of what has been released already."""

@@ -182,7 +182,9 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
         everyone.append(trial.ready("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"]))
         everyone = [it for it in everyone if not it.ended]  # older ones may be closed (CHN-13)
         former = trial.facts.size
-        for size in trial.each(other_sizes(trial), drawn_sizes(trial), quick=2, full=50):
+        # The last three change the width alone, and the height alone.
+        sizes = [*other_sizes(trial), (1, former[1]), former, (former[0], former[1] + 1)]
+        for size in trial.each(sizes, drawn_sizes(trial), quick=2, full=50):
             if size == former:
                 continue
             former = size
