@@ -52,6 +52,28 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("IMG-2", observable="that no frame comes after closed or open_failed", needs=LENDS)
+def check_lends_nothing_after_closed(trial: ServerTrial) -> None:
+    """A reader that holds a frame says that it has closed the memory, or that it could not open it
+    after all; another one sees the camera move.
+    """
+    answers = {"type": "closed"}, {"type": "open_failed", "reason": "to see what comes then"}
+    for answer in trial.each(answers):
+        holder, held = holding(trial)
+        other = beside(trial, holder)
+        frames = frames_of(trial, holder)
+        before = len(frames)
+        trial.viewer.say(holder, answer | {"generation": held["generation"]})
+        for _ in range(3):
+            if not trial.sees(other, trial.move()):
+                fell_silent(trial, other, "the server sent no frame of the newest pose")
+        came = len(frames) - before
+        trial.expect(not came, f"{came} frames came after {answer['type']}, and no opened")
+        trial.delivered += 1
+        holder.close()
+        other.close()
+
+
 @check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
 def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
     """A reader that does not declare `frames` opens the memory, and the camera moves."""

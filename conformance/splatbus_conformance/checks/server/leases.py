@@ -5,7 +5,10 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.photographer import Photographer
+from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.survey import alike, first_view, likeness, moves
 from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.watching import LENDS, beside, following, frames_of, holding, pinning
 
@@ -61,6 +64,37 @@ def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
     for number, it in enumerate(holders):
         told = f"two readers hold an image each, and that of the {('first', 'second')[number]}"
         trial.expect(_held(trial, it) == before[number], f"{told} was written meanwhile")
+
+
+@check("IMG-5", observable="images of one pose, in every slot", needs=(*LENDS, "pixels"))
+def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
+    """Readers hold an image each, one after the other, so that images come to lie in slots that are
+    seldom used; in each of them a pose looks as it did.
+    """
+    photographer, around = Photographer(trial), moves(first_view(trial, 0.0))
+    here, there = around[0], around[-1]
+    seen: dict[int, list[Photograph]] = {}
+    for _ in trial.each(range(min(photographer.slots, MOST_READERS))):
+        for _ in range(2):
+            photographer.take(there)
+            image = photographer.take(here)
+            seen.setdefault(int(image.frame["slot"]), []).append(image)
+            trial.delivered += 1
+        further, _ = trial.answered("ipc")
+        dealings = trial.viewer.with_(further)
+        trial.wait(lambda: dealings.held or dealings.errors() or further.ended)  # noqa: B023
+        if dealings.held is None or photographer.reader.ended:
+            break
+    first, *others = (images[0] for images in seen.values())
+    if not all(alike(images[0], it) for images in seen.values() for it in images[1:]):
+        trial.not_observable("the scene moves by itself")
+    for other in others:
+        slots = other.frame["slot"], first.frame["slot"]
+        trial.expect(
+            alike(first, other),
+            f"{1 - likeness(first, other):.0%} of the pixels in slot {slots[0]} are others than in"
+            f" slot {slots[1]}, though both show a camera at {here}",
+        )
 
 
 def _held(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:

@@ -18,10 +18,11 @@ from splatbus_conformance.resizing import (
     size_of,
 )
 from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.steering import camera_in, camera_of
 from splatbus_conformance.studio import answers, elsewhere
 from splatbus_conformance.survey import first_view
 from splatbus_conformance.values import show, whole, within
-from splatbus_conformance.watching import frames_of
+from splatbus_conformance.watching import fell_silent, frames_of
 
 LENSES = ("1.1", "capability:viewport", "capability:intrinsics")
 TAG = "of the former size"
@@ -90,6 +91,32 @@ def check_no_tag_comes_again_in_another_size(trial: ServerTrial) -> None:
                 f"the tag {tag!r} came {tags.count(tag)} times, since images became of another"
                 " size",
             )
+            trial.delivered += 1
+
+
+@check("POS-7", observable="the camera of the first frame of another size", needs=RESIZES)
+def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
+    """The camera is moved; then images become of another size, and nothing else is said."""
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        for size in trial.each(other_sizes(trial)[:3]):
+            wanted = elsewhere(trial)
+            photographer.take(wanted, None)
+            frames = frames_of(trial, photographer.reader)
+            before, former = len(frames), frames[-1]["generation"]
+            changed(trial, client, size)
+            trial.wait(lambda: frames[-1]["generation"] != former)  # noqa: B023
+            later = [frame for frame in frames[before:] if frame["generation"] != former]
+            if not later:
+                fell_silent(trial, photographer.reader, "the server sent no image of the new size")
+            camera = camera_in(later[0])
+            shown = camera and camera.shows(camera_of(camera_pose(*wanted)))
+            trial.expect(
+                shown,
+                f"the camera was put at {wanted}; then images became {size[0]}×{size[1]}, and the"
+                f" first of them is of one at {camera}",
+            )
+            photographer.new()
             trial.delivered += 1
 
 

@@ -7,7 +7,7 @@ from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange, Image
 from splatbus_server.memory import Memory
 from splatbus_server.session import Reader, Session
-from splatbus_wire.messages import Release, SetTime
+from splatbus_wire.messages import OpenFailed, Release, SetTime
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -190,3 +190,18 @@ def server_publishes_when_it_refuses(patch: Patch) -> None:
 def server_publishes_at_the_same_time(patch: Patch) -> None:
     """Makes a further image for a time, though the scene was shown at that already."""
     published_after(patch, lambda message, refusal: isinstance(message, SetTime))
+
+
+@mutant("IMG-2", check="check_lends_nothing_after_closed", reason="came after open_failed")
+def server_lends_after_open_failed(patch: Patch) -> None:
+    """Goes on lending to a reader that says, after `opened`, that it could not open the memory."""
+
+    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        reader = self._readers.get(connection)
+        opened = set(reader.opened) if reader else set()
+        refusal = original(self, connection, message)
+        if reader is not None and isinstance(message, OpenFailed):
+            reader.opened |= opened
+        return refusal
+
+    wrap(patch, Session, "_answered", answered)

@@ -1,15 +1,18 @@
 """Mutants that are right until images change their size."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from splatbus_server import steering
 from splatbus_server.connection import Connection
+from splatbus_server.exchange import Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.reader import Reader
 from splatbus_server.session import Session
 from splatbus_server.viewport import Viewport
 from splatbus_wire.messages import GetCameraPose, SetViewport, ViewportSize
+from splatbus_wire.poses import IDENTITY
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -88,3 +91,18 @@ def server_sees_no_other_height(patch: Patch) -> None:
             original(self, asker, request)
 
     wrap(patch, Viewport, "set", set)
+
+
+@mutant("POS-7", check="check_the_camera_stays_in_another_size", reason="of one at")
+def server_begins_another_size_at_the_origin(patch: Patch) -> None:
+    """Renders the first image of another size from where the server has begun."""
+    begun = {1}
+
+    def next_view(original: Any, self: Exchange, *arguments: Any) -> Any:
+        view = original(self, *arguments)
+        if view is None or view.generation in begun:
+            return view
+        begun.add(view.generation)
+        return replace(view, poses=view.poses._replace(camera=IDENTITY))
+
+    wrap(patch, Exchange, "next_view", next_view)
