@@ -5,6 +5,8 @@ import itertools
 from collections.abc import Iterator
 from typing import Any
 
+from splatbus_schemas import LIMITS
+
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.nudging import Nudges
 from splatbus_conformance.peer import Connection
@@ -19,6 +21,15 @@ from splatbus_conformance.watching import fell_silent
 STEP = 2.0**-8
 """How far apart the cameras are from which is looked, in scene units."""
 LENS = ("fx", "fy", "cx", "cy", "near", "far")
+NARROW: Json = dict.fromkeys(("fx", "fy"), 1.0) | {
+    "cx": 0.5,
+    "cy": 0.5,
+    "width": 1,
+    "height": LIMITS["max_image_size"],
+    "near": 0.01,
+    "far": 100.0,
+}
+"""Intrinsics of another shape than any image has that is more than a pixel wide."""
 _looks = itertools.count(1)
 
 
@@ -149,3 +160,15 @@ def at_rest() -> Json:
 
 def _has_objects(trial: ServerTrial) -> bool:
     return trial.facts.lacks("capability:objects") is None
+
+
+def refused_poses(trial: ServerTrial) -> list[Json]:
+    """Poses that are refused on a connection of 1.1: by POS-2, POS-3, CAM-9 and CAM-6."""
+    found = [
+        camera_pose((1e39, 0.0, 0.0)),
+        camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)),
+        camera_pose() | {"tag": ""},
+    ]
+    if trial.facts.lacks("capability:intrinsics") is None and trial.facts.size[0] > 1:
+        found.append(camera_pose() | {"intrinsics": NARROW})
+    return found

@@ -150,8 +150,8 @@ def refused_poses(trial: ServerTrial) -> dict[str, Json]:
 
 @check("CTL-2", observable="how many errors come of many poses", needs=SPEAKS)
 def check_tells_it_once(trial: ServerTrial) -> None:
-    """Two clients without control send poses of every kind, many times, beside one of 1.0; then
-    control passes to one of them, which poses on.
+    """Two clients without control send poses of every kind, many times, and some that are refused,
+    beside one of 1.0; then control passes to one of them, which poses on.
     """
     first = controlling(trial)
     others = [further(trial, first) for _ in range(2)]
@@ -162,6 +162,11 @@ def check_tells_it_once(trial: ServerTrial) -> None:
                 trial.viewer.say(other, pose)
             if number == 0:
                 trial.expect(answers(trial, other) or other is old, "a pose, and no more answers")
+        for other in others:
+            for refused in refused_poses(trial).values():
+                trial.viewer.say(other, refused)
+            if not answers(trial, other):
+                trial.not_observable("the server ends the connection of who sends a broken pose")
         trial.delivered += 1
     for number, other in enumerate(others, 2):
         answers(trial, other)

@@ -5,7 +5,7 @@ lens is found from the image of one at the origin, where no digits are lost.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -23,8 +23,9 @@ from splatbus_conformance.checks.server.device_images import Stored, reading
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.lens_finding import find_lens
 from splatbus_conformance.memory_reading import Pixels
-from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.nudging import AGAIN_SECONDS
+from splatbus_conformance.packets import packet
 from splatbus_conformance.photographer import AT_REST, aside
 from splatbus_conformance.photographs import LEGACY_EMPTY, Photograph, shows_the_scene
 from splatbus_conformance.pinhole import Camera, Placed, Reals, rigid
@@ -38,11 +39,13 @@ BESIDE = aside(aside(AT_ORIGIN))
 """What shows that images do come of poses, where one does not."""
 UNKNOWN_SCENE = "the server does not show the scene of conformance/SCENE.md"
 GLANCE_SECONDS = 0.02
-SETTLED_SECONDS, TIMES = 0.1, 3.0
+SETTLED_SECONDS, TIMES, MOST_SECONDS = 0.1, 3.0, 1.5
 """An image is taken for the one of a pose that has not changed for so long, and for so many times
-as long as it took to change."""
+as long as it took to change, up to so long."""
 RESTLESS = 20
 """Images that change so often after a pose change by themselves."""
+Right = Callable[[Stored], bool]
+"""Whether an image is one that was waited for."""
 
 
 class LegacyPhotographer:
@@ -61,7 +64,7 @@ class LegacyPhotographer:
         self.trial = trial
         self._read = read
         self._pace = 0.0
-        self._last: Stored | None = None
+        self._last = read()
         found = lens or lens_of(self.at_origin())
         if found is None:
             trial.not_observable(UNKNOWN_SCENE)
@@ -80,21 +83,32 @@ class LegacyPhotographer:
         """Whether this is the scene that is known, with the Gaussians there."""
         return shows_the_scene(photograph, Setting(Placed(rigid(*scene))))
 
-    def take(self, camera: Pose, scene: Pose, *spelled: Json) -> Photograph:
+    def take(
+        self, camera: Pose, scene: Pose, *spelled: Json, right: Right | None = None
+    ) -> Photograph:
         """What the server stores for a camera, with the Gaussians there, once it was told so, or
         was sent what is `spelled` in place of that.
-        """
-        return _photograph(self.lens, camera, *self._stored(camera, scene, *spelled))
 
-    def _stored(self, camera: Pose, scene: Pose, *spelled: Json) -> Stored:
+        Where it is told what is `right`, it gives the server time until an image is, for one that
+        comes before may have been begun when not all had arrived.
+        """
+        return self.photograph(self._stored(camera, scene, *spelled, right=right), camera)
+
+    def photograph(self, stored: Stored, camera: Pose) -> Photograph:
+        """An image, as one of this camera."""
+        return _photograph(self.lens, camera, *stored)
+
+    def _stored(
+        self, camera: Pose, scene: Pose, *spelled: Json, right: Right | None = None
+    ) -> Stored:
         """The image that comes of these poses, once it stays; the requirement is violated if none
         does, and one of another camera did that was sent in between.
         """
         said = spelled or _said(camera, scene)
-        came, shown = self._comes(*said), False
+        came, shown = self._comes(said, right), False
         if came is None:
-            shown = self._comes(*_said(BESIDE, AT_REST)) is not None
-            came = self._comes(*said)
+            shown = self._comes(_said(BESIDE, AT_REST)) is not None
+            came = self._comes(said, right)
         if came is None:
             what = f"no image in CUDA memory came of the camera at {camera}"
             self.trial.expect(not shown, what)
@@ -102,30 +116,35 @@ class LegacyPhotographer:
         self.trial.delivered += 1
         return came
 
-    def _comes(self, *said: Json) -> Stored | None:
-        """The image that comes of this, once it stays, if one does in time. Skips the check where
-        images change all the time.
+    def _comes(self, said: Sequence[Json], right: Right | None = None) -> Stored | None:
+        """The image that comes of this, once it stays and is right, if one does in time; else the
+        one that has come. Skips the check where images change all the time.
         """
         self._pace /= 2.0  # it was held up once, perhaps
         began = changed = time.monotonic()
         changes, sent, former, now = 0, 0.0, self._last, self._read()
+        looked_at = 0.0
         while time.monotonic() - began < EFFECT_SECONDS and changes < RESTLESS:
             if time.monotonic() - sent >= AGAIN_SECONDS:
-                for message in said:
-                    self.trial.move(message)
+                # In one piece, so that hardly an image is begun when half of it has arrived.
+                self.trial.mover().send(b"".join(packet(encode(message)) for message in said))
                 sent = time.monotonic()
             self.trial.rest(GLANCE_SECONDS)
             before, now = now, self._read()
             if not _same(before, now):
                 changes, changed = changes + 1, time.monotonic()
                 self._pace = max(self._pace, changed - began)
-            settled = time.monotonic() - changed > max(SETTLED_SECONDS, TIMES * self._pace)
-            if settled and (former is None or not _same(former, now)):
-                break
+            lasts = min(max(SETTLED_SECONDS, TIMES * self._pace), MOST_SECONDS)
+            settled = time.monotonic() - changed > (lasts if right is None else SETTLED_SECONDS)
+            if settled and looked_at != changed and not _same(former, now):
+                if right is None or right(now):
+                    break
+                looked_at = changed
         else:
-            if former is not None and _same(former, now):
+            if _same(former, now):
                 return None
-            self.trial.not_observable("its images change all the time")
+            if not looked_at or changes >= RESTLESS:
+                self.trial.not_observable("its images change all the time")
         self._last = now
         return now
 

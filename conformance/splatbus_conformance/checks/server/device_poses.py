@@ -1,7 +1,7 @@
 """Checks on how a server of 1.0 takes poses, by its images of the scene of SCENE.md.
 
-Spec 1.0 section 6.1, chapters 5 and 7. 1.0 names no camera of an image, so that only a scene that
-is known tells which it was.
+Spec 1.0 section 6.1, chapters 5 and 7. 1.0 names no camera of an image. A scene that is known tells
+which it was; where nobody knows it, other images of the same pose tell whether it is one of that.
 """
 
 import contextlib
@@ -13,41 +13,35 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.server.accuracy import AT_ORIGIN
 from splatbus_conformance.checks.server.device_accuracy import (
     UNKNOWN_SCENE,
     LegacyPhotographer,
     lens_of,
 )
 from splatbus_conformance.checks.server.device_images import SHOWN, Stored, reading
+from splatbus_conformance.checks.server.same_pose import ASKEW, NOWHERE, PosePhotographer
 from splatbus_conformance.closed_form import Setting
 from splatbus_conformance.memory_reading import Pixels
 from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import packet
-from splatbus_conformance.photographer import AT_REST, aside
+from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.photographs import LEGACY_EMPTY, shows_the_scene
-from splatbus_conformance.pinhole import STILL, Camera, Placed, rigid
+from splatbus_conformance.pinhole import STILL, Placed
 from splatbus_conformance.reprojection import POSES, QUATERNIONS, Reading
 from splatbus_conformance.server_trial import ServerTrial
-from splatbus_conformance.staging import turned_about
+from splatbus_conformance.staging import Stage, turned_about
 from splatbus_conformance.stress import Pose
 
 BY_IMAGES = "of which camera the images of a known scene in CUDA memory are"
-UPRIGHT = AT_ORIGIN.rotation
-LEFT, RIGHT = Pose((-0.5, 0.1, -0.75), UPRIGHT), Pose((0.75, -0.2, -1.0), UPRIGHT)
-"""Cameras that see the scene, and no image of the one is one of the other."""
-MOVED = aside(aside(AT_REST))
+BY_LIKENESS = "of which pose the images in CUDA memory are: by the scene, or others of that pose"
+MOVED = Pose((0.03, 0.02, 0.01), turned_about(AT_REST.rotation, (0.3, 0.5, 0.8), 0.02))
 NUDGE = camera_pose(*MOVED, kind="point_cloud_pose")
 """By this the Gaussians move a little, so that there is a new image."""
-ASKEW = Pose((-0.3, 0.15, -0.5), turned_about(UPRIGHT, (0.3, 0.5, 0.8), 0.2))
-"""That its rotation was read with the scalar first shows, too: it looks the same way then."""
 OVER: dict[str, tuple[slice, ...]] = {
     "rows stored top-down": np.s_[::-1, :],
     "columns stored from right to left": np.s_[:, ::-1],
     "images turned by 180 degrees": np.s_[::-1, ::-1],
 }
-NOWHERE = Camera(rigid(*AT_ORIGIN), 1.0, 1.0, 0.0, 0.0, 1, 1, 0.01, 100.0)
-"""For images whose lens is yet to be found."""
 TURN = 0.2
 """By how much cameras are turned, in radians, so that each number of a rotation counts."""
 ORDERS = st.tuples(st.permutations("xyz"), st.permutations("xyzw"), st.booleans())
@@ -60,15 +54,22 @@ def photographing(trial: ServerTrial) -> Iterator[LegacyPhotographer]:
         yield LegacyPhotographer(trial, read)
 
 
+@contextlib.contextmanager
+def comparing(trial: ServerTrial) -> Iterator[PosePhotographer]:
+    """The same, of a scene that nobody knows, too."""
+    with reading(trial) as read:
+        yield PosePhotographer(trial, read)
+
+
 def turned(pose: Pose, rng: random.Random) -> Pose:
     """The same place, looking a little aside."""
     axis = [rng.choice((-1, 1)) * rng.uniform(0.5, 1.0) for _ in range(3)]
     return Pose(pose.position, turned_about(pose.rotation, axis, TURN))
 
 
-def expect_shown(it: LegacyPhotographer, camera: Pose, what: str, *spelled: Json) -> None:
+def expect_shown(it: PosePhotographer, camera: Pose, what: str, *spelled: Json) -> None:
     """The image that comes of this shows the scene from that camera."""
-    shown = it.shows(it.take(camera, AT_REST, *spelled))
+    shown = it.comes_to_show(camera, AT_REST, *spelled)
     it.trial.expect(shown, f"{what}: the image is none of the camera at {camera}")
 
 
@@ -135,15 +136,15 @@ def judge_readings(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
         trial.not_observable(f"the image of a camera at {ASKEW} is none of it, and fits nothing")
 
 
-@check("POS-5", observable=BY_IMAGES, needs=SHOWN)
+@check("POS-5", observable=BY_LIKENESS, needs=SHOWN)
 def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
     """Poses with the members of position and rotation in every order, and rotation before
     position.
     """
     reverse, rng = ("zyx", "wzyx", True), random.Random(trial.seed)
-    with photographing(trial) as it:
+    with comparing(trial) as it:
         for number, order in enumerate(trial.each([reverse], ORDERS, quick=4, full=48)):
-            camera = turned((LEFT, RIGHT)[number % 2], rng)
+            camera = turned((it.left, it.right)[number % 2], rng)
             pose, (places, turns, swapped) = camera_pose(*camera), order
             written = pose | {
                 "position": {name: pose["position"][name] for name in places},
@@ -155,85 +156,88 @@ def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
             expect_shown(it, camera, f"a pose with {names}", written)
 
 
-@check("POS-6", observable=BY_IMAGES, needs=SHOWN, may_crash=True)
+@check("POS-6", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
 def check_keeps_the_former_pose_in_device_memory(trial: ServerTrial) -> None:
     """Poses that miss or mistype members, lie beyond single precision, or have no unit quaternion;
     after each the Gaussians are moved, so that a new image shows where the camera is.
     """
-    broken = broken_poses(camera_pose(*ASKEW))
-    with photographing(trial) as it:
+    with comparing(trial) as it:
+        it.learn(Stage(it.left, MOVED))
+        broken = broken_poses(camera_pose(*it.askew))
         for each in trial.each(broken, kind=lambda it: it.kind, spare=0):
-            expect_shown(it, LEFT, "a good pose")
+            expect_shown(it, it.left, "a good pose")
             outcome = trial.outcome_on_msg(trial.mover(), packet(each.payload))
             what = f"a pose with {each.what} ({each.requirement})"
             if outcome in ("ignores", "reports", "replies"):
-                outcome = "keeps" if it.shows(it.take(LEFT, MOVED, NUDGE), MOVED) else "applies"
+                outcome = "keeps" if it.comes_to_show(it.left, MOVED, NUDGE) else "applies"
             elif outcome == "closes":
-                it.take(AT_ORIGIN, AT_REST)
+                it.take(it.askew, AT_REST)
             trial.judge(outcome, what)
 
 
-@check("POS-7", observable=BY_IMAGES, needs=SHOWN)
+@check("POS-7", observable=BY_LIKENESS, needs=SHOWN)
 def check_the_newest_camera_is_shown_in_device_memory(trial: ServerTrial) -> None:
     """Several poses at once, of which the last has to be shown."""
     rng = random.Random(trial.seed)
-    with photographing(trial) as it:
+    with comparing(trial) as it:
+        around = it.left, it.right
         for number in trial.each(range(100 if trial.thorough else 6)):
-            others = [turned(rng.choice((LEFT, RIGHT)), rng) for _ in range(rng.randrange(1, 6))]
-            last = turned((LEFT, RIGHT)[number % 2], rng)
+            others = [turned(rng.choice(around), rng) for _ in range(rng.randrange(1, 6))]
+            last = turned(around[number % 2], rng)
             row = [camera_pose(*each) for each in (*others, last)]
             expect_shown(it, last, f"{len(row)} poses at once", *row)
 
 
-@check("POS-11", observable=BY_IMAGES, needs=SHOWN)
+@check("POS-11", observable=BY_LIKENESS, needs=SHOWN)
 def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> None:
     """Two connections send poses; the first has control until it closes, and then the second."""
     if trial.facts.alone["msg"]:
         trial.not_observable("the server serves one connection at a time on the message channel")
-    with photographing(trial) as it:
-        expect_shown(it, LEFT, "a good pose")
+    with comparing(trial) as it:
+        it.learn(Stage(it.right, AT_REST), Stage(it.left, MOVED))
+        expect_shown(it, it.left, "a good pose")
         second = trial.dial("msg")
         first = trial.mover()
         trial.answers(second)
         trial.require_all(first, second)
-        trial.viewer.say(second, camera_pose(*RIGHT))
+        trial.viewer.say(second, camera_pose(*it.right))
         trial.answers(second)
-        kept = it.shows(it.take(LEFT, MOVED, NUDGE), MOVED)
+        kept = it.comes_to_show(it.left, MOVED, NUDGE)
         trial.expect(kept, "the camera went where a connection has put it that has no control")
         trial.pass_control(second)
-        expect_shown(it, RIGHT, "a pose of the next, once the connection in control has closed")
+        expect_shown(it, it.right, "a pose of the next, once the connection in control has closed")
 
 
-@check("POS-13", observable=BY_IMAGES, needs=SHOWN)
+@check("POS-13", observable=BY_LIKENESS, needs=SHOWN)
 def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> None:
     """A server that was just started is told of cameras, and nothing of the Gaussians."""
     if not trial.testee.expendable:
         trial.not_observable("a server that others have used may have been told otherwise")
-    with photographing(trial) as before:
-        lens = before.lens
+    with comparing(trial) as before:
+        before.learn(Stage(before.left, AT_REST))
     trial.end_testee()
     with reading(trial) as read:
-        it = LegacyPhotographer(trial, read, lens)
+        it = PosePhotographer(trial, read, before)
         trial.pass_control(trial.dial("msg"))
-        first = it.take(LEFT, AT_REST, camera_pose(*LEFT))
-        if it.shows(first):
+        if it.comes_to_show(it.left, AT_REST, camera_pose(*it.left)):
             return
-        expect_shown(it, RIGHT, "with the Gaussians at rest")
+        expect_shown(it, it.right, "with the Gaussians at rest")
         trial.violated("the Gaussians were not at rest before any pose of theirs had come")
 
 
-@check("JSN-11", observable=BY_IMAGES, needs=SHOWN, may_crash=True)
+@check("JSN-11", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
 def check_takes_strings_for_numbers_or_not_in_device_memory(trial: ServerTrial) -> None:
     """A pose of a 1.0 client, with every number as a string: taken whole, or not at all."""
-    pose = camera_pose(*ASKEW)
-    texts = {part: {n: repr(v) for n, v in pose[part].items()} for part in ("position", "rotation")}
-    with photographing(trial) as it:
+    with comparing(trial) as it:
+        pose, there, here = camera_pose(*it.askew), Stage(it.askew, MOVED), Stage(it.left, MOVED)
+        texts = {
+            part: {n: repr(v) for n, v in pose[part].items()} for part in ("position", "rotation")
+        }
+        it.learn(there, here)
         for written in trial.each([pose | texts]):
-            expect_shown(it, LEFT, "a good pose")
+            expect_shown(it, it.left, "a good pose")
             outcome = trial.outcome_on_msg(trial.mover(), packet(encode(written)))
             if outcome in ("ignores", "replies", "reports"):
-                shown = it.take(LEFT, MOVED, NUDGE)
-                there = it.shows(it.seen_from(ASKEW, shown), MOVED)
-                kept = "keeps" if it.shows(shown, MOVED) else "applies"
-                outcome = "accepts" if there else kept
+                shown = it.comes_to_show_one(here, there, by=NUDGE)
+                outcome = {here: "keeps", there: "accepts", None: "applies"}[shown]
             trial.judge(outcome, "a pose whose numbers are strings")

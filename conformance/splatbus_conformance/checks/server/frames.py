@@ -8,11 +8,12 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.memory_reading import Opened, Pixels
-from splatbus_conformance.messages import Json
+from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial, shows
+from splatbus_conformance.studio import refused_poses
 from splatbus_conformance.trial import REACTION_SECONDS
-from splatbus_conformance.values import whole
+from splatbus_conformance.values import show, whole
 from splatbus_conformance.watching import LENDS, beside, fell_silent, frames_of, holding, pinning
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
@@ -49,6 +50,28 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
         trial.expect(not more, f"{more} frames came while one was held")
         trial.viewer.release(connection, dealings.frames[-1])
         trial.delivered += 1
+
+
+@check("IMG-2", observable="that no frame comes after closed or open_failed", needs=LENDS)
+def check_lends_nothing_after_closed(trial: ServerTrial) -> None:
+    """A reader that holds a frame says that it has closed the memory, or that it could not open it
+    after all; another one sees the camera move.
+    """
+    answers = {"type": "closed"}, {"type": "open_failed", "reason": "to see what comes then"}
+    for answer in trial.each(answers):
+        holder, held = holding(trial)
+        other = beside(trial, holder)
+        frames = frames_of(trial, holder)
+        before = len(frames)
+        trial.viewer.say(holder, answer | {"generation": held["generation"]})
+        for _ in range(3):
+            if not trial.sees(other, trial.move()):
+                fell_silent(trial, other, "the server sent no frame of the newest pose")
+        came = len(frames) - before
+        trial.expect(not came, f"{came} frames came after {answer['type']}, and no opened")
+        trial.delivered += 1
+        holder.close()
+        other.close()
 
 
 @check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
@@ -112,6 +135,40 @@ def check_publishes_what_changed_only(trial: ServerTrial) -> None:
     trial.expect(not came, f"{came} images were published after a pose that changed nothing")
     trial.expect(trial.sees(connection, trial.move()), "another pose gave no new image")
     trial.delivered += RESENT + 1
+
+
+@check(
+    "IMG-10",
+    observable="how many frames come of what is refused, or changes nothing",
+    needs=LENDS,
+)
+def check_publishes_nothing_for_what_changes_nothing(trial: ServerTrial) -> None:
+    """Nothing moves; then come poses that are refused, and the time and the objects as they are."""
+    client, connection = trial.commanding(), trial.reading()
+    frames = frames_of(trial, connection)
+    pose = camera_pose((0.0625, 0.125, -1.0), (0.0, 0.6, 0.0, 0.8))
+    at_rest = camera_pose(kind="point_cloud_pose")
+    same: list[Json] = [at_rest]
+    if trial.facts.lacks("capability:time") is None:
+        same.append({"type": "set_time", "time": 0.5})
+    if trial.facts.lacks("capability:objects") is None:
+        same.append(at_rest | {"type": "object_pose", "object": "default", "scale": 1.0})
+    for message in (*same, pose):
+        trial.viewer.say(client, message)
+    trial.expect(trial.sees(connection, pose), "a pose gave no new image")
+    if not quiet(trial, frames):
+        trial.not_observable("the scene moves by itself")
+    for message in trial.each([*refused_poses(trial), *same, pose]):
+        before = len(frames)
+        for _ in range(SAME_IMAGES):
+            trial.viewer.say(client, message)
+        if not trial.answers(client):
+            trial.not_observable("the server ends the connection of who sends a broken pose")
+        trial.rest(QUIET_SECONDS)
+        came = len(frames) - before
+        trial.expect(not came, f"{came} images came of {show(message)}, which changes nothing")
+    trial.viewer.say(client, moved := camera_pose((1.0, 0.125, -1.0)))
+    trial.expect(trial.sees(connection, moved), "another pose gave no new image")
 
 
 def round_numbers(value: Json) -> Json:

@@ -11,7 +11,16 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.closed_form import COLOR_BUDGET, render
 from splatbus_conformance.photographer import AT_REST, Photographer
 from splatbus_conformance.photographs import Photograph
+from splatbus_conformance.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    asked_again,
+    other_sizes,
+    resizing,
+    size_of,
+)
 from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.stress import Pose
 from splatbus_conformance.survey import anywhere, first_view, likeness, moves
 
 PIXELS = ("1.1", "frames", "pixels")
@@ -34,12 +43,28 @@ Mask = NDArray[np.bool_]
 
 
 def scanned(trial: ServerTrial) -> Iterator[Photograph]:
-    """The first image, and some from around it."""
+    """The first image, some from around it, and one of another size, where there is one."""
     first = first_view(trial)
     yield first
     photographer, around = Photographer(trial), moves(first)
     for pose in around if trial.thorough else around[::3]:
         yield photographer.take(pose)
+    yield from resized(trial, around[0])
+
+
+def resized(trial: ServerTrial, camera: Pose) -> list[Photograph]:
+    """An image of another size from there, if the server has one; then it is as it was."""
+    if any(map(trial.facts.lacks, RESIZES)):
+        return []
+    trial.peer.close_all()
+    size = other_sizes(trial)[1]
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        if asked_again(trial, client, size, "busy") != "viewport_size":
+            return []
+        packets = photographer.dealings.init_packets
+        trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
+        return [photographer.take(camera)]
 
 
 # What is stored

@@ -5,7 +5,10 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.photographer import Photographer
+from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.survey import alike, first_view, likeness, moves
 from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.watching import LENDS, beside, following, frames_of, holding, pinning
 
@@ -38,6 +41,69 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
         trial.delivered += 1
     trial.viewer.release(first, held)
     trial.expect(trial.sees(first, pose), "a reader that goes on after a pause is sent nothing")
+
+
+@check(
+    "IMG-4", observable="the bytes of the images that two readers hold", needs=(*LENDS, "pixels")
+)
+def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
+    """Two readers hold an image each, and not the same, while a third is shown others until the
+    ring has gone round.
+    """
+    holders = [first := trial.reading(), beside(trial, first)]
+    if not all(pinning(trial, it) for it in holders):
+        trial.not_observable("a reader was sent no frame of the newest pose")
+    reader = beside(trial, *holders)
+    memory = trial.viewer.with_(reader).memory
+    assert memory is not None
+    before = [_held(trial, it) for it in holders]
+    for _ in trial.each(range(3 * min(memory.layout.slots, MOST_READERS))):
+        if trial.sees(reader, trial.move()) is None:
+            trial.not_observable("no frame of the newest pose came beside two that are held")
+        trial.delivered += 1
+    for number, it in enumerate(holders):
+        told = f"two readers hold an image each, and that of the {('first', 'second')[number]}"
+        trial.expect(_held(trial, it) == before[number], f"{told} was written meanwhile")
+
+
+@check("IMG-5", observable="images of one pose, in every slot", needs=(*LENDS, "pixels"))
+def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
+    """Readers hold an image each, one after the other, so that images come to lie in slots that are
+    seldom used; in each of them a pose looks as it did.
+    """
+    photographer, around = Photographer(trial), moves(first_view(trial, 0.0))
+    here, there = around[0], around[-1]
+    seen: dict[int, list[Photograph]] = {}
+    for _ in trial.each(range(min(photographer.slots, MOST_READERS))):
+        for _ in range(2):
+            photographer.take(there)
+            image = photographer.take(here)
+            seen.setdefault(int(image.frame["slot"]), []).append(image)
+            trial.delivered += 1
+        further, _ = trial.answered("ipc")
+        dealings = trial.viewer.with_(further)
+        trial.wait(lambda: dealings.held or dealings.errors() or further.ended)  # noqa: B023
+        if dealings.held is None or photographer.reader.ended:
+            break
+    first, *others = (images[0] for images in seen.values())
+    if not all(alike(images[0], it) for images in seen.values() for it in images[1:]):
+        trial.not_observable("the scene moves by itself")
+    for other in others:
+        slots = other.frame["slot"], first.frame["slot"]
+        trial.expect(
+            alike(first, other),
+            f"{1 - likeness(first, other):.0%} of the pixels in slot {slots[0]} are others than in"
+            f" slot {slots[1]}, though both show a camera at {here}",
+        )
+
+
+def _held(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:
+    """Colour and depth of the image that a reader holds."""
+    dealings = trial.viewer.with_(reader)
+    assert dealings.memory is not None
+    assert dealings.held is not None
+    slot = int(dealings.held["slot"])
+    return dealings.memory.color(slot).tobytes(), dealings.memory.depth(slot).tobytes()
 
 
 @check("IMG-16", observable="what becomes of the lease that is held", needs=LENDS)

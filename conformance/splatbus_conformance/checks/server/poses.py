@@ -1,5 +1,7 @@
 """Checks on how servers take poses, as the `camera` of frames shows it (spec 1.0 section 6.1)."""
 
+import itertools
+
 from hypothesis import strategies as st
 
 from splatbus_conformance.broken_poses import MOST, WITHIN_NORMS, broken_poses
@@ -7,9 +9,12 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.pinhole import told_of
+from splatbus_conformance.server_introduction import DEFAULT
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.steering import Steering, camera_of
 from splatbus_conformance.values import show
+from splatbus_conformance.watching import fell_silent
 
 FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
 ROTATION = (0.1, 0.3, 0.5, 0.8062257748298549)
@@ -21,6 +26,8 @@ LIMITS_OF_POSES = (
     *(camera_pose(rotation=tuple(norm * part for part in ROTATION)) for norm in WITHIN_NORMS),
     *(camera_pose((MOST, -MOST, 0.0)), camera_pose((5e-324, -1e-310, -0.0))),
     camera_pose((2.0**53 + 2.0, 1e22, 0.1)),
+    *(camera_pose(rotation=turn) for turn in ((1.0, 0.0, 0.0, 0.0), (0.0, 0.6, -0.8, 0.0))),
+    camera_pose((1.0, 2.0, 3.0), (-0.0, 0.0, 0.0, -1.0)),
 )
 
 
@@ -68,10 +75,48 @@ def check_keeps_the_former_pose(trial: ServerTrial) -> None:
         trial.judge(outcome, f"{what}; the camera is at {steering.now()}")
 
 
+@check(
+    "POS-6",
+    observable="where the frames that follow list the Gaussians",
+    needs=("frames",),
+    may_crash=True,
+)
+def check_keeps_the_former_pose_of_the_gaussians(trial: ServerTrial) -> None:
+    """The same of the Gaussians, which frames list; after each broken pose the camera is moved, so
+    that there is a new image.
+    """
+    reader, poser, places = trial.reading(), trial.dial("msg"), itertools.count(1)
+    home = camera_pose((0.0, 0.125, 0.25), kind="point_cloud_pose")
+
+    def listed(*before: Json) -> Json | None:
+        """What a frame lists that was rendered after these, and with the camera elsewhere."""
+        camera = camera_pose((next(places) / 8, -2.0, -1.0))
+        for message in (*before, camera):
+            trial.viewer.say(poser, message)
+        frame = trial.sees(reader, camera)
+        if frame is None:
+            fell_silent(trial, reader, "no frame came after the camera had been moved")
+        return told_of(frame, DEFAULT)
+
+    for each in trial.each(
+        broken_poses(FAR | {"type": home["type"]}), kind=lambda it: it.kind, spare=0
+    ):
+        if poser.ended:
+            poser = trial.dial("msg")
+        former = listed(home)
+        if former is None:
+            trial.not_observable("frames do not list where the Gaussians are")
+        outcome = trial.outcome_on_msg(poser, packet(each.payload))
+        if outcome in ("ignores", "reports", "replies"):
+            outcome = "keeps" if listed() == former else "applies"
+        trial.judge(outcome, f"a pose of the Gaussians with {each.what} ({each.requirement})")
+        trial.delivered += 1
+
+
 @check("POS-7", observable="frames show poses next to the limits", needs=("frames",))
 def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
-    """Rotations whose norm is just as far from 1 as it may be, the greatest numbers that there are,
-    and the least.
+    """Rotations whose norm is just as far from 1 as it may be, half-turns and none, the greatest
+    numbers that there are, and the least.
     """
     steering, poser = Steering(trial), trial.dial("msg")
     home = camera_pose((0.25, 0.5, -0.75), ROTATION)
@@ -79,6 +124,25 @@ def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
         trial.expect(steering.shows(poser, home), "no frame shows a good pose")
         shown = steering.shows(poser, pose)
         trial.expect(shown, f"the valid pose {show(pose)}; the camera is at {steering.now()}")
+        trial.delivered += 1
+
+
+@check(
+    "POS-7", observable="the camera that frames name after poses in one piece", needs=("frames",)
+)
+def check_the_last_of_one_piece_is_shown(trial: ServerTrial) -> None:
+    """Several poses that arrive together; nothing but the Gaussians is moved after them."""
+    steering, poser = Steering(trial), trial.dial("msg")
+    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    for number in trial.each(range(1, 40 if trial.thorough else 6)):
+        row = [camera_pose((float(number), 0.5 * place, -1.0)) for place in range(1 + number)]
+        poser.send(b"".join(packet(encode(each)) for each in row))
+        last = steering.nudged(poser)[-1]
+        trial.expect(
+            last.shows(camera_of(row[-1])),
+            f"{len(row)} poses came in one piece, and then the Gaussians were moved: the camera is"
+            f" at {last}, and not at {camera_of(row[-1])}",
+        )
         trial.delivered += 1
 
 

@@ -136,17 +136,20 @@ def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
 
 @check("VPT-4", observable="the error while another client has control", needs=RESIZES)
 def check_obeys_who_has_control(trial: ServerTrial) -> None:
-    """One client poses the camera; another asks for a size, then the first, then the other once
-    the first has gone.
+    """One client poses the camera; another asks for a size, before and after it has posed too, then
+    the first, then the other once the first has gone.
     """
     with resizing(trial) as client:
         first = controlling(trial)
         if client.ended:
             trial.not_observable("the server serves one message connection at a time")
         one, two, three, _ = other_sizes(trial)
-        told = asked(trial, client, one)
-        code = told.get("code") or told.get("type")
-        trial.expect(code == "busy", f"a client without control was answered by {show(code)}")
+        for what in ("without control", "that waits for control"):
+            told = asked(trial, client, one)
+            code = told.get("code") or told.get("type")
+            trial.expect(code == "busy", f"a client {what} was answered by {show(code)}")
+            trial.viewer.say(client, camera_pose())
+            answers(trial, client)
         changed(trial, first, two)
         first.close()
         changed(trial, client, three)
@@ -182,7 +185,9 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
         everyone.append(trial.ready("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"]))
         everyone = [it for it in everyone if not it.ended]  # older ones may be closed (CHN-13)
         former = trial.facts.size
-        for size in trial.each(other_sizes(trial), drawn_sizes(trial), quick=2, full=50):
+        # The last three change the width alone, and the height alone.
+        sizes = [*other_sizes(trial), (1, former[1]), former, (former[0], former[1] + 1)]
+        for size in trial.each(sizes, drawn_sizes(trial), quick=2, full=50):
             if size == former:
                 continue
             former = size

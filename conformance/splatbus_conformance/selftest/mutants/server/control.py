@@ -267,3 +267,16 @@ def server_passes_on_no_time(patch: Patch) -> None:
 def server_passes_on_no_tag(patch: Patch) -> None:
     """Leaves out the tag of the camera that a client sent before it had control."""
     leaves(patch, tag=None)
+
+
+@mutant("CTL-2", check=ONCE, reason="was told busy")
+def server_forgets_whom_it_told_with_another_error(patch: Patch) -> None:
+    """Says `busy` again to a client that was sent another error meanwhile."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        refusal = original(self, connection, message)
+        if refusal is not None and refusal.code != "busy":
+            self._told_busy.discard(connection)
+        return refusal
+
+    wrap(patch, Session, "_move", move)

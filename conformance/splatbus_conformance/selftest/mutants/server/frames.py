@@ -7,7 +7,7 @@ from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange, Image
 from splatbus_server.memory import Memory
 from splatbus_server.session import Reader, Session
-from splatbus_wire.messages import Release
+from splatbus_wire.messages import OpenFailed, Release, SetTime
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -161,3 +161,47 @@ def server_writes_both_always(patch: Patch) -> None:
         return view if view is None else replace(view, wants=BOTH)
 
     wrap(patch, Exchange, "next_view", next_view)
+
+
+NOTHING = "check_publishes_nothing_for_what_changes_nothing"
+
+
+def published_after(patch: Patch, is_reason: Any) -> None:
+    """Make a further image of what is shown after some messages that steer."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        refusal = original(self, connection, message)
+        if is_reason(message, refusal):
+            with self._exchange._lock:
+                self._exchange._shown = None
+                self._exchange._changed.notify_all()
+        return refusal
+
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("IMG-10", check=NOTHING, reason="which changes nothing")
+def server_publishes_when_it_refuses(patch: Patch) -> None:
+    """Makes a further image when it has refused a pose."""
+    published_after(patch, lambda message, refusal: refusal is not None)
+
+
+@mutant("IMG-10", check=NOTHING, reason="which changes nothing")
+def server_publishes_at_the_same_time(patch: Patch) -> None:
+    """Makes a further image for a time, though the scene was shown at that already."""
+    published_after(patch, lambda message, refusal: isinstance(message, SetTime))
+
+
+@mutant("IMG-2", check="check_lends_nothing_after_closed", reason="came after open_failed")
+def server_lends_after_open_failed(patch: Patch) -> None:
+    """Goes on lending to a reader that says, after `opened`, that it could not open the memory."""
+
+    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        reader = self._readers.get(connection)
+        opened = set(reader.opened) if reader else set()
+        refusal = original(self, connection, message)
+        if reader is not None and isinstance(message, OpenFailed):
+            reader.opened |= opened
+        return refusal
+
+    wrap(patch, Session, "_answered", answered)

@@ -143,3 +143,20 @@ def server_lends_what_it_has(patch: Patch) -> None:
         "lend",
         lambda original, self, client, memory, wants: original(self, client, memory, frozenset()),
     )
+
+
+@mutant("IMG-5", check="check_every_slot_shows_the_same", reason="of the pixels in slot")
+def server_swaps_colours_in_its_fourth_slot(patch: Patch) -> None:
+    """Stores blue for red in a slot that is used where two readers hold images."""
+
+    def writer(original: Any, self: Memory, *image: Any) -> Any:
+        write = original(self, *image)
+
+        def written(slot: int, wants: Any) -> None:
+            write(slot, wants)
+            if slot == 3 and "color" in wants:
+                self.color(slot)[..., :3] = self.color(slot)[..., 2::-1].copy()
+
+        return written
+
+    wrap(patch, Memory, "writer", writer)

@@ -119,3 +119,17 @@ def server_takes_more_readers_than_slots(patch: Patch) -> None:
 
     wrap(patch, Session, "__init__", init)
     _lends_to_any_number(patch)
+
+
+@mutant("IMG-4", check="check_what_two_hold_is_not_written", reason="that of the first was written")
+def server_keeps_the_newest_lease_alone(patch: Patch) -> None:
+    """Of images that several readers hold, keeps the one that was lent last."""
+
+    def begin_write(original: Any, self: Ring) -> int:
+        held = dict(self._held)
+        self._held = dict(list(held.items())[-1:])
+        slot: int = original(self)
+        self._held = held
+        return slot
+
+    wrap(patch, Ring, "begin_write", begin_write)

@@ -6,7 +6,7 @@ from typing import Any
 from splatbus_server.connection import Connection
 from splatbus_server.control import Control
 from splatbus_server.session import Session
-from splatbus_wire import decoding, plain_poses, rotations
+from splatbus_wire import decoding, from_client, plain_poses, rotations
 from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
 from splatbus_wire.poses import IDENTITY
 
@@ -118,3 +118,53 @@ def _repairs(patch: Patch, repair: Any) -> None:
         return repair(message) if message.get("type") == "camera_pose" else message
 
     wrap(patch, decoding, "parse_object", parse)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose_of_the_gaussians", reason="norm")
+def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
+    """Moves the Gaussians by a pose whose rotation has another norm, and does not turn them."""
+
+    def pose(original: Any, kind: Any, message: Any) -> Any:
+        rotation = message.value.get("rotation")
+        members = rotation.values() if isinstance(rotation, dict) else ()
+        norm = math.hypot(*members) if members and all(map(is_number, members)) else 1.0
+        if kind == "point_cloud_pose" and len(members) == 4 and abs(norm - 1.0) > 0.01:
+            message.value["rotation"] = dict(zip("xyzw", IDENTITY.rotation, strict=True))
+        return original(kind, message)
+
+    def is_number(value: Any) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+
+    wrap(patch, from_client, "pose_of_1_0", pose)
+
+
+@mutant("POS-7", check="check_the_last_of_one_piece_is_shown", reason="came in one piece")
+def server_takes_the_first_of_one_piece(patch: Patch) -> None:
+    """Takes one camera until it has passed on what changed."""
+    taken: list[Any] = []
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        if isinstance(message, CameraPose) and self.holder is connection:
+            if taken:
+                return True
+            taken.append(message)
+        return original(self, connection, message)
+
+    def catch_up(original: Any, self: Session, now: float) -> None:
+        taken.clear()
+        original(self, now)
+
+    wrap(patch, Control, "move", move)
+    wrap(patch, Session, "catch_up", catch_up)
+
+
+@mutant("POS-7", check="check_poses_at_the_limits_are_poses", reason="the valid pose")
+def server_takes_no_half_turns(patch: Patch) -> None:
+    """Passes poses over whose scalar is 0, as that of a rotation that was never set."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if isinstance(message, CameraPose) and message.pose.rotation[3] == 0.0:
+            return None
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)

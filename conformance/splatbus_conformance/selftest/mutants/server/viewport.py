@@ -219,3 +219,15 @@ def server_keeps_the_lens_of_the_first_size(patch: Patch) -> None:
         return replace(camera, fx=first[0].fx, fy=first[0].fy)
 
     cameras(patch, former)
+
+
+@mutant("VPT-4", check="check_obeys_who_has_control", reason="a client that waits for control")
+def server_obeys_who_waits_for_control(patch: Patch) -> None:
+    """Changes the size for a client that has posed, though another one has control."""
+
+    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+        refusal: Refusal | None = original(self, asker)
+        stands = refusal is not None and "steers" in refusal.reason
+        return None if stands and asker in self._control._sent else refusal
+
+    wrap(patch, Session, "_hindrance", hindrance)
