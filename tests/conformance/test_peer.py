@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 
 import pytest
-from splatbus_conformance.peer import Connection, Peer
+from splatbus_conformance.peer import RESET_ON_CLOSE, Connection, Peer
 
 SECONDS = 10.0
 
@@ -52,6 +52,34 @@ def test_what_is_held_is_connected_and_accepted_later() -> None:
         peer.refuse("ipc")
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS)
+    peer.close()
+
+
+@pytest.mark.parametrize("kept_waiting", [True, False])
+def test_whom_the_harness_has_kept_waiting_is_not_judged(kept_waiting, monkeypatch) -> None:
+    monkeypatch.setattr("splatbus_conformance.peer.AWAY_SECONDS", -1.0 if kept_waiting else 1e9)
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.listen("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        peer.clear()
+        assert not peer.connections
+        assert not peer.entries
+        assert peer.last_opened["ipc"] > 0 or not kept_waiting
+        came = peer.until(lambda: peer.connections, 0.0 if kept_waiting else SECONDS)
+        assert bool(came) is not kept_waiting
+        if kept_waiting:
+            testee.settimeout(SECONDS)
+            assert testee.recv(1) == b""
+    peer.close()
+
+
+def test_who_resets_before_it_is_accepted_has_connected_and_ended() -> None:
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.listen("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        testee.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+    [connection] = peer.until(lambda: peer.connections, SECONDS)
+    assert peer.until(lambda: connection.ended, SECONDS) == "reset"
     peer.close()
 
 
