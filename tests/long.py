@@ -59,7 +59,7 @@ PAIR = {
 }
 GOOD = frozenset({"pass", "skip", "warn"})
 AT_A_TIME = 2 * (os.cpu_count() or 1)
-"""Of foreign programs, which mostly wait: a run takes some 0.4 of a core."""
+"""Of foreign programs, which mostly wait: a run takes half of a core."""
 BUSY = 2
 """Processes that never rest."""
 RUN_SECONDS = 1800
