@@ -4,9 +4,16 @@ import contextlib
 import socket
 import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
-from splatbus_conformance.peer import RESET_ON_CLOSE, Connection, Peer
+from splatbus_conformance.peer import (
+    GRACE_SECONDS,
+    RESET_ON_CLOSE,
+    TICK_SECONDS,
+    Connection,
+    Peer,
+)
 
 SECONDS = 10.0
 
@@ -71,6 +78,30 @@ def test_whom_the_harness_has_kept_waiting_is_not_judged(kept_waiting, monkeypat
             testee.settimeout(SECONDS)
             assert testee.recv(1) == b""
     peer.close()
+
+
+@pytest.mark.parametrize("where", ["it waits", "it thinks"])
+def test_patience_is_not_spent_while_the_harness_cannot_look(where, monkeypatch) -> None:
+    clock = SimpleNamespace(now=0.0, looks=0)
+
+    def select(seconds: float) -> list[object]:
+        clock.looks += 1
+        clock.now += seconds + 60.0 * (where == "it waits" and clock.looks == 3)
+        return []
+
+    def never() -> bool:
+        clock.now += 60.0 * (where == "it thinks" and clock.looks == 3)
+        return False
+
+    monkeypatch.setattr(
+        "splatbus_conformance.peer.time", SimpleNamespace(monotonic=lambda: clock.now)
+    )
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    monkeypatch.setattr(peer, "_selector", SimpleNamespace(select=select))
+    began = peer.clock()
+    assert peer.until(never, 50 * TICK_SECONDS) is False
+    assert 50 - GRACE_SECONDS / TICK_SECONDS - 2 <= clock.looks <= 51
+    assert peer.clock() - began == pytest.approx(50 * TICK_SECONDS, abs=2 * TICK_SECONDS)
 
 
 def test_who_resets_before_it_is_accepted_has_connected_and_ended() -> None:
