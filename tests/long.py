@@ -1,12 +1,14 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
-Each foreign program in two profiles with three seeds; the reference pair in two profiles with
-twenty; 1,500 mutants made by machine. What is done stays done as long as the sources of what is
-judged, and of what judges, are those of the first sitting; the results are stored beside.
+Each foreign program in two profiles with three seeds, some at a time; the reference pair in two
+profiles with twenty, alone on the machine, and with five more beside two processes that never rest;
+1,500 mutants made by machine. What is done stays done as long as the sources of what is judged, and
+of what judges, are those of the first sitting; the results are stored beside.
 """
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -26,12 +28,24 @@ from tests.foreign.programs import Lacking, Program, differences, judge, program
 ROOT = Path(__file__).resolve().parents[1]
 RESULT = ROOT / "tests" / "results" / "long.json"
 MUTANTS = RESULT.with_name("machine.json")
-JUDGES = ("conformance", "schemas/splatbus_wire")
+NO_PART = (
+    ":(exclude)*.md",
+    ":(exclude)conformance/guides",
+    ":(exclude)conformance/site",
+    ":(exclude)conformance/splatbus_conformance/selftest/mutants/client",
+    ":(exclude)conformance/splatbus_conformance/selftest/mutants/server",
+    ":(exclude)conformance/splatbus_conformance/selftest/variations",
+    ":(exclude)tests/foreign/conftest.py",
+    ":(exclude)tests/foreign/test_*.py",
+)
+"""Nothing here judges, or is judged here."""
+JUDGES = ("conformance", "schemas/splatbus_wire", *NO_PART)
 JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
 """A result is of these sources."""
 PROFILES = ("quick", "full")
 FOREIGN_SEEDS = range(3)
 PAIR_SEEDS = range(20)
+BUSY_SEEDS = range(20, 25)
 COUNT, SEED = 1500, 1
 """Of the mutants."""
 PAIR = {
@@ -44,7 +58,10 @@ PAIR = {
     ),
 }
 GOOD = frozenset({"pass", "skip", "warn"})
-AT_A_TIME = os.cpu_count() or 1
+AT_A_TIME = 2 * (os.cpu_count() or 1)
+"""Of foreign programs, which mostly wait: a run takes half of a core."""
+BUSY = 2
+"""Processes that never rest."""
 RUN_SECONDS = 1800
 Outcome = dict[str, Any]
 """What is stored of a task: what is wrong, in sentences, and which verdicts are no passes."""
@@ -57,6 +74,8 @@ class Task:
     name: str
     run: Callable[[Path], Outcome]
     """In a folder of its own."""
+    at_a_time: int = 1
+    """How many such tasks may run beside each other."""
 
 
 def plan() -> Iterator[Task]:
@@ -65,10 +84,14 @@ def plan() -> Iterator[Task]:
         for seed in FOREIGN_SEEDS:
             for program in (*programs("client"), *programs("server")):
                 name = f"{program.side} {program.name}, {profile}, seed {seed}"
-                yield Task(name, partial(foreign, program, profile, seed))
+                yield Task(name, partial(foreign, program, profile, seed), AT_A_TIME)
         for seed in PAIR_SEEDS:
             for name in PAIR:
                 yield Task(f"our {name}, {profile}, seed {seed}", partial(own, name, profile, seed))
+        for seed in BUSY_SEEDS:
+            for name in PAIR:
+                told = f"our {name}, {BUSY} busy beside it, {profile}, seed {seed}"
+                yield Task(told, partial(hurried, name, profile, seed))
 
 
 def foreign(program: Program, profile: str, seed: int, scratch: Path) -> Outcome:
@@ -111,6 +134,18 @@ def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
     return {"wrong": wrong, "others": {k: v for k, v in verdicts.items() if v != "pass"}}
 
 
+def hurried(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
+    """Judge one of the pair beside processes that never rest: it may show less, and breaks nothing.
+
+    Which checks came to no verdict is not kept, for it hangs on the machine.
+    """
+    with contextlib.ExitStack() as stack:
+        for _ in range(BUSY):
+            busy = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
+            stack.callback(busy.kill)
+        return {"wrong": own(name, profile, seed, scratch)["wrong"]}
+
+
 def long(words: list[str]) -> int:
     """Go on with the plan for so many minutes; 1 if something is wrong, or is not done."""
     parser = argparse.ArgumentParser(prog="python -m tests long", description=__doc__)
@@ -128,7 +163,8 @@ def long(words: list[str]) -> int:
     state = begun()
     tasks = [task for task in plan() if task.name not in state["tasks"]]
     print(f"{len(state['tasks'])} tasks are done, {len(tasks)} are left, then {COUNT} mutants")
-    sit(tasks, state, until)
+    for at_a_time, alike in itertools.groupby(tasks, lambda task: task.at_a_time):
+        sit(list(alike), state, until, at_a_time)
     if time.monotonic() < until:
         mutants(state, until)
     for sentence in (told := sentences(state)):
@@ -149,12 +185,12 @@ def begun() -> dict[str, Any]:
     return {"commit": head, "seconds": 0, "tasks": {}, "mutants": []}
 
 
-def sit(tasks: list[Task], state: dict[str, Any], until: float) -> None:
-    """Do tasks, some at a time, until it is time; each is stored as soon as it is done."""
+def sit(tasks: list[Task], state: dict[str, Any], until: float, at_a_time: int) -> None:
+    """Do tasks, so many at a time, until it is time; each is stored as soon as it is done."""
     running: dict[Future[Outcome], Task] = {}
-    with ThreadPoolExecutor(AT_A_TIME) as pool:
+    with ThreadPoolExecutor(at_a_time) as pool:
         while running or (tasks and time.monotonic() < until):
-            while tasks and len(running) < AT_A_TIME and time.monotonic() < until:
+            while tasks and len(running) < at_a_time and time.monotonic() < until:
                 task = tasks.pop(0)
                 running[pool.submit(done, task)] = task
             finished, _ = wait(running, return_when=FIRST_COMPLETED)

@@ -23,7 +23,7 @@ from splatbus_conformance.script import load
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_USAGE
 
 PLAIN_WIDTH = 240
-DEMO_TESTEES = 10
+DEMO_TESTEES = 16
 """More than cores: most of the time a check waits."""
 
 

@@ -23,9 +23,11 @@ from splatbus_conformance.terminal import (
     print_complaints,
     print_end,
     print_failures,
+    print_unseen,
     print_what_next,
     summary,
 )
+from splatbus_conformance.unseen import unseen
 from splatbus_conformance.verdicts import (
     EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
@@ -115,6 +117,8 @@ def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out:
     if fewer:
         traffic.advice.append(fewer)
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
+    if not plan.selection.partial:
+        print_unseen(out, unseen(found, judged, plan.side))
     print_failures(out, results, requirements("1.1"))
     print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
     sentence, verdicts = summary(results, judged, reached(results), level, ended)

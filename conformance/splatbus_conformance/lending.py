@@ -1,7 +1,5 @@
 """Images lent to a client, in a ring whose other slots hold what nobody may read."""
 
-import time
-
 from splatbus_conformance import painting
 from splatbus_conformance.checks.client.frames import reading
 from splatbus_conformance.client_trial import ClientTrial
@@ -70,8 +68,9 @@ class Lending:
         """The client's digest of its newest image: the last that was lent, if it comes in time."""
         trial, last = self._trial, max(self.shown, default=None)
         answer = trial.ask("digest")
-        deadline = time.monotonic() + EFFECT_SECONDS
-        while answer["seq"] != last and time.monotonic() < deadline:
+        clock = trial.peer.clock
+        deadline = clock() + EFFECT_SECONDS
+        while answer["seq"] != last and clock() < deadline:
             trial.rest(GLANCE_SECONDS)
             answer = trial.ask("digest")
         return answer

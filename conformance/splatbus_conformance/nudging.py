@@ -6,7 +6,6 @@ that lists them there was rendered with all that had arrived before, and was to 
 """
 
 import itertools
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -56,8 +55,9 @@ class Nudges:
         The connection has to be in control, or to get it by this; all is sent again meanwhile.
         """
         since, places = len(self._frames), set[float | None]()
-        deadline = time.monotonic() + EFFECT_SECONDS
-        while time.monotonic() < deadline and not connection.ended and not self.trial.fate():
+        clock = self.trial.peer.clock
+        deadline = clock() + EFFECT_SECONDS
+        while clock() < deadline and not connection.ended and not self.trial.fate():
             place, came = STEP * (1 + next(_steps) % STEPS), len(self._frames)
             places.add(place)
             moved = camera_pose((0.0, 0.0, place), kind="point_cloud_pose")

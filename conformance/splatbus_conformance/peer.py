@@ -25,6 +25,10 @@ DIAL_SECONDS = 5.0
 NARROW_BYTES, NARROW_SEGMENT = 4096, 536
 TICK_SECONDS = 0.02
 """How often a condition is looked at while nothing happens on the wire."""
+GRACE_SECONDS = 0.1
+"""Whoever looks away for longer has no clock of what others do meanwhile."""
+AWAY_SECONDS = 1.0
+"""Whoever has waited for so long to be accepted may be about to give up."""
 RESET_ON_CLOSE = (
     struct.pack("ii", 1, 0) if hasattr(socket, "SO_REUSEPORT") else struct.pack("hh", 1, 0)
 )
@@ -33,13 +37,20 @@ RESET_ON_CLOSE = (
 class Connection:
     """One connection with the testee."""
 
-    def __init__(self, peer: "Peer", sock: socket.socket, channel: Channel, number: int) -> None:
+    def __init__(
+        self,
+        peer: "Peer",
+        sock: socket.socket,
+        channel: Channel,
+        number: int,
+        testee_port: int,
+    ) -> None:
         self.channel = channel
         self.number = number
         self.opened = time.monotonic()
         self.port: int = sock.getsockname()[1]
         """The port at this end."""
-        self.testee_port: int = sock.getpeername()[1]
+        self.testee_port = testee_port
         """The port at the testee's end."""
         self.packets: list[Packet] = []
         self.ended: Literal["eof", "reset"] | None = None
@@ -189,7 +200,8 @@ class Peer:
         """When the last connection of each channel was made, by the monotonic clock."""
         self.late_seconds = 0.0
         """By how much the longest of all waits was longer than asked for."""
-        self._start = time.monotonic()
+        self._start = self._looked = time.monotonic()
+        self._absent = 0.0
         self._count = dict.fromkeys(CHANNELS, 0)
 
     def environment(self) -> dict[str, str]:
@@ -222,13 +234,23 @@ class Peer:
     def dial(self, channel: Channel, seconds: float = DIAL_SECONDS) -> Connection:
         """Connect to the testee on this channel; OSError if it does not accept in time."""
         connect = _connect_narrowly if self.narrow else socket.create_connection
-        return self._adopt(connect((self.host, self.ports[channel]), seconds), channel)
+        port = self.ports[channel]
+        connection = self._adopt(connect((self.host, port), seconds), channel, port)
+        self.on_open(connection)
+        return connection
 
     def refuse(self, channel: Channel) -> None:
         """Refuse connections on this channel from now on."""
         if listener := self._listeners.pop(channel, None):
             self.forget(listener)
             listener.close()
+
+    def clock(self) -> float:
+        """Seconds by which a testee's patience is measured: those do not count in which a busy
+        machine kept the harness from looking, for it may have kept the testee from its work too,
+        and what came has not been seen.
+        """
+        return min(time.monotonic(), self._looked + GRACE_SECONDS) - self._absent
 
     def pump(self, seconds: float = 0.0) -> None:
         """Handle what happens within `seconds`; at least what has happened already."""
@@ -239,9 +261,11 @@ class Peer:
                 return
 
     def until(self, condition: Callable[[], T], seconds: float) -> T:
-        """Pump until `condition` gives something true, or `seconds` pass; what it gave last."""
-        deadline = time.monotonic() + seconds
-        while not (given := condition()) and (left := deadline - time.monotonic()) > 0:
+        """Pump until `condition` gives something true, or `seconds` pass by `clock`; what it gave
+        last.
+        """
+        deadline = self.clock() + seconds
+        while not (given := condition()) and (left := deadline - self.clock()) > 0:
             self._step(min(left, TICK_SECONDS))
         return given
 
@@ -251,7 +275,15 @@ class Peer:
             connection.close()
 
     def clear(self) -> None:
-        """Close every connection and begin a new record."""
+        """Close every connection and begin a new record.
+
+        So are connections that the harness, which had not looked for long, has kept waiting: what
+        becomes of them is its own doing.
+        """
+        if time.monotonic() - self._looked > AWAY_SECONDS:
+            for channel in self._listeners:
+                while self._accepted(channel):
+                    pass
         self.close_all()
         self.connections = []
         self.entries = []
@@ -281,36 +313,40 @@ class Peer:
             self._selector.unregister(sock)
 
     def _step(self, seconds: float) -> None:
-        until = time.monotonic() + seconds
+        began = time.monotonic()
         happened = self._selector.select(seconds)
+        before, self._looked = self._looked, time.monotonic()
+        late = self._looked - began - seconds
         if not happened:
-            self.late_seconds = max(self.late_seconds, time.monotonic() - until)
+            self.late_seconds = max(self.late_seconds, late)
+        for absent in (began - before, late):
+            self._absent += max(0.0, absent - GRACE_SECONDS)
         for key, _ in happened:
             if isinstance(key.data, Connection):
                 self._handle(key.data)
-            else:
-                self._accept(key.data)
+            elif connection := self._accepted(key.data):
+                self.on_open(connection)
 
     def _now(self) -> float:
         return time.monotonic() - self._start
 
-    def _accept(self, channel: Channel) -> None:
+    def _accepted(self, channel: Channel) -> Connection | None:
         try:
-            sock, _ = self._listeners[channel].accept()
+            sock, address = self._listeners[channel].accept()
         except OSError:
-            return
-        self._adopt(sock, channel)
+            return None
+        return self._adopt(sock, channel, address[1])
 
-    def _adopt(self, sock: socket.socket, channel: Channel) -> Connection:
+    def _adopt(self, sock: socket.socket, channel: Channel, testee_port: int) -> Connection:
         sock.settimeout(SEND_SECONDS)
-        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with contextlib.suppress(OSError):  # it may have been reset while it was not looked at
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._count[channel] += 1
-        connection = Connection(self, sock, channel, self._count[channel])
+        connection = Connection(self, sock, channel, self._count[channel], testee_port)
         self.last_opened[channel] = connection.opened
         self.connections.append(connection)
         self.entries.append(Entry(self._now(), channel, connection.number, event="open"))
         self._selector.register(sock, selectors.EVENT_READ, connection)
-        self.on_open(connection)
         return connection
 
     def _handle(self, connection: Connection) -> None:

@@ -47,14 +47,15 @@ class Photographer:
         """
         if self._last and named(self._last.camera.pose, camera) is AS_SPECIFIED:
             self.take(aside(camera), scene)
-        last, sent, until = None, -1.0, time.monotonic() + EFFECT_SECONDS
-        while time.monotonic() < until and not (self.reader.ended or self.trial.fate()):
-            if sent < 0 or time.monotonic() - sent >= AGAIN_SECONDS:
+        clock = self.trial.peer.clock
+        last, sent, until = None, None, clock() + EFFECT_SECONDS
+        while clock() < until and not (self.reader.ended or self.trial.fate()):
+            if sent is None or clock() - sent >= AGAIN_SECONDS:
                 if scene is not None:
-                    self._place(scene if insists or sent < 0 else aside(scene))
-                if insists or sent < 0:
+                    self._place(scene if insists or sent is None else aside(scene))
+                if insists or sent is None:
                     self.go(camera, **members)
-                sent = time.monotonic()
+                sent = clock()
             self.trial.wait(self._came, AGAIN_SECONDS)
             for last in self.new():
                 meant = named(last.camera.pose, camera)
@@ -62,7 +63,7 @@ class Photographer:
                     self.trial.delivered += 1
                     return last
                 patience = EFFECT_SECONDS if meant is None else MISTAKEN_SECONDS
-                until = min(until, time.monotonic() + patience)
+                until = min(until, clock() + patience)
         if last is None:
             what = "the server sent no frame after the camera had been moved"
             fell_silent(self.trial, self.reader, what)

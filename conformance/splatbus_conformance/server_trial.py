@@ -2,7 +2,6 @@
 
 import contextlib
 import itertools
-import time
 from collections.abc import Iterator
 
 from splatbus_schemas.requirements import Requirement
@@ -277,8 +276,8 @@ class ServerTrial(Trial):
             served = self.wait(lambda: heard or connection.ended) and bool(heard)
         others = (c for c in self.peer.connections if c.channel == channel and c is not connection)
         served = served or (connection.ended is not None and any(not c.gone for c in others))
-        until = until or time.monotonic() + EFFECT_SECONDS
-        if not served and connection.ended and time.monotonic() < until:
+        until = until or self.peer.clock() + EFFECT_SECONDS
+        if not served and connection.ended and self.peer.clock() < until:
             self.rest(GONE_SECONDS)  # it has not seen yet, perhaps, who has gone
             return self._serves_on(channel, until)
         connection.close()
@@ -305,13 +304,13 @@ class ServerTrial(Trial):
         """
         kept = (c for c in self.peer.connections if c.channel == channel)
         retries = self.facts.alone[channel] and all(c.gone for c in kept)
-        deadline = time.monotonic() + EFFECT_SECONDS
+        deadline = self.peer.clock() + EFFECT_SECONDS
         while True:
             connection = reach(self.peer, self.testee, channel, self.patience)
             if connection is None or not retries:
                 return connection
             self._take_place(connection)
-            if not connection.ended or time.monotonic() > deadline:
+            if not connection.ended or self.peer.clock() > deadline:
                 return connection
             connection.close()
 

@@ -1,7 +1,6 @@
 """Steer a server, and see by the `camera` of its frames which pose is in force (IMG-5)."""
 
 import math
-import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -79,8 +78,9 @@ class Steering:
         """Send a valid pose, spelled so, until a frame shows it that was rendered afterwards;
         whether one does in time. That frame is the newest then, or as new.
         """
-        sent, deadline = packet(payload or encode(pose)), time.monotonic() + EFFECT_SECONDS
-        while time.monotonic() < deadline and not connection.ended and not self.trial.fate():
+        clock, sent = self.trial.peer.clock, packet(payload or encode(pose))
+        deadline = clock() + EFFECT_SECONDS
+        while clock() < deadline and not connection.ended and not self.trial.fate():
             if self._nudges.shown(connection, sent) and self.shows_now(pose):
                 self._was_nudged = True
                 return True

@@ -139,9 +139,18 @@ def _line(result: Result, place: str) -> Text:
 
 def print_skipped(console: Console, skipped: Mapping[str, Sequence[str]]) -> None:
     """Why checks were skipped, the most frequent reason first, and what they would have judged."""
-    if skipped:
-        console.print("\nSkipped, and why:")
-    for reason, names in sorted(skipped.items(), key=lambda it: -len(it[1])):
+    _print_by_reason(console, "\nSkipped, and why:", skipped)
+
+
+def print_unseen(console: Console, unseen: Mapping[str, Sequence[str]]) -> None:
+    """The requirements that nothing was said of, by reason."""
+    _print_by_reason(console, "\nNot seen, and why:", unseen)
+
+
+def _print_by_reason(console: Console, title: str, found: Mapping[str, Sequence[str]]) -> None:
+    if found:
+        console.print(title)
+    for reason, names in sorted(found.items(), key=lambda it: -len(it[1])):
         _print_hanging(console, f"{len(names):4}  ", reason)
         _print_hanging(console, " " * 6, " ".join(dict.fromkeys(names)), "dim")
 

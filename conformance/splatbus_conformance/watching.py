@@ -1,6 +1,5 @@
 """Readers of a server's images, as its checks use them."""
 
-import time
 from typing import NoReturn
 
 from splatbus_conformance.messages import Json
@@ -63,12 +62,13 @@ def following(trial: ServerTrial, connection: Connection, pose: Json) -> Json | 
     server sends all the time whose scene moves by itself; None if it does not come in time.
     """
     dealings = trial.viewer.with_(connection)
-    deadline = time.monotonic() + EFFECT_SECONDS
-    while not connection.ended and time.monotonic() < deadline:
+    clock = trial.peer.clock
+    deadline = clock() + EFFECT_SECONDS
+    while not connection.ended and clock() < deadline:
         held = dealings.held
         if held is not None and shows(held, pose):
             return held
         if held is not None:
             trial.viewer.release(connection, held)
-        trial.wait(lambda: dealings.held or connection.ended, deadline - time.monotonic())
+        trial.wait(lambda: dealings.held or connection.ended, deadline - clock())
     return None

@@ -4,9 +4,16 @@ import contextlib
 import socket
 import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
-from splatbus_conformance.peer import Connection, Peer
+from splatbus_conformance.peer import (
+    GRACE_SECONDS,
+    RESET_ON_CLOSE,
+    TICK_SECONDS,
+    Connection,
+    Peer,
+)
 
 SECONDS = 10.0
 
@@ -52,6 +59,58 @@ def test_what_is_held_is_connected_and_accepted_later() -> None:
         peer.refuse("ipc")
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS)
+    peer.close()
+
+
+@pytest.mark.parametrize("kept_waiting", [True, False])
+def test_whom_the_harness_has_kept_waiting_is_not_judged(kept_waiting, monkeypatch) -> None:
+    monkeypatch.setattr("splatbus_conformance.peer.AWAY_SECONDS", -1.0 if kept_waiting else 1e9)
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.listen("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        peer.clear()
+        assert not peer.connections
+        assert not peer.entries
+        assert peer.last_opened["ipc"] > 0 or not kept_waiting
+        came = peer.until(lambda: peer.connections, 0.0 if kept_waiting else SECONDS)
+        assert bool(came) is not kept_waiting
+        if kept_waiting:
+            testee.settimeout(SECONDS)
+            assert testee.recv(1) == b""
+    peer.close()
+
+
+@pytest.mark.parametrize("where", ["it waits", "it thinks"])
+def test_patience_is_not_spent_while_the_harness_cannot_look(where, monkeypatch) -> None:
+    clock = SimpleNamespace(now=0.0, looks=0)
+
+    def select(seconds: float) -> list[object]:
+        clock.looks += 1
+        clock.now += seconds + 60.0 * (where == "it waits" and clock.looks == 3)
+        return []
+
+    def never() -> bool:
+        clock.now += 60.0 * (where == "it thinks" and clock.looks == 3)
+        return False
+
+    monkeypatch.setattr(
+        "splatbus_conformance.peer.time", SimpleNamespace(monotonic=lambda: clock.now)
+    )
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    monkeypatch.setattr(peer, "_selector", SimpleNamespace(select=select))
+    began = peer.clock()
+    assert peer.until(never, 50 * TICK_SECONDS) is False
+    assert 50 - GRACE_SECONDS / TICK_SECONDS - 2 <= clock.looks <= 51
+    assert peer.clock() - began == pytest.approx(50 * TICK_SECONDS, abs=2 * TICK_SECONDS)
+
+
+def test_who_resets_before_it_is_accepted_has_connected_and_ended() -> None:
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    peer.listen("ipc")
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as testee:
+        testee.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+    [connection] = peer.until(lambda: peer.connections, SECONDS)
+    assert peer.until(lambda: connection.ended, SECONDS) == "reset"
     peer.close()
 
 

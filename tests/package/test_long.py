@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 import time
 
 import pytest
@@ -36,18 +37,53 @@ def repository(monkeypatch, **answers):
 def test_everything_is_in_the_plan_and_once():
     names = [task.name for task in long.plan()]
     count = len(programs("client")) + len(programs("server"))
-    assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4)
+    assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4 + 5 * 4)
     assert [", quick, " in name for name in names] == sorted(
         (", quick, " in name for name in names), reverse=True
     )
 
 
+def test_the_pair_is_judged_alone():
+    crowd = {task.at_a_time for task in long.plan() if not task.name.startswith("our ")}
+    alone = {task.at_a_time for task in long.plan() if task.name.startswith("our ")}
+    assert (alone, crowd) == ({1}, {long.AT_A_TIME})
+
+
+def test_what_never_rests_rests_when_the_run_is_over(tmp_path, monkeypatch):
+    beside = []
+    start = subprocess.Popen
+
+    def own(name, profile, seed, scratch):
+        assert [process.poll() for process in beside] == [None] * long.BUSY
+        return {"wrong": [], "others": {"CHN-1": "skip"}}
+
+    def popen(line):
+        beside.append(start([sys.executable, "-c", "input()"], stdin=subprocess.PIPE))
+        return beside[-1]
+
+    monkeypatch.setattr(long, "own", own)
+    monkeypatch.setattr(long.subprocess, "Popen", popen)
+    assert long.hurried("server", "quick", 20, tmp_path) == {"wrong": []}
+    assert None not in [process.poll() for process in beside]
+
+
+@pytest.mark.skipif(not (long.ROOT / ".git").exists(), reason="git tells which files are ours")
+def test_what_has_no_part_in_a_result_does_not_end_it():
+    judged = long.git("ls-files", "--", *long.JUDGED).splitlines()
+    assert judged
+    assert not [name for name in judged if name.endswith(".md") or "/test_" in name]
+    assert not [name for name in judged if "/variations/" in name or "/mutants/client/" in name]
+    assert "tests/foreign/programs.py" in judged
+    assert "conformance/splatbus_conformance/selftest/machine/changes.py" in judged
+    assert "schemas/splatbus_schemas/limits.json" in judged
+
+
 def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
     tasks = [long.Task(name, lambda scratch: {"wrong": []}) for name in "abc"]
     first = state()
-    long.sit(list(tasks), first, time.monotonic() - 1)
+    long.sit(list(tasks), first, time.monotonic() - 1, 2)
     assert not result.exists()
-    long.sit(tasks, first, time.monotonic() + 60)
+    long.sit(tasks, first, time.monotonic() + 60, 2)
     assert set(json.loads(result.read_text())["tasks"]) == set("abc")
 
 

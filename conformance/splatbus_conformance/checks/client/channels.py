@@ -132,13 +132,12 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     trial.role.offers_memory = False
     seconds = 12.0 if trial.thorough else 5.5 if trial.profile == "quick" else 1.5
     connection: Connection | None = trial.connection("ipc")
-    lasted = 0.0
-    for _ in range(PROBES):
-        if connection is None or not trial.ends(connection, seconds) or trial.fate():
+    lasted, probes = 0.0, 0
+    while closed := connection is None or trial.ends(connection, seconds):
+        if connection is None or probes == PROBES or trial.fate():
             break
-        lasted = time.monotonic() - connection.opened
+        lasted, probes = time.monotonic() - connection.opened, probes + 1
         connection = trial.next_connection("ipc")
-    closed = connection is None or trial.ends(connection, seconds)
     outcome = "closes" if closed else trial.fate() or "waits"
     trial.judge(outcome, f"no init packet; it had stayed for {lasted:.2g} s before")
     if connection is not None and trial.facts.opens:
@@ -192,7 +191,7 @@ def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
     """The harness ends its stream and keeps the connection, on each channel: while the testee
     waits for nothing, and while it waits for a welcome, an init packet or a reply.
     """
-    both = ((channel, awaits) for channel in sorted(trial.facts.connects) for awaits in (0, 1))
+    both = ((channel, awaits) for awaits in (0, 1) for channel in sorted(trial.facts.connects))
     for channel, awaits in trial.each(list(both)):
         role = trial.role
         role.welcomes = role.offers_memory = role.replies = not awaits

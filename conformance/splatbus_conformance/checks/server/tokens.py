@@ -2,7 +2,6 @@
 
 import ipaddress
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -58,8 +57,9 @@ def check_closes_who_says_no_hello(trial: ServerTrial) -> None:
         asking.send(packet(encode(VIEWPORT_REQUEST)))
         stuck.send(packet(encode({"type": "opened", "generation": 1})))
         waiting = [*silent, asking, stuck]
-        until = time.monotonic() + HELLO_SECONDS + EFFECT_SECONDS
-        while (left := until - time.monotonic()) > 0:
+        clock = trial.peer.clock
+        until = clock() + HELLO_SECONDS + EFFECT_SECONDS
+        while (left := until - clock()) > 0:
             if trial.wait(lambda: all(each.ended for each in waiting), min(left, AGAIN_SECONDS)):
                 break
             asking.send(packet(encode(VIEWPORT_REQUEST)))
@@ -86,13 +86,20 @@ def check_listens_on_loopback_without_a_token(trial: ServerTrial) -> None:
         trial.before_hello("msg")
         if not reached():
             trial.not_observable("with a token it listens on loopback only, told otherwise or not")
+
+    def listens() -> bool:
+        listened = [ports[channel] for channel, it in trial.facts.listens.items() if it]
+        return all(accepts(trial.peer.host, port) for port in listened)
+
     with trial.relaunched(SPLATBUS_HOST=EVERYWHERE, SPLATBUS_TOKEN=""):
         trial.testee.ensure_running()
-        trial.wait(lambda: trial.fate() or accepts(trial.peer.host, ports["msg"]))
+        trial.peer.until(lambda: trial.fate() or listens(), trial.patience)
         where = reached()
         trial.expect(not where, f"it listens on {', '.join(where)} and requires no token")
         if fate := trial.fate():
             trial.judge(fate, f"told to listen on {EVERYWHERE} without a token")
+        elif not listens():
+            trial.not_observable("without a token it listens nowhere, and its process goes on")
     trial.delivered += 1
 
 

@@ -1,6 +1,7 @@
 """Mutants that break NEG: how they guard their token."""
 
 import math
+import time
 from typing import Any
 
 from splatbus_server import settings
@@ -103,3 +104,19 @@ def server_is_steered_without_a_token(patch: Patch) -> None:
             original(self, message)
 
     wrap(patch, Connection, "send", send)
+
+
+@mutant(
+    "NEG-17",
+    check="check_listens_on_loopback_without_a_token",
+    reason="and requires no token",
+)
+def server_takes_its_time_to_listen_to_everybody(patch: Patch) -> None:
+    """The same, and without a token it takes six seconds to start."""
+
+    def is_loopback(original: Any, host: str) -> bool:
+        if not original(host):
+            time.sleep(6.0)
+        return True
+
+    wrap(patch, settings, "is_loopback", is_loopback)
