@@ -2,7 +2,7 @@
 
 import time
 
-from splatbus_conformance import painting
+from splatbus_conformance import memory_pace, painting
 from splatbus_conformance.checks.client.frames import reading
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json
@@ -10,7 +10,6 @@ from splatbus_conformance.packets import Packet
 from splatbus_conformance.painting import Painting, spoilt
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.role import Coming
-from splatbus_conformance.trial import EFFECT_SECONDS
 
 GLANCE_SECONDS = 0.02
 
@@ -70,7 +69,7 @@ class Lending:
         """The client's digest of its newest image: the last that was lent, if it comes in time."""
         trial, last = self._trial, max(self.shown, default=None)
         answer = trial.ask("digest")
-        deadline = time.monotonic() + EFFECT_SECONDS
+        deadline = time.monotonic() + memory_pace.patience(trial.facts.memory_seconds)
         while answer["seq"] != last and time.monotonic() < deadline:
             trial.rest(GLANCE_SECONDS)
             answer = trial.ask("digest")
