@@ -18,6 +18,7 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.painting import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import texts, within
 
 READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
 CHANNELS = ("color", "depth")
@@ -178,6 +179,25 @@ def _judge_subscriptions(trial: ClientTrial, lending: Lending) -> None:
         if answer[channel] is None:
             trial.not_observable(f"subscribed to {channel} alone, the client did not read it")
         trial.delivered += 1
+    _judge_what_is_subscribed_again(trial)
+
+
+def _judge_what_is_subscribed_again(trial: ClientTrial) -> None:
+    """On a new connection, what it has subscribed to before it says that it has opened."""
+    if "ipc" not in trial.facts.returns:
+        return
+    lending = Lending(trial)
+    heard = trial.role.with_(lending.connection).heard
+    kinds = [message.get("type") for message in heard]
+    wishes = [m for m in heard[: kinds.index("opened")] if m.get("type") == "subscribe"]
+    wanted = texts(within(wishes[-1], "channels")) if wishes else CHANNELS
+    bad = spoilt(*lending.size)._asdict()
+    unwritten = [name for name in CHANNELS if name not in wanted]
+    lending.show(coordinates(0, *lending.size)._replace(**{n: bad[n] for n in unwritten}))
+    answer = trial.ask("digest")
+    for name in unwritten:
+        if answer[name] == sha256(bad[name]):
+            trial.violated(f"on a new connection it read {name} with {wanted} subscribed to")
 
 
 def _subscribe(trial: ClientTrial, lending: Lending, channels: list[str]) -> None:

@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_client import adapter, display, host_memory
+from splatbus_client.events import Lent
 from splatbus_client.host_memory import HostImages
+from splatbus_client.ipc_protocol import CHANNELS, IpcProtocol
 from splatbus_client.mirror import Mirror
 from splatbus_wire import decoding
 
@@ -160,3 +162,22 @@ def shows_the_colour_of_lost_memory(patch: Patch) -> None:
 
     wrap(patch, HostImages, "color", color)
     patch.setattr(Mirror, "newest", property(newest, keep), raising=False)
+
+
+@mutant(
+    "IMG-22",
+    check="check_reads_only_what_it_subscribed_to",
+    reason="on a new connection it read",
+    axes="opencv",
+)
+def reads_the_first_image_of_a_connection_whole(patch: Patch) -> None:
+    """Subscribes again when it has come back, and reads both channels of the first image."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Any) -> Any:
+        first = "_has_read" not in self.__dict__
+        self.__dict__["_has_read"] = True
+        for event in original(self, frame):
+            whole = first and isinstance(event, Lent)
+            yield event._replace(channels=CHANNELS) if whole else event
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
