@@ -181,3 +181,14 @@ def reads_the_first_image_of_a_connection_whole(patch: Patch) -> None:
             yield event._replace(channels=CHANNELS) if whole else event
 
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="frame 0 was not released")
+def keeps_images_from_before_time_0(patch: Patch) -> None:
+    """Takes a frame whose time is negative for none."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Any) -> Any:
+        if frame.time >= 0:
+            yield from original(self, frame)
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
