@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from splatbus_conformance import meeting, processes
+from splatbus_conformance import meeting, memory_pace, processes
 from splatbus_conformance.adapter import Greeting
 from splatbus_conformance.device_memory import why_no_device
 from splatbus_conformance.kinds import POSES, REQUESTS, REQUESTS_1_0
@@ -21,6 +21,8 @@ from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 from splatbus_conformance.values import texts, within
 
 SETTLE_SECONDS = 1.0
+MEMORY_SECONDS = 10.0
+"""For which one that has said hello is waited for, until it has opened memory and read an image."""
 PARTING_SECONDS = 0.5
 RETURN_SECONDS = 5.3
 """How long it may take to come back (CHN-22), and a little more."""
@@ -61,6 +63,8 @@ class ClientFacts:
     """How many connections it opens and closes by itself after its start, before it stays."""
     start_seconds: float = 0.0
     """From its start to its first connection."""
+    memory_seconds: float = 0.0
+    """From the first offer of memory until it was opened and read; see `memory_pace`."""
     advice: list[str] = field(default_factory=list)
     """What the meeting suggests to its author."""
 
@@ -187,6 +191,7 @@ def _both(first: ClientFacts, second: ClientFacts) -> ClientFacts:
         returns=first.returns | second.returns,
         asks_again=first.asks_again or second.asks_again,
         start_seconds=max(first.start_seconds, second.start_seconds),
+        memory_seconds=max(first.memory_seconds, second.memory_seconds),
         advice=list(second.advice),
     )
 
@@ -204,9 +209,11 @@ def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFact
     settle = max(SETTLE_SECONDS, start / 3)
     peer.until(lambda: {c.channel for c in peer.connections} == set(CHANNELS), settle)
     peer.until(lambda: _shown(peer.connections, role).everything_said(), settle)
+    pace = memory_pace.of_the_host(peer, role, testee, MEMORY_SECONDS)
     met = list(peer.connections)
     facts = _shown(met, role)
     facts.expendable, facts.start_seconds = testee.expendable, start
+    facts.memory_seconds = pace
     facts.probes = _probes(met)
     seen = [_met(connection, role, testee) for connection in met]
     facts.advice = meeting.on_client(seen, peer.ports, testee.group)

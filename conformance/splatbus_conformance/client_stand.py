@@ -55,7 +55,12 @@ class ClientStand:
             if "ipc" not in self.facts.returns:
                 self.testee.stop()
             self.facts.device_unseen = why_unseen(
-                self.peer, self._role(), self.testee, self.stand_in, self.plan.patience
+                self.peer,
+                self._role(),
+                self.testee,
+                self.stand_in,
+                self.plan.patience,
+                self.facts,
             )
 
     def meet_again(self, facts: ClientFacts) -> None:

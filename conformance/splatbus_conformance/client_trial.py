@@ -1,9 +1,11 @@
 """A trial of a client, from its connecting to judgement: the harness plays the server."""
 
+from collections.abc import Callable
 from typing import Any
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance import memory_pace
 from splatbus_conformance.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.client_introduction import RETURN_SECONDS, ClientFacts
 from splatbus_conformance.device_memory import Device
@@ -244,17 +246,21 @@ class ClientTrial(Trial):
         """Whether the testee ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
 
+    def uses(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
+        """Wait, at this testee's pace, until memory is opened or read; whether it is."""
+        return self.wait(condition, memory_pace.patience(self.facts.memory_seconds, seconds))
+
     def opens(self, connection: Connection) -> bool:
         """Whether the testee opens the memory that was offered last on this connection."""
         dealings = self.role.with_(connection)
-        return self.wait(lambda: dealings.generation in dealings.opened or connection.ended) and (
+        return self.uses(lambda: dealings.generation in dealings.opened or connection.ended) and (
             dealings.generation in dealings.opened
         )
 
     def releases(self, connection: Connection, seq: int) -> bool:
         """Whether the testee releases this frame."""
         dealings = self.role.with_(connection)
-        return self.wait(lambda: seq in dealings.released or connection.ended) and (
+        return self.uses(lambda: seq in dealings.released or connection.ended) and (
             seq in dealings.released
         )
 

@@ -1,6 +1,8 @@
 """Which device the harness has; the first meeting over the stand-in: does the testee load it?"""
 
+from splatbus_conformance.client_introduction import ClientFacts
 from splatbus_conformance.device_memory import Device
+from splatbus_conformance.memory_pace import of_the_device
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import Plan, Usage
@@ -41,9 +43,15 @@ def why_server_unseen(announced: Json | None, stand_in: StandIn) -> str | None:
 
 
 def why_unseen(
-    peer: Peer, role: Role, testee: Testee, stand_in: StandIn, patience: float
+    peer: Peer,
+    role: Role,
+    testee: Testee,
+    stand_in: StandIn,
+    patience: float,
+    facts: ClientFacts,
 ) -> str | None:
-    """Show the client good device memory: None if it opens it, else why nothing can be seen.
+    """Show the client good device memory: None if it opens it, else why nothing can be seen. How
+    long it took joins what is known of its pace.
 
     One that loads CUDA late is given as long as it may take to connect.
     """
@@ -52,13 +60,13 @@ def why_unseen(
     role.speaks, role.device_packet = "1.0", image.init_packet()
     peer.clear()
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
-    seconds = patience + EFFECT_SECONDS if testee.ensure_running() else EFFECT_SECONDS
-    peer.until(lambda: image.opened(stand_in.calls()) or testee.ended(), seconds)
-    opened = image.opened(stand_in.calls())
+    testee.ensure_running()
+    pace = of_the_device(peer, testee, stand_in, image, patience + EFFECT_SECONDS)
     peer.close_all()
     peer.pump(SETTLE_SECONDS)
     image.free()
-    if opened:
+    if pace is not None:
+        facts.memory_seconds = max(facts.memory_seconds, pace)
         return None
     if stand_in.calls():
         return "the testee loads the stand-in CUDA runtime, but did not open good device memory"

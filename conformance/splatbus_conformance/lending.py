@@ -1,6 +1,6 @@
 """Images lent to a client, in a ring whose other slots hold what nobody may read."""
 
-from splatbus_conformance import painting
+from splatbus_conformance import memory_pace, painting
 from splatbus_conformance.checks.client.frames import reading
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json
@@ -8,7 +8,6 @@ from splatbus_conformance.packets import Packet
 from splatbus_conformance.painting import Painting, spoilt
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.role import Coming
-from splatbus_conformance.trial import EFFECT_SECONDS
 
 GLANCE_SECONDS = 0.02
 
@@ -69,7 +68,7 @@ class Lending:
         trial, last = self._trial, max(self.shown, default=None)
         answer = trial.ask("digest")
         clock = trial.peer.clock
-        deadline = clock() + EFFECT_SECONDS
+        deadline = clock() + memory_pace.patience(trial.facts.memory_seconds)
         while answer["seq"] != last and clock() < deadline:
             trial.rest(GLANCE_SECONDS)
             answer = trial.ask("digest")

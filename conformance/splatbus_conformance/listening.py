@@ -31,7 +31,7 @@ class Listening:
         first = self.image()
         if not self.opens(self.fresh(), first):
             trial.not_observable("the testee did not open good device memory")
-        self._reads = trial.wait(lambda: first.copies(trial.calls()))
+        self._reads = trial.uses(lambda: first.copies(trial.calls()))
         """It was seen to copy what it opened."""
 
     def image(self, width: int = 64, height: int = 48, layout: Layout | None = None) -> DeviceImage:
@@ -60,13 +60,13 @@ class Listening:
         trial = self._trial
         if not (self.opens(connection, image, payload) and self._reads):
             return image.opened(trial.calls())
-        trial.wait(lambda: image.copies(trial.calls()) or connection.ended)
+        trial.uses(lambda: image.copies(trial.calls()) or connection.ended)
         return bool(image.copies(trial.calls()))
 
     def comes_to_open(self, connection: Connection, image: DeviceImage) -> bool:
         """Whether the testee opens an image whose packet was sent."""
         trial = self._trial
-        trial.wait(lambda: image.opened(trial.calls()) or connection.ended)
+        trial.uses(lambda: image.opened(trial.calls()) or connection.ended)
         return image.opened(trial.calls())
 
     def outcome_of(self, script: bytes, *, later: bool = False) -> str:

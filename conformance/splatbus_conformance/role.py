@@ -83,6 +83,12 @@ class Dealings:
         return texts(within(self.welcome, "capabilities"))
 
     @property
+    def is_unanswered(self) -> bool:
+        """Memory was offered after `welcome`, and neither opened nor declined yet."""
+        last = self.generation
+        return bool(self.welcome and last) and last not in self.opened | self.failed
+
+    @property
     def lends(self) -> bool:
         """A frame has been lent, and not been given back, nor its memory (OPN-14)."""
         if not self.frames or self.lent_of in self.closed | self.failed:
@@ -138,7 +144,8 @@ class Role:
         )
         """Writes the payloads of each channel; a check may spell them otherwise."""
         self.dealings: dict[Connection, Dealings] = {}
-        self._lens = {name: self._random.uniform(*of) for name, of in LENS.items()}
+        self._lens: dict[str, float] = {}
+        self.change_lens()
 
     @property
     def lens(self) -> Json:
@@ -146,6 +153,14 @@ class Role:
         sides = {"fx": self.width, "fy": self.width, "cx": self.width, "cy": self.height}
         drawn = {name: part * sides[name] for name, part in self._lens.items()}
         return messages.intrinsics(self.width, self.height) | drawn
+
+    def change_lens(self) -> None:
+        """See the images that are lent from now on through another lens."""
+        self._lens = {name: self._random.uniform(*of) for name, of in LENS.items()}
+
+    def arrange(self, arrangement: Arrangement) -> None:
+        """Have the slots of rings that are offered from now on lie so."""
+        self._arrangement = arrangement
 
     def with_(self, connection: Connection) -> Dealings:
         """What was said on this connection; on each, frames have the same numbers and slots."""

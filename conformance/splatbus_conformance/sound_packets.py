@@ -36,7 +36,7 @@ def unusual_packets() -> list[tuple[str, Json]]:
         ("an odd size", init_packet_1_1("", 0, 3, 5)),
         ("the most slots", init_packet_1_1("", 0, 1, 1, 1024)),
         ("memory larger than its ring", changed(ordinary, {"memory/bytes": ROOM})),
-        ("offsets", changed(ordinary, {"meta/offsetColor": 0, "meta/offsetDepth": 0})),
+        ("offsets", changed(ordinary, {"meta/offsetColor": 1 << 40, "meta/offsetDepth": 4})),
         ("a device", changed(ordinary, {"meta/device": 2**53 - 1})),
         ("members of CUDA memory", changed(ordinary, CUDA_MEMBERS)),
     ]

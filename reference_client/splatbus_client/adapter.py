@@ -74,7 +74,7 @@ class Adapter:
     def pixels(self, at: list[list[int]]) -> Json:
         if (image := self._mirror.newest) is None:
             return {"seq": None}
-        color = None if image.color is None else [image.color[y, x].tolist() for x, y in at]
+        color = None if image.color is None else [_numbers(image.color[y, x]) for x, y in at]
         depth = None if image.depth is None else [_number(image.depth[y, x]) for x, y in at]
         return {"seq": image.seq, "color": color, "depth": depth}
 
@@ -90,7 +90,7 @@ class Adapter:
         mesh = np.broadcast_to(np.array(color, np.float32), (*image.depth.shape, 3))
         mesh_depth = np.full_like(image.depth, float(depth))
         shown = composed(image.color, image.depth, image.camera, image.semantics, mesh, mesh_depth)
-        return {"seq": image.seq, "color": [shown[y, x].tolist() for x, y in at]}
+        return {"seq": image.seq, "color": [_numbers(shown[y, x]) for x, y in at]}
 
     def _reply(self, reply: Any) -> Json:
         if not isinstance(reply, Pose):
@@ -114,6 +114,10 @@ def _to_wire(engine: Engine | None, position: Any, rotation: Any) -> Pose:
 
 def _sha256(image: Any) -> str | None:
     return None if image is None else hashlib.sha256(image.astype("<f4").tobytes()).hexdigest()
+
+
+def _numbers(values: Any) -> list[float | str]:
+    return [_number(value) for value in values]
 
 
 def _number(value: float) -> float | str:

@@ -41,6 +41,20 @@ BROKEN = {
         "check_waits_for_the_event",
         "its stream did not wait for the event before cudaMemcpy2DAsync",
     ),
+    "copies depth on a stream that waits for nothing": (
+        "DEVICE_TO_HOST, self.stream)",
+        'DEVICE_TO_HOST, made("StreamCreateWithFlags", NON_BLOCKING)'
+        ' if what == "depth" else self.stream)',
+        "check_waits_for_the_event",
+        "its stream did not wait for the event before cudaMemcpy2DAsync",
+    ),
+    "opens the handle of depth again by its offset": (
+        'base = self.open(packet[f"mem_{what.lower()}"])',
+        'int(meta.get("offsetDepth", 0)) % 256 and self.opened.clear()\n'
+        '                base = self.open(packet[f"mem_{what.lower()}"])',
+        "check_opens_each_handle_once",
+        "it had the memory open when it called cudaIpcOpenMemHandle",
+    ),
     "opens the same handle twice": (
         "if text not in self.opened:",
         "if True:",
@@ -80,6 +94,12 @@ BROKEN = {
         "pass",
         "check_opens_on_the_device_named",
         "meta.device is 1; it called cudaIpcOpenMemHandle",
+    ),
+    "opens the event on device 0 always": (
+        'self.event = made("IpcOpenEventHandle"',
+        'cuda("SetDevice", 0)\n            self.event = made("IpcOpenEventHandle"',
+        "check_opens_on_the_device_named",
+        "meta.device is 1; it called cudaIpcOpenEventHandle(device 0",
     ),
     "stays on the last device": (
         'cuda("SetDevice", int(meta.get("device", 0)))',

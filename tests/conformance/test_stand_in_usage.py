@@ -37,6 +37,13 @@ OPENED = [
     call("StreamCreate", stream=5, flags=0),
 ]
 DEPTH = 64
+SYNC = call("StreamSynchronize", stream=3)
+SYNC_ALL = call("StreamSynchronize", stream=0)
+DESTROYED = call("EventDestroy", event="e")
+AGAIN = [
+    call("IpcOpenMemHandle", memory="n", opened=1),
+    call("IpcOpenEventHandle", event="f"),
+]
 
 
 @pytest.mark.parametrize(
@@ -55,6 +62,8 @@ DEPTH = 64
         [read(memory="its own")],
         [read()._replace(code=1)],
         [call("Memcpy", memory="m")],
+        [wait(3), read(3), SYNC, wait(3), read(3), SYNC, read(4, offset=DEPTH)],
+        [wait(3), SYNC, wait(3), read(4), read(3), SYNC],
     ],
 )
 def test_a_copy_after_a_wait_is_in_order(calls: list[Call]) -> None:
@@ -77,6 +86,8 @@ def test_a_copy_after_a_wait_is_in_order(calls: list[Call]) -> None:
         [wait(), call("StreamSynchronize", stream=3), read(4)],
         [call("StreamWaitEvent", event="e", process=8), read()],
         [wait(), wait(event="another"), read(), read()],
+        [wait(3), SYNC, wait(3), read(4), SYNC, read(4)],
+        [wait(), SYNC_ALL, DESTROYED, *AGAIN, read(4, "n")],
     ],
 )
 def test_a_copy_without_a_wait_is_found(calls: list[Call]) -> None:

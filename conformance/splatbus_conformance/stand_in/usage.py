@@ -33,15 +33,30 @@ def reads(calls: Iterable[Call], memory: str) -> list[Call]:
 
 
 @dataclass
+class _Wait:
+    """A wait for an event of the server, by a stream or by the host."""
+
+    event: str
+    spans: Spans = field(default_factory=list)
+    """What was read since by those who come after it; a wait serves each byte once."""
+    beside: Spans = field(default_factory=list)
+    """What was read since by others, whom an earlier wait of the host served."""
+    before: Spans = field(default_factory=list)
+    """Of the host, which has waited for a stream: what had been read beside that until then."""
+
+
+@dataclass
 class _Process:
     """What one process has done so far."""
 
     opened: set[str] = field(default_factory=set)
     """Memory and events, from handles."""
+    destroyed: set[str] = field(default_factory=set)
+    """Events that had been opened; a wait for one serves no memory that is opened later."""
     non_blocking: set[int] = field(default_factory=set)
-    waits: dict[int, Spans] = field(default_factory=dict)
-    """For each stream that has waited for an event of the server: what was read since."""
-    carried: dict[str, Spans | None] = field(default_factory=dict)
+    waits: dict[int, _Wait] = field(default_factory=dict)
+    """The last of each stream that has waited for an event of the server."""
+    carried: dict[str, _Wait | None] = field(default_factory=dict)
     """For each event of the process's own: the wait that its stream had behind it."""
 
     def ordered(self, waited: int, reading: int) -> bool:
@@ -70,30 +85,44 @@ def unwaited(calls: Iterable[Call]) -> Iterator[Call]:
 
 def _covered(process: _Process, call: Call) -> bool:
     end = call.offset + (call.height - 1) * call.pitch + call.width
-    for stream, spans in process.waits.items():
-        again = any(m == call.memory and a < end and call.offset < b for m, a, b in spans)
+    span = call.memory, call.offset, end
+    own_first = sorted(process.waits.items(), key=lambda item: item[0] == HOST)
+    for stream, wait in own_first:
+        read = [*wait.spans, *wait.before]
+        again = any(m == call.memory and a < end and call.offset < b for m, a, b in read)
         if process.ordered(stream, call.stream) and not again:
-            spans.append((call.memory, call.offset, end))
+            wait.spans.append(span)
+            if stream == HOST:
+                for other in process.waits.values():
+                    other.beside.append(span)
             return True
     return False
 
 
 def _follow(process: _Process, call: Call) -> None:
     match call.function:
-        case "cudaIpcOpenMemHandle" | "cudaIpcOpenEventHandle":
-            process.opened.add(call.memory or call.event)
+        case "cudaIpcOpenMemHandle":
+            process.opened.add(call.memory)
+            lasting = {s: w for s, w in process.waits.items() if w.event not in process.destroyed}
+            process.waits = lasting
+        case "cudaIpcOpenEventHandle":
+            process.opened.add(call.event)
+            process.destroyed.discard(call.event)
+        case "cudaEventDestroy" if call.event in process.opened:
+            process.destroyed.add(call.event)
         case "cudaStreamCreate" if call.flags == NON_BLOCKING:
             process.non_blocking.add(call.stream)
         case "cudaStreamWaitEvent" if call.event in process.opened:
-            process.waits[call.stream] = []
-        case "cudaStreamWaitEvent" if (spans := process.carried.get(call.event)) is not None:
-            process.waits[call.stream] = spans
+            process.waits[call.stream] = _Wait(call.event)
+        case "cudaStreamWaitEvent" if (wait := process.carried.get(call.event)) is not None:
+            process.waits[call.stream] = wait
         case "cudaEventSynchronize" | "cudaEventQuery" if call.event in process.opened:
-            process.waits = {HOST: []}
+            process.waits = {HOST: _Wait(call.event)}
         case "cudaEventRecord":
             process.carried[call.event] = process.waits.get(call.stream)
         case "cudaStreamSynchronize" if call.stream in process.waits:
-            process.waits[HOST] = process.waits[call.stream]
+            wait = process.waits[call.stream]
+            process.waits[HOST] = _Wait(wait.event, wait.spans, before=list(wait.beside))
 
 
 def opened_again(calls: Iterable[Call]) -> Iterator[Call]:

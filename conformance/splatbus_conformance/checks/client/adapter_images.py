@@ -18,8 +18,10 @@ from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.painting import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trial import REACTION_SECONDS
+from splatbus_conformance.values import texts, within
 
 READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
+CHANNELS = ("color", "depth")
 SMALL = 1 << 18
 """Pixels of an image that is written and digested in no time."""
 READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
@@ -154,10 +156,17 @@ def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
     """The client subscribes to one channel and to the other, in turn. A channel that it had not
     subscribed to when it gave the image before back holds what nobody may show.
     """
-    lending = Lending(trial)
+    try:
+        _judge_subscriptions(trial, Lending(trial))
+    finally:
+        if not trial.fate():  # checks that follow find it as this one did
+            trial.ask("subscribe", channels=list(CHANNELS))
+
+
+def _judge_subscriptions(trial: ClientTrial, lending: Lending) -> None:
     bad = spoilt(*lending.size)._asdict()
-    written = {"color", "depth"}
-    for number, channel in enumerate(("color", "depth") * 2):
+    written = set(CHANNELS)
+    for number, channel in enumerate(CHANNELS * 2):
         _subscribe(trial, lending, [channel])
         for step in range(2):
             image = coordinates(2 * number + step, *lending.size)
@@ -170,6 +179,25 @@ def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
         if answer[channel] is None:
             trial.not_observable(f"subscribed to {channel} alone, the client did not read it")
         trial.delivered += 1
+    _judge_what_is_subscribed_again(trial)
+
+
+def _judge_what_is_subscribed_again(trial: ClientTrial) -> None:
+    """On a new connection, what it has subscribed to before it says that it has opened."""
+    if "ipc" not in trial.facts.returns:
+        return
+    lending = Lending(trial)
+    heard = trial.role.with_(lending.connection).heard
+    kinds = [message.get("type") for message in heard]
+    wishes = [m for m in heard[: kinds.index("opened")] if m.get("type") == "subscribe"]
+    wanted = texts(within(wishes[-1], "channels")) if wishes else CHANNELS
+    bad = spoilt(*lending.size)._asdict()
+    unwritten = [name for name in CHANNELS if name not in wanted]
+    lending.show(coordinates(0, *lending.size)._replace(**{n: bad[n] for n in unwritten}))
+    answer = trial.ask("digest")
+    for name in unwritten:
+        if answer[name] == sha256(bad[name]):
+            trial.violated(f"on a new connection it read {name} with {wanted} subscribed to")
 
 
 def _subscribe(trial: ClientTrial, lending: Lending, channels: list[str]) -> None:

@@ -174,17 +174,33 @@ def check_says_its_camera_again_as_it_was(trial: ClientTrial) -> None:
     """The message channel is lost after a pose was sent, and comes back; a camera that is said
     again then is the one that was sent.
     """
-    for pose, came, found, _ in sent(trial, "camera_pose", 1, 1):
+    judge_what_is_said_again(trial, "camera_pose")
+
+
+@check(
+    "CNV-2",
+    observable="the pose of the splats that the testee says by itself when it has come back",
+    needs=("msg", "adapter:send_object", "returns:msg"),
+)
+def check_says_its_object_again_as_it_was(trial: ClientTrial) -> None:
+    """The same of the splats."""
+    judge_what_is_said_again(trial, "point_cloud_pose")
+
+
+def judge_what_is_said_again(trial: ClientTrial, kind: Kind) -> None:
+    """A pose that was sent is lost with its connection; what is said then has to be that pose."""
+    for pose, came, found, _ in sent(trial, kind, 1, 1):
         sent_last, before = pose, came
         if found.far:
-            trial.not_observable(f"{came} came of {pose} while the connection lasted (CNV-1)")
-    dealings = trial.role.with_(trial.connection("msg"))
-    if not trial.wait(lambda: dealings.count("camera_pose"), RESEND_SECONDS):
-        trial.not_observable("the testee does not say its camera again when it has come back")
-    said = next(message for message in dealings.heard if _is_of("camera_pose", message))
-    again, size = _read(trial, "camera_pose", said), (trial.role.width, trial.role.height)
+            trial.not_observable(f"{came} came of {pose} while the connection lasted (CNV)")
+    heard = trial.role.with_(trial.connection("msg")).heard
+    trial.wait(lambda: any(_is_of(kind, message) for message in heard), RESEND_SECONDS)
+    said = next((message for message in heard if _is_of(kind, message)), None)
+    if said is None:
+        trial.not_observable(f"the testee says no {kind} again when it has come back")
+    again, size = _read(trial, kind, said), (trial.role.width, trial.role.height)
     if off(again, *map(exact, before), single=trial.greeting.single, size=size).far:
-        reason = why(sent_last, again, engine_of(trial.greeting, "camera_pose"))
+        reason = why(sent_last, again, engine_of(trial.greeting, kind))
         trial.violated(f"{before} was said again as {again}" + (f": {reason}" if reason else ""))
     trial.delivered += 1
 
@@ -241,32 +257,36 @@ def check_opengl_s_row(trial: ClientTrial) -> None:
 
 @check("ACC-1", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
 def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
-    """Camera poses whose numbers need all their digits; what is lost is told in pixels too.
+    """Poses of cameras, and of the splats where the adapter can send them, whose numbers need all
+    their digits; what is lost is told in pixels too.
 
     Where the mapping only moves and negates numbers they arrive as they were; elsewhere its own
     rounding (ACC-7) is allowed for.
     """
-    engine = engine_of(trial.greeting, "camera_pose")
-    quaternions = rotation_budget(trial.greeting, "camera_pose")
-    for pose, _, found, _ in sent(trial, "camera_pose", 60, 1500):
-        budget = 0.0 if engine.scale == 1 else 2.0
-        _measure(trial, pose, found, budget, 2 * quaternions)
-        if found.far:
-            break
-    trial.expect_within_budgets()
+    judge_digits(trial, scaled=2.0, turned=2.0)
 
 
 @check("ACC-7", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
 def check_axes_change_exactly_on_the_way_out(trial: ClientTrial) -> None:
-    """Camera poses from the engine's axes to the wire's: positions exact, or within half an ULP
-    where they are scaled; quaternions within 4u.
+    """Poses of cameras, and of the splats where the adapter can send them, from the engine's axes
+    to the wire's: positions exact, or within half an ULP where they are scaled; quaternions within
+    4u.
     """
-    engine = engine_of(trial.greeting, "camera_pose")
-    quaternions = rotation_budget(trial.greeting, "camera_pose")
-    for pose, _, found, _ in sent(trial, "camera_pose", 60, 1500):
-        _measure(trial, pose, found, 0.0 if engine.scale == 1 else 0.5, quaternions)
-        if found.far:  # a wrong mapping, however often: each pose may cost a wait
-            break
+    judge_digits(trial, scaled=0.5, turned=1.0)
+
+
+def judge_digits(trial: ClientTrial, scaled: float, turned: float) -> None:
+    """Poses of each kind that can be sent; what came of them has to keep to the budgets: so many
+    ULP where positions are scaled, none elsewhere, and so many times that of ACC-7 for quaternions.
+    """
+    for kind, command in COMMANDS.items():
+        if command not in trial.greeting.can:
+            continue
+        engine, quaternions = engine_of(trial.greeting, kind), rotation_budget(trial.greeting, kind)
+        for pose, _, found, _ in sent(trial, kind, 60, 1500):
+            _measure(trial, pose, found, scaled * (engine.scale != 1), turned * quaternions)
+            if found.far:  # a wrong mapping, however often: each pose may cost a wait
+                break
     trial.expect_within_budgets()
 
 

@@ -13,6 +13,7 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.stand_in import usage
 from splatbus_conformance.stand_in.image import DeviceImage, Layout
+from splatbus_conformance.stand_in.trace import Call
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
 
 RETURNS = ("stand-in", "returns:ipc")
@@ -57,7 +58,7 @@ def expect_read(trial: ClientTrial, image: DeviceImage) -> None:
 
 def reads(trial: ClientTrial, image: DeviceImage) -> bool:
     """Whether the testee reads the whole colour as it was drawn."""
-    return trial.wait(lambda: image.is_read_whole(trial.calls()))
+    return trial.uses(lambda: image.is_read_whole(trial.calls()))
 
 
 @check("BUF-11", observable="the calls that copy, and those that wait", needs=RETURNS)
@@ -70,7 +71,7 @@ def check_waits_for_the_event(trial: ClientTrial) -> None:
         for plane in image.planes.values():
             plane.memory.poison()
         show(trial, image.init_packet())
-        trial.wait(lambda: image.opened(trial.calls()))
+        trial.uses(lambda: image.opened(trial.calls()))
         trial.rest(PENDING_SECONDS)
         for call in image.copies(trial.calls()):
             trial.violated(f"while the event was pending it called {call}")
@@ -87,9 +88,15 @@ def check_waits_for_the_event(trial: ClientTrial) -> None:
 
 @check("CUD-2", observable="the calls that open handles", needs=RETURNS)
 def check_opens_each_handle_once(trial: ClientTrial) -> None:
-    """Colour and depth in one allocation, then in two, then in one again on a new connection."""
-    with image_of(trial) as image, image_of(trial, layout=Layout()) as apart:
-        for shown in (image, apart, image):
+    """Colour and depth in one allocation, then in two, then in one again on a new connection, and
+    in one where depth comes first.
+    """
+    with (
+        image_of(trial) as image,
+        image_of(trial, layout=Layout()) as apart,
+        image_of(trial, 5, 7, Layout(4096, 16, apart=False)) as turned,
+    ):
+        for shown in (image, apart, image, turned):
             show(trial, shown.init_packet())
             expect_read(trial, shown)
             for call in usage.opened_again(trial.calls()):
@@ -129,11 +136,17 @@ def check_opens_on_the_device_named(trial: ClientTrial) -> None:
         with image_of(trial) as image:
             show(trial, changed(image.init_packet(), {"meta/device": named}))
             expect_read(trial, image)
-            opening = [c for c in trial.calls() if c.memory in image.names and c.opened]
+            opening = [c for c in trial.calls() if _opens(c, image)]
             for call in opening:
                 what = "absent" if named is ABSENT else named
                 trial.expect(call.device == device, f"meta.device is {what}; it called {call}")
             trial.delivered += 1
+
+
+def _opens(call: Call, image: DeviceImage) -> bool:
+    """It opens memory of an image, or its event."""
+    event = call.function == "cudaIpcOpenEventHandle" and call.event == image.event.name
+    return event or bool(call.opened and call.memory in image.names)
 
 
 @check("CHN-10", observable="the IPC connection, and the calls that copy", needs=RETURNS)
@@ -145,7 +158,7 @@ def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
         trial.ends(connection, WATCHED_SECONDS)
         trial.rest(SETTLE_SECONDS)
         before = len(image.copies(trial.calls()))
-        if not trial.wait(lambda: len(image.copies(trial.calls())) > before):
+        if not trial.uses(lambda: len(image.copies(trial.calls())) > before):
             trial.not_observable("the testee reads the image once, and not again")
         trial.expect(not connection.ended, "it reads on after it closed the IPC connection")
         trial.delivered += 1

@@ -23,7 +23,7 @@ NOWHERE = 99
 
 def shows(trial: ClientTrial, image: Painting, seconds: float = EFFECT_SECONDS) -> bool:
     """Whether the client comes to show this image whole, in what it reads of it."""
-    return trial.wait(lambda: _is(_glance(trial), image), seconds)
+    return trial.uses(lambda: _is(_glance(trial), image), seconds)
 
 
 def _glance(trial: ClientTrial) -> Json:

@@ -26,8 +26,8 @@ def reading(trial: ClientTrial) -> Connection:
     needs=("capability:frames",),
 )
 def check_releases_each_frame_once(trial: ClientTrial) -> None:
-    """Frames are lent one after the other, in slots of any order and with numbers from the first to
-    the last that there is; each must be released once.
+    """Frames are lent one after the other, in slots of any order, with numbers from the first to
+    the last that there is and times before and after 0; each must be released once.
     """
     connection = reading(trial)
     dealings = trial.role.with_(connection)
@@ -36,7 +36,7 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
         if number in (0, many - 1):
             seq = LAST_NUMBER if number else 0
             dealings.coming = trial.role.coming(connection)._replace(seq=seq)
-        seq = trial.role.lend(connection)
+        seq = trial.role.lend(connection, time=(number - 5) / 4)
         trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
         trial.delivered += 1
     trial.rest(0.1)

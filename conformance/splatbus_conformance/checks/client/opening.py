@@ -37,7 +37,7 @@ def said(trial: ClientTrial, connection: Connection, *types: str) -> Counter[int
 def awaits_answer(trial: ClientTrial, connection: Connection, generation: int) -> bool:
     """Whether this generation is answered in time."""
     dealings = trial.role.with_(connection)
-    trial.wait(lambda: generation in dealings.opened | dealings.failed or connection.ended)
+    trial.uses(lambda: generation in dealings.opened | dealings.failed or connection.ended)
     return generation in dealings.opened | dealings.failed
 
 

@@ -25,6 +25,10 @@ int cudaStreamDestroy(Stream);
 int cudaStreamWaitEvent(Stream, Event, unsigned);
 int cudaStreamSynchronize(Stream);
 int cudaMemcpy2DAsync(void *, size_t, const void *, size_t, size_t, size_t, int, Stream);
+#ifndef START_SECONDS
+#define START_SECONDS 3 /* as long as a scene takes to load */
+#define CUDA_SECONDS 0
+#endif
 enum { TO_HOST = 2, MOST = 1 << 20, DEEPEST = 64 };
 
 /* ---- JSON: a tree in one block of nodes; 0 where the text is not what it should be ---- */
@@ -273,6 +277,7 @@ static void show(Line *l, Packet *p) {
     Stream stream = NULL;
     float *image = malloc(pixels * 16), *distance = malloc(pixels * 4);
     int shared = !memcmp(&p->colour, &p->depth, sizeof(Handle)), came;
+    sleep(CUDA_SECONDS); /* until the driver is there; each process shows images once */
     int good = image && distance && !cudaSetDevice(p->device) && !cudaStreamCreate(&stream)
         && !cudaIpcOpenMemHandle((void **)&colour, p->colour, 1)
         && (shared ? (depth = colour) != NULL : !cudaIpcOpenMemHandle((void **)&depth, p->depth, 1))
@@ -352,7 +357,7 @@ static void steer(Line *l) {
 }
 int main(void) {
     pthread_t reader;
-    sleep(3); /* as long as a scene takes to load */
+    sleep(START_SECONDS);
     pthread_create(&reader, NULL, images, NULL);
     Line line = meet("SPLATBUS_MSG_PORT", 6000);
     steer(&line);

@@ -12,10 +12,11 @@ from splatbus_wire.conventions import (
     BLENDER_OBJECT,
     ENGINES,
     OPENGL,
+    UNITY,
     UNREAL,
     Engine,
 )
-from splatbus_wire.messages import CameraPose
+from splatbus_wire.messages import CameraPose, ObjectPose
 from splatbus_wire.poses import Pose, view_matrix
 
 from splatbus_conformance.selftest.patching import Patch
@@ -222,3 +223,32 @@ def gives_replies_to_the_last_who_asked(patch: Patch) -> None:
         return original(self, ticket)
 
     wrap(patch, Steering, "_answered", answered)
+
+
+@mutant(
+    "CNV-2",
+    check="check_says_its_object_again_as_it_was",
+    reason="was said again as",
+    axes="unity",
+)
+def says_its_object_again_in_the_engine_s_axes(patch: Patch) -> None:
+    """Converts the pose of the splats when it is sent, and not when it is said again."""
+
+    def begin(original: Any, self: Steering) -> Any:
+        for key, message in self._newest.items():
+            if isinstance(message, ObjectPose):
+                self._newest[key] = message._replace(pose=UNITY.from_wire(message.pose))
+        return original(self)
+
+    wrap(patch, Steering, "begin", begin)
+
+
+@mutant("ACC-7", check=OUT, reason="position:", axes="opencv")
+def holds_the_splats_in_single_precision(patch: Patch) -> None:
+    """Sends positions of cameras as they are, and rounds those of the splats."""
+
+    def send(original: Any, self: Session, pose: Pose) -> None:
+        x, y, z = (float(np.float32(number)) for number in pose.position)
+        original(self, pose._replace(position=(x, y, z)))
+
+    wrap(patch, Session, "send_object", send)

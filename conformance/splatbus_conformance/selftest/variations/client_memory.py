@@ -1,0 +1,54 @@
+"""Allowed variations: clients that take their time with memory, which no sentence limits."""
+
+import time
+from typing import Any
+
+from splatbus_client.host_memory import HostImages
+from splatbus_client.lease import FrameLease
+from splatbus_client.mirror import Mirror
+
+from splatbus_conformance.selftest.patching import Patch
+from splatbus_conformance.selftest.specimen import variation
+from splatbus_conformance.selftest.surgery import wrap
+
+LOADING_SECONDS = 4.0
+PERIOD_SECONDS = 0.25
+
+
+@variation(axes="opencv")
+def loads_its_driver_with_the_first_memory(patch: Patch) -> None:
+    """Takes 4 s to open the first memory that it is offered, and goes on as ever."""
+    loaded: list[bool] = []
+
+    def init(original: Any, self: HostImages, packet: Any) -> None:
+        if not loaded:
+            loaded.append(True)
+            time.sleep(LOADING_SECONDS)
+        original(self, packet)
+
+    wrap(patch, HostImages, "__init__", init)
+
+
+@variation(axes="opencv")
+def builds_its_shaders_with_the_first_frame(patch: Patch) -> None:
+    """Takes 4 s until it has read the first frame, and gives it back then."""
+    built: list[bool] = []
+
+    def release(original: Any, self: FrameLease) -> None:
+        if not built:
+            built.append(True)
+            time.sleep(LOADING_SECONDS)
+        original(self)
+
+    wrap(patch, FrameLease, "release", release)
+
+
+@variation(axes="opencv")
+def looks_for_frames_at_4_hz(patch: Patch) -> None:
+    """Reads four frames a second at most."""
+
+    def read(original: Any, self: Mirror, timeout: float) -> None:
+        time.sleep(PERIOD_SECONDS)
+        original(self, timeout)
+
+    wrap(patch, Mirror, "read", read)
