@@ -13,7 +13,15 @@ from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import ServerTrial, shows
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import whole
-from splatbus_conformance.watching import LENDS, beside, fell_silent, frames_of, holding, pinning
+from splatbus_conformance.watching import (
+    LENDS,
+    beside,
+    fell_silent,
+    frames_of,
+    holding,
+    pause_for_an_image,
+    pinning,
+)
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
 QUIET_SECONDS = 0.4
@@ -29,6 +37,7 @@ SAME_IMAGES = 5
 @check("IMG-2", observable="frames come after opened, and one at a time", needs=LENDS)
 def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     """Memory is announced and not answered, then frames are held, while the camera moves on."""
+    pause = pause_for_an_image(trial, REACTION_SECONDS)
     trial.viewer.opens = trial.viewer.releases = False
     connection = trial.greeted("ipc")
     dealings = trial.viewer.with_(connection)
@@ -36,7 +45,7 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     if not dealings.init_packets:
         trial.not_observable("the server announced no memory")
     trial.move()
-    trial.rest(REACTION_SECONDS)
+    trial.rest(pause)
     trial.expect(not dealings.frames, "a frame came before opened")
     trial.viewer.open(connection, dealings.init_packets[0])
     for count in (1, 2, 3):
@@ -45,6 +54,7 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
         for _ in range(3):
             trial.move()
             trial.rest(REACTION_SECONDS / 3)
+        trial.rest(pause)
         more = len(dealings.frames) - count
         trial.expect(not more, f"{more} frames came while one was held")
         trial.viewer.release(connection, dealings.frames[-1])
@@ -54,10 +64,12 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
 @check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
 def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
     """A reader that does not declare `frames` opens the memory, and the camera moves."""
+    pause = pause_for_an_image(trial, REACTION_SECONDS)
     connection = trial.ready("ipc", capabilities=["host_shm"])
     for _ in range(3):
         trial.move()
         trial.rest(REACTION_SECONDS / 3)
+    trial.rest(pause)
     frames = frames_of(trial, connection)
     trial.expect(not frames, f"{len(frames)} frames came, although welcome lists no frames")
     connection.close()
@@ -95,6 +107,7 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
 @check("IMG-10", observable="how many frames come while nothing changes", needs=LENDS)
 def check_publishes_what_changed_only(trial: ServerTrial) -> None:
     """Nothing moves; then the pose that holds is sent again and again, spelled otherwise too."""
+    pause = pause_for_an_image(trial, QUIET_SECONDS)
     connection = trial.reading()
     frames = frames_of(trial, connection)
     pose = trial.move()
@@ -107,7 +120,7 @@ def check_publishes_what_changed_only(trial: ServerTrial) -> None:
         trial.move(pose | {"timestamp": number / 50})
         trial.rest(0.005)
     trial.move(pose | {name: round_numbers(pose[name]) for name in ("position", "rotation")})
-    trial.rest(QUIET_SECONDS)
+    trial.rest(pause)
     came = len(frames) - before
     trial.expect(not came, f"{came} images were published after a pose that changed nothing")
     trial.expect(trial.sees(connection, trial.move()), "another pose gave no new image")
