@@ -146,9 +146,8 @@ class ServerTrial(Trial):
 
     def outcome(self, connection: Connection, *scripts: bytes) -> str:
         """What becomes of scripts on a connection of either channel, by that channel's control."""
-        if connection.channel == "ipc":
-            return self.outcome_on_ipc(connection, *scripts)
-        return self.outcome_on_msg(connection, *scripts)
+        by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
+        return by(connection, *scripts)
 
     def reading(self, **changes: object) -> Connection:
         """A new IPC connection on which images are announced and their memory is open here."""
