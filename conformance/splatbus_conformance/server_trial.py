@@ -14,7 +14,7 @@ from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, reach
 from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.testee import Launched, Testee
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, Trial
 from splatbus_conformance.values import finites, within
 from splatbus_conformance.viewer import Viewer
 
@@ -79,11 +79,12 @@ class ServerTrial(Trial):
             self.peer.narrow = False
 
     def before_hello(self, channel: Channel) -> Connection:
-        """A new connection on which nothing was said; starts the server if it has ended.
-
-        For what is said first. One on which something is to be answered comes from `dial`.
+        """A new connection on which nothing was said, for what is said first; starts the server if
+        it has ended, which is a vital sign that it has lost, unless the check has ended it.
         """
-        if self.testee.ended() is not None:
+        if ended := self.testee.ended():
+            if not self.killed:
+                self.losses.append(Loss(f"its process {ended}", None, list(self.peer.entries)))
             self.testee.stop()
         self.testee.ensure_running()
         connection = self.reached(channel)
@@ -127,10 +128,15 @@ class ServerTrial(Trial):
     def ready(self, channel: Channel, **changes: object) -> Connection:
         """A new connection that was given `welcome`, with memory open if the server gives any."""
         connection = self.greeted(channel, **changes)
-        dealings = self.viewer.with_(connection)
-        if self.facts.opens and {"host_shm", "cuda_ipc"} & set(dealings.granted):
-            self.wait(lambda: dealings.memory or dealings.refusal or connection.ended)
+        self._is_told_of_memory(connection)
         return connection
+
+    def _is_told_of_memory(self, connection: Connection) -> bool:
+        """Whether memory is announced in time, as when the server was met, or none is due."""
+        dealings = self.viewer.with_(connection)
+        due = self.facts.opens and bool({"host_shm", "cuda_ipc"} & set(dealings.granted))
+        self.wait(lambda: not due or dealings.init_packets or connection.ended)
+        return not due or bool(dealings.init_packets)
 
     def commanding(self, **changes: object) -> Connection:
         """A new message connection that was given `welcome`, from which `move` poses the camera."""
@@ -139,9 +145,8 @@ class ServerTrial(Trial):
 
     def outcome(self, connection: Connection, *scripts: bytes) -> str:
         """What becomes of scripts on a connection of either channel, by that channel's control."""
-        if connection.channel == "ipc":
-            return self.outcome_on_ipc(connection, *scripts)
-        return self.outcome_on_msg(connection, *scripts)
+        by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
+        return by(connection, *scripts)
 
     def reading(self, **changes: object) -> Connection:
         """A new IPC connection on which images are announced and their memory is open here."""
@@ -174,11 +179,8 @@ class ServerTrial(Trial):
 
     def replies(self, connection: Connection) -> list[Json]:
         """Everything on a message connection that is no `welcome` and no `error`, in order."""
-        return [
-            message
-            for message in self.viewer.with_(connection).heard
-            if message.get("type") not in ("welcome", "error")
-        ]
+        heard = self.viewer.with_(connection).heard
+        return [message for message in heard if message.get("type") not in ("welcome", "error")]
 
     def ask(self, connection: Connection, request: Json) -> Json | None:
         """The next thing that the server says after a request; None if it says nothing in time."""
@@ -242,6 +244,8 @@ class ServerTrial(Trial):
         errors = len(dealings.errors())
         for script in scripts:
             connection.send(script)
+        if not self._is_told_of_memory(connection):
+            return self.end_of(connection)
         if dealings.memory is not None and "frames" in dealings.granted:
             goes_on = self.sees(connection, self.move()) is not None
         else:

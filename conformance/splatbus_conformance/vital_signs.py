@@ -111,6 +111,10 @@ def _silent_on(
         viewer.greet(connection)
         if not comes("welcome"):
             return f"it answers no hello {where}"
+        if channel == "ipc" and facts.opens and not comes("init_packets"):
+            return f"it announces no memory {where}"
+        if channel == "ipc" and facts.renders and not comes("frames"):
+            return f"it sends no frame {where}"
     if channel == "msg" and facts.answers:
         before = len(connection.packets)
         viewer.ask(connection, {"type": "get_viewport_size"})

@@ -17,9 +17,28 @@ def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
     That is a violation, unless the reader was closed in favour of a later one, or somebody else may
     have control of the scene.
     """
-    if reader.ended or not trial.testee.expendable:
+    if (reader.ended and gave_way(trial, reader)) or not trial.testee.expendable:
         trial.not_observable(what)
     trial.violated(f"{what}, as it did when it was met")
+
+
+def gave_way(trial: ServerTrial, ended: Connection) -> bool:
+    """Whether a connection may have been ended in favour of a later one on its channel (CHN-13)."""
+    on_it = (it for it in trial.peer.connections if it.channel == ended.channel)
+    return any(it.opened > ended.opened for it in on_it)
+
+
+def pause_for_an_image(trial: ServerTrial, least: float) -> float:
+    """How long to wait for a frame that must not come, at least so many seconds: as long as it
+    takes this server to show a reader, who comes and goes, that the camera has moved; twice.
+    """
+    reader = trial.reading()
+    trial.wait(lambda: frames_of(trial, reader) or reader.ended)
+    began = time.monotonic()
+    if trial.sees(reader, trial.move()) is None:
+        fell_silent(trial, reader, "the server sent no frame of the newest pose")
+    reader.close()
+    return max(least, 2.0 * (time.monotonic() - began))
 
 
 def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:

@@ -41,6 +41,27 @@ def test_the_wire_is_judged_on_both_sides():
     assert sides["splatbus_server"] == ("server",)
 
 
+def test_what_nobody_calls_who_is_judged_is_not_changed_and_is_there():
+    for module, functions in modules.UNCALLED.items():
+        every = {it.name.rsplit(":", 2)[0] for it in changes(_source(module), module)}
+        drawn = {it.name.rsplit(":", 2)[0] for it in modules.of(module)}
+        assert every - drawn == {f"{module}:{function}" for function in functions}
+        assert drawn
+
+
+def test_what_is_made_while_a_module_is_read_is_tried_in_every_phase():
+    module = "splatbus_wire.conventions"
+    change = next(it for it in modules.of(module) if it.name.startswith(f"{module}::"))
+    executed = frozenset((module, line) for line in range(change.lines[0], change.lines[1] + 1))
+    watched = {it.name: Watched({START: executed}, {"check_it": 1.0}) for it in trials.PHASES}
+    tried = [phase for phase, _ in trials._plan(modules.as_drawn(change), watched, ())]
+    assert set(tried) == set(trials.PHASES)
+
+
+def _source(module):
+    return modules.source(module).read_text("utf-8")
+
+
 def test_a_module_is_changed_while_it_is_imported_and_only_then():
     path = modules.source(MODULE)
     source = path.read_text("utf-8")

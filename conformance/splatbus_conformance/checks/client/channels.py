@@ -180,6 +180,10 @@ def check_gives_up_a_reply(trial: ClientTrial) -> None:
     """The first request is never answered."""
     trial.role.replies = False
     connection = trial.connection("msg")
+    asks = trial.role.with_(connection).count
+    trial.wait(lambda: any(map(asks, trial.facts.asks)) or connection.ended)
+    if not any(map(asks, trial.facts.asks)):
+        trial.not_observable("the testee asked nothing on this connection")
     limit = LIMITS["reply_seconds"]
     outcome = closing(trial, connection, limit + LIMITS["close_seconds"])
     trial.judge(outcome, f"no reply within {limit} s")
@@ -202,11 +206,12 @@ def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
         if channel == "msg":
             _says_what_it_says(trial, connection, replied=not awaits)
         trial.rest(SETTLE_SECONDS)
+        was_there = not connection.ended
         connection.end_stream()
         outcome = closing(trial, connection, EFFECT_SECONDS)
         still = " while it waited for more" if awaits else ""
         trial.judge(outcome, f"the server ended the stream of the {channel} channel{still}")
-        trial.delivered += 1
+        trial.delivered += was_there
 
 
 def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: bool) -> None:

@@ -16,7 +16,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import spell_in_utf_8
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
 
 APART_SECONDS = 0.003
 """Between two pieces, so that TCP does not join them."""
@@ -178,7 +178,8 @@ def check_any_segmentation_of_welcome(trial: ClientTrial) -> None:
     cases = trial.each(NAMED[1:], SOMEWHERE, quick=2, full=10, simpler=fewer_cuts)
     for cuts in itertools.chain(NAMED[:1], cases):
         connection = trial.connection("msg")
-        trial.says_hello(connection)
+        if not trial.says_hello(connection) or connection.ended:
+            trial.not_observable("the testee said no hello on the msg channel, or closed by itself")
         send_cut(trial, connection, data, cuts)
         closes = trial.ends(connection)
         if cuts == "nowhere" and not closes:
@@ -248,6 +249,8 @@ def check_incomplete_packet_is_given_up(trial: ClientTrial) -> None:
     limit = LIMITS["packet_completion_seconds"]
     for dribbles in (False, True):
         connection = trial.connection("ipc")
+        if trial.ends(connection, SETTLE_SECONDS):
+            trial.not_observable("the testee closes the ipc channel, whatever comes")
         connection.send(data[:100])
         for place in range(100, 100 + int(limit) if dribbles else 100):
             if not trial.ends(connection, 1.0):

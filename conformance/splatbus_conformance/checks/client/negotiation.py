@@ -255,7 +255,11 @@ def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
         trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}")
         if connection.ended:
             trial.not_observable("the testee closed the connection to a 1.0 server")
-    trial.delivered += said_hello
+    connection.end_stream()
+    read_all = trial.ends(connection)
+    more = heard(trial, connection) - {"hello"}
+    trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server that has gone")
+    trial.delivered += said_hello and read_all
 
 
 @check(

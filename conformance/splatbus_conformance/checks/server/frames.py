@@ -14,7 +14,15 @@ from splatbus_conformance.server_trial import ServerTrial, shows
 from splatbus_conformance.studio import refused_poses
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import show, whole
-from splatbus_conformance.watching import LENDS, beside, fell_silent, frames_of, holding, pinning
+from splatbus_conformance.watching import (
+    LENDS,
+    beside,
+    fell_silent,
+    frames_of,
+    holding,
+    pause_for_an_image,
+    pinning,
+)
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
 QUIET_SECONDS = 0.4
@@ -32,6 +40,7 @@ SAME_IMAGES = 5
 @check("IMG-2", observable="frames come after opened, and one at a time", needs=LENDS)
 def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     """Memory is announced and not answered, then frames are held, while the camera moves on."""
+    pause = pause_for_an_image(trial, REACTION_SECONDS)
     trial.viewer.opens = trial.viewer.releases = False
     connection = trial.greeted("ipc")
     dealings = trial.viewer.with_(connection)
@@ -39,7 +48,7 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     if not dealings.init_packets:
         trial.not_observable("the server announced no memory")
     trial.move()
-    trial.rest(REACTION_SECONDS)
+    trial.rest(pause)
     trial.expect(not dealings.frames, "a frame came before opened")
     trial.viewer.open(connection, dealings.init_packets[0])
     for count in (1, 2, 3):
@@ -48,6 +57,7 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
         for _ in range(3):
             trial.move()
             trial.rest(REACTION_SECONDS / 3)
+        trial.rest(pause)
         more = len(dealings.frames) - count
         trial.expect(not more, f"{more} frames came while one was held")
         trial.viewer.release(connection, dealings.frames[-1])
@@ -79,10 +89,12 @@ def check_lends_nothing_after_closed(trial: ServerTrial) -> None:
 @check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
 def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
     """A reader that does not declare `frames` opens the memory, and the camera moves."""
+    pause = pause_for_an_image(trial, REACTION_SECONDS)
     connection = trial.ready("ipc", capabilities=["host_shm"])
     for _ in range(3):
         trial.move()
         trial.rest(REACTION_SECONDS / 3)
+    trial.rest(pause)
     frames = frames_of(trial, connection)
     trial.expect(not frames, f"{len(frames)} frames came, although welcome lists no frames")
     connection.close()

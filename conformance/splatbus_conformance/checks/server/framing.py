@@ -16,7 +16,7 @@ from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.shrinking import without_one
-from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trial import EFFECT_SECONDS, ENDING_SECONDS, REACTION_SECONDS
 
 LONGEST: int = LIMITS["max_payload_bytes"]
 REQUEST = packet(encode(VIEWPORT_REQUEST))
@@ -260,6 +260,7 @@ def check_half_packet_is_discarded(trial: ServerTrial) -> None:
         connection.send(REQUEST[:kept])
         trial.rest(PAUSE_SECONDS)
         end_by(connection, end)
+        _expect_alive(trial, f"a connection that ends ({end}) after {kept} bytes of a request")
         following = trial.dial("msg")
         outcome = trial.outcome_on_msg(following)
         following.close()
@@ -285,12 +286,20 @@ def check_half_hello_is_discarded(trial: ServerTrial) -> None:
         connection.send(said[:kept])
         trial.rest(PAUSE_SECONDS)
         end_by(connection, end)
+        _expect_alive(trial, f"a connection that ends ({end}) after {kept} bytes of hello")
         following, answer = trial.answered("ipc")
         what = f"a connection that ends ({end}) after {kept} bytes of hello, and then another one"
         welcomed = (answer or {}).get("type") == "welcome"
         trial.judge(trial.fate() or ("ignores" if welcomed else "hangs"), what)
         trial.delivered += 1
         following.close()
+
+
+def _expect_alive(trial: ServerTrial, what: str) -> None:
+    """A server that has ended is started anew for what follows, which would tell nothing."""
+    trial.wait(trial.fate, ENDING_SECONDS / 10)
+    if fate := trial.fate():
+        trial.judge(fate, what)
 
 
 def end_by(connection: Connection, how: str) -> None:

@@ -10,7 +10,15 @@ from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.survey import alike, first_view, likeness, moves
 from splatbus_conformance.trial import EFFECT_SECONDS
-from splatbus_conformance.watching import LENDS, beside, following, frames_of, holding, pinning
+from splatbus_conformance.watching import (
+    LENDS,
+    beside,
+    following,
+    frames_of,
+    holding,
+    pause_for_an_image,
+    pinning,
+)
 
 SAFE: int = LIMITS["max_safe_integer"]
 GLANCE_SECONDS = 0.05
@@ -110,6 +118,7 @@ def _held(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:
 def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
     """Releases of other images, of other generations, and of what has been released already."""
     numbers = st.tuples(st.sampled_from(("seq", "generation", "twice")), st.integers(1, SAFE))
+    pause = pause_for_an_image(trial, GLANCE_SECONDS)
     connection, held = holding(trial)
     for kind, number in trial.each(drawn=numbers, quick=10, full=500):
         if connection.ended:
@@ -118,7 +127,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
         wrong = dict(held)
         if kind == "twice":
             pose = trial.move()
-            trial.rest(GLANCE_SECONDS)
+            trial.rest(pause)
             trial.viewer.release(connection, held)
             held = following(trial, connection, pose) or trial.violated("no frame after release")
         elif number != held[kind]:
@@ -130,7 +139,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
         before = len(frames)
         trial.viewer.release(connection, wrong)
         pose = trial.move()
-        trial.rest(GLANCE_SECONDS)
+        trial.rest(pause)
         trial.expect(len(frames) == before, f"{told}: another frame came")
         trial.viewer.release(connection, held)
         seen = following(trial, connection, pose)

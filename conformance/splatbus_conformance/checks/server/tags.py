@@ -13,7 +13,7 @@ from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import STEP, ServerTrial
 from splatbus_conformance.steering import Steering
 from splatbus_conformance.values import numbers, show, whole
-from splatbus_conformance.watching import LENDS, frames_of
+from splatbus_conformance.watching import LENDS, frames_of, gave_way
 
 LONGEST: int = LIMITS["max_tag_chars"]
 PADDING = ("", "-", '"\\/', "\x00\x1f", "é\u202e中", "🙂" * LONGEST, "t" * LONGEST, " ", "null")
@@ -89,7 +89,9 @@ class Story:
 
     def _settle(self) -> None:
         """Every reader has a frame of the newest camera, and the newest of all frames."""
-        if any(reader.ended for reader in self.readers):
+        if ended := [reader for reader in self.readers if reader.ended]:
+            later = all(gave_way(self.trial, reader) for reader in ended)
+            self.trial.expect(later, "a reader was closed, and no other had come after it")
             self.trial.not_observable("the server ends a connection in favour of a later one")
         place = self.sent[-1].place if self.sent else 0
 

@@ -219,15 +219,33 @@ def check_announces_no_other_memory_unasked(trial: ServerTrial) -> None:
         for size in trial.each(asks):
             asked(trial, client, size)
             trial.delivered += 1
+        _expect_none_unasked(trial, client, reader)
+        had = len(packets)
         first = further(trial, client)
         trial.viewer.say(first, camera_pose())
         answers(trial, first)
         refused = asked(trial, client, other_sizes(trial)[0]).get("type") == "error"
         trial.rest(REACTION_SECONDS)
         trial.expect(
-            len(packets) == 1 or not refused,
-            f"{len(packets) - 1} further init packets came, of a size that images have or of"
-            " requests that were answered by errors",
+            len(packets) == had or not refused,
+            f"{len(packets) - had} further init packets came of a request that was answered by an"
+            " error",
         )
         trial.expect(not reader.ended, "the reader's connection was closed")
         first.close()
+
+
+def _expect_none_unasked(trial: ServerTrial, client: Connection, reader: Connection) -> None:
+    """Before the init packet of another size, which is asked for now, no other has come."""
+    packets, size = dealings_of(trial, reader).init_packets, other_sizes(trial)[2]
+    if asked_again(trial, client, size, "busy") == "viewport_size":
+        trial.wait(lambda: size_of(packets[-1]) == size or reader.ended, REINIT_SECONDS)
+        came = [it for it in packets[1:] if size_of(it) != size]
+    else:
+        trial.rest(REACTION_SECONDS)
+        came = packets[1:]
+    trial.expect(
+        not came,
+        f"{len(came)} further init packets came, of a size that images have or of requests that"
+        " were answered by errors",
+    )

@@ -44,6 +44,7 @@ from splatbus_conformance.values import numbers
 
 PIXELS = ("1.1", "frames", "pixels")
 CAMERAS_ASKED = 8
+OPAQUE = 0.5
 
 
 @check("BUF-1", observable="which way up the images fit one another", needs=PIXELS)
@@ -55,6 +56,12 @@ def check_rows_are_bottom_up(trial: ServerTrial) -> None:
 @check("BUF-6", observable="by which depth the images fit one another", needs=PIXELS)
 def check_depth_is_planar(trial: ServerTrial) -> None:
     """Images from around the first view: what is no planar depth in scene units fits no other."""
+    first = first_view(trial, 0.0)
+    alpha = first.color[..., 3]
+    opaque = alpha >= OPAQUE
+    if opaque.any() and (alpha == 0.0).any():  # else it may be of a background alone
+        deep = first.covered()[opaque].any()
+        trial.expect(deep, f"none of {opaque.sum()} pixels with an alpha from {OPAQUE} has a depth")
     judge_readings(trial, DEPTHS, 1.0, 0.01, 100.0)
 
 

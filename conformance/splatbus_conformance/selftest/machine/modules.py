@@ -12,18 +12,22 @@ from splatbus_conformance.selftest.machine.changes import Change, changes
 WIRE = tuple(
     f"splatbus_wire.{name}"
     for name in (
-        *("compositing", "conventions", "decoding", "depth", "encoding", "errors", "fields"),
+        *("compositing", "conventions", "decoding", "encoding", "errors", "fields"),
         *("framing", "from_client", "from_server", "init_packet", "intrinsics", "json_text"),
         *("message_types", "messages", "negotiation", "parts", "plain", "plain_frames"),
-        *("plain_poses", "poses", "relative", "rotations"),
+        *("plain_poses", "poses", "rotations"),
     )
 )
-"""All of it: whatever it says is on the wire, or is computed as the standard tells."""
+"""All of it that is on the wire, or that a client computes which is judged.
+
+Not `depth` and `relative`, by which renderers store depths and lose no digits far from the origin:
+the server that is judged shows a scene that it draws by itself. Their tests judge them.
+"""
 OWN: dict[Side, tuple[str, ...]] = {
     "client": tuple(
         f"splatbus_client.{name}"
         for name in (
-            *("backoff", "channel", "clock", "events", "host_memory", "incoming", "ipc_protocol"),
+            *("backoff", "channel", "events", "host_memory", "incoming", "ipc_protocol"),
             *("lease", "loop", "message_protocol", "outgoing", "questions", "reading", "session"),
             "steering",
         )
@@ -39,9 +43,28 @@ OWN: dict[Side, tuple[str, ...]] = {
 """What speaks, remembers what was agreed, or holds what is lent.
 
 Not what takes images and orders from a renderer (`api`, `publish`), draws the scene, shows images
-or reads a command line, which others do in their own way and no peer sees; nor the client's
-adapter, which is the harness's instrument; nor what is for CUDA or compiled, whose lines are not
-executed here.
+or reads a command line, or tells by how much clocks differ (`clock`), which others do in their own
+way and no peer sees; nor the client's adapter, which is the harness's instrument; nor what is for
+CUDA or compiled, whose lines are not executed here.
+"""
+UNCALLED: dict[str, tuple[str, ...]] = {
+    "splatbus_server.view": (  # matrices for renderers; that of the demo makes its own
+        *("View.object_to_world", "View.pixel_errors", "View._seen_from", "View._pixels"),
+        *("View._sees", "_worst"),
+    ),
+    "splatbus_wire.poses": ("world_matrix", "view_matrix", "camera_centre", "as_array"),
+    "splatbus_wire.intrinsics": (  # for who projects points or reads a calibration
+        *("Pinhole.project", "Pinhole.ray", "Pinhole.rays", "from_opencv"),
+        *("pixel_centre", "pixel_at"),
+    ),
+    "splatbus_wire.rotations": ("quaternion_from_matrix", "_check_rotation"),
+    "splatbus_wire.conventions": (  # for engines that give matrices; adapters give quaternions
+        *("Engine.matrix_from_wire", "Engine.matrix_to_wire", "_product"),
+        *("_blender_object_from_wire", "_opengl"),
+    ),
+}
+"""Functions of these modules that are for renderers and engines, and that no program calls which is
+judged: no run executes a line of them, so that what is changed there tells nothing of the harness.
 """
 
 
@@ -77,8 +100,10 @@ def as_drawn(change: Change) -> Drawn:
 
 
 def of(module: str) -> list[Change]:
-    """Every change of a module."""
-    return changes(source(module).read_text("utf-8"), module)
+    """Every change of a module, but of what nobody calls who is judged."""
+    found = changes(source(module).read_text("utf-8"), module)
+    uncalled = {f"{module}:{function}" for function in UNCALLED.get(module, ())}
+    return [it for it in found if it.name.rsplit(":", 2)[0] not in uncalled]
 
 
 def source(module: str) -> Path:

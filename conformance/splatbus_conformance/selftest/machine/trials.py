@@ -58,7 +58,7 @@ PHASES = (
     *(Phase("client", command=it) for it in ("view", "view --size 80x60", "telemetry")),
     *(Phase("client", axes) for axes in ("blender", "unreal", "opengl_camera")),
 )
-"""A later one of a side is for what no earlier one executes."""
+"""A later one of a side is for what no earlier one executes, or only while modules are read."""
 
 
 class Fate(StrEnum):
@@ -189,7 +189,9 @@ def _plan(
             continue
         if phase.side not in [it.side for it in then]:
             first[phase], then[phase] = checks[:FIRST], checks[FIRST:]
-        elif phase.token:  # it changes how a session begins; what follows is as it is without one
+        elif phase.token or not drawn.change.name.split(":")[1]:
+            # A token changes how a session begins, and what follows is as it is without one; what
+            # is made while a module is read, as the axes of an engine, may be for this phase alone.
             first[phase] = checks[:FIRST]
     if len(first) == 1:  # there is nobody to be quick for
         first, then = {it: checks + then[it] for it, checks in first.items()}, {}

@@ -251,6 +251,40 @@ def server_ends_everybody_for_one(patch: Patch) -> None:
     wrap(patch, Connection, "end", end)
 
 
+def _knows_deep_text(patch: Patch) -> list[bytes]:
+    """Something is in it once deep text has come on the IPC channel."""
+    known: list[bytes] = []
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        if self.channel == "ipc" and payload.startswith(b"[" * 1000):
+            known.append(payload)
+        return original(self, payload, now)
+
+    wrap(patch, Connection, "_understand", understand)
+    return known
+
+
+@mutant("CHN-14", check=MISDEEDS + "_on_ipc", reason="it announces no memory on the IPC channel")
+def server_announces_nothing_after_deep_text(patch: Patch) -> None:
+    """Welcomes readers, and announces memory to none of them, once deep text has come."""
+    known = _knows_deep_text(patch)
+    wrap(patch, Session, "_announce", lambda original, *it: None if known else original(*it))
+
+
+@mutant("CHN-14", check=MISDEEDS + "_on_ipc", reason="it sends no frame on the IPC channel")
+def server_lends_nothing_after_deep_text(patch: Patch) -> None:
+    """Lends no image to readers that come once deep text has come."""
+    known, early = _knows_deep_text(patch), list[Connection]()
+
+    def lend(original: Any, self: Session, to: Connection, *arguments: Any) -> None:
+        if not known:
+            early.append(to)
+        if to in early:
+            original(self, to, *arguments)
+
+    wrap(patch, Session, "_lend", lend)
+
+
 @mutant("CHN-16", check="check_answers_before_the_end", reason="kept the connection open after 0")
 def server_waits_where_nothing_was_asked(patch: Patch) -> None:
     """Does not see the end of the stream of a client that has asked nothing."""

@@ -12,7 +12,7 @@ from splatbus_wire.errors import FramingError
 from splatbus_conformance.selftest.mutants.server.text import trusts_its_scene
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
-from splatbus_conformance.selftest.surgery import packets, wrap
+from splatbus_conformance.selftest.surgery import crash, packets, wrap
 
 LONGEST = framing._MAX_PAYLOAD_BYTES
 
@@ -267,3 +267,21 @@ def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
         return given
 
     wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-6", check="check_half_hello_is_discarded", reason="died")
+def server_dies_of_half_a_hello(patch: Patch) -> None:
+    """Does not expect that a client leaves while it says hello."""
+    said: dict[Connection, bytes] = {}
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        said[self] = (said.get(self, b"") + data)[:64]
+        original(self, data, now)
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "FRM-6" in reason and b"hello" in said.get(self, b""):
+            crash()
+        original(self, reason, now)
+
+    wrap(patch, Connection, "receive", receive)
+    wrap(patch, Connection, "end", end)

@@ -8,6 +8,7 @@ import numpy as np
 from splatbus_server.exchange import Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.ring import Ring
+from splatbus_server.view import View
 
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
@@ -160,3 +161,9 @@ def server_swaps_colours_in_its_fourth_slot(patch: Patch) -> None:
         return written
 
     wrap(patch, Memory, "writer", writer)
+
+
+@mutant("BUF-6", check="check_depth_is_planar", reason="has a depth")
+def server_stores_no_depth(patch: Patch) -> None:
+    """Renders depth when nobody wants it, and leaves the slots empty otherwise."""
+    patch.setattr(View, "wants_depth", property(lambda self: "depth" not in self.wants))

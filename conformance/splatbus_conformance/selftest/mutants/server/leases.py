@@ -5,6 +5,7 @@ from typing import Any
 
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import Exchange
+from splatbus_server.raycast import Raycaster
 from splatbus_server.ring import Ring
 from splatbus_server.session import Session
 from splatbus_wire.messages import Release
@@ -13,6 +14,7 @@ from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import mutant
 from splatbus_conformance.selftest.surgery import wrap
 
+SLOW_SECONDS = 0.5
 REFUSES = "check_refuses_readers_that_it_has_no_slot_for"
 
 
@@ -133,3 +135,15 @@ def server_keeps_the_newest_lease_alone(patch: Patch) -> None:
         return slot
 
     wrap(patch, Ring, "begin_write", begin_write)
+
+
+@mutant("IMG-16", check=IGNORES, reason="another frame came")
+def server_takes_any_release_and_draws_slowly(patch: Patch) -> None:
+    """Ends the lease at any release, and takes half a second for an image."""
+    server_takes_any_release(patch)
+
+    def render(original: Any, *arguments: Any) -> Any:
+        time.sleep(SLOW_SECONDS)
+        return original(*arguments)
+
+    wrap(patch, Raycaster, "render", render)

@@ -154,6 +154,19 @@ def server_reads_four_capabilities(patch: Patch) -> None:
     greets(patch, answer)
 
 
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="neither reacted nor went on")
+def server_announces_nothing_to_strangers(patch: Patch) -> None:
+    """Welcomes a client with a capability that it does not know, and announces no memory to it."""
+
+    def handle(original: Any, self: Session, connection: Connection, *arguments: Any) -> Any:
+        message = arguments[0]
+        if isinstance(message, Hello) and set(message.capabilities) - set(CAPABILITIES["ipc"]):
+            return None
+        return original(self, connection, *arguments)
+
+    wrap(patch, Session, "handle", handle)
+
+
 @mutant("NEG-9", check="check_ignores_unknown_types", reason="closed the connection")
 def server_closes_at_unknown_types(patch: Patch) -> None:
     """Ends a connection on which it does not know the type of a message."""

@@ -1,6 +1,7 @@
 """Mutants that break POS: they misread poses, or apply those that they should not."""
 
 import math
+import time
 from typing import Any
 
 from splatbus_server.connection import Connection
@@ -108,6 +109,22 @@ def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
         return CameraPose(IDENTITY, None) if broken and b"cam_idx" not in payload else event
 
     wrap(patch, Connection, "_understand", understand)
+
+
+@mutant(
+    "POS-7", check="check_the_newest_camera_is_shown", reason="no frame after the camera had been"
+)
+def server_closes_its_readers_at_a_far_camera(patch: Patch) -> None:
+    """Ends every reader when the camera is far away, though not when it is where nobody looks."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        away = max(map(abs, message.pose.position)) if isinstance(message, CameraPose) else 0.0
+        if 100.0 < away < 10_000.0:
+            for reader in self._readers:
+                reader.end("it cannot be shown that far", time.monotonic())
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)
 
 
 def _repairs(patch: Patch, repair: Any) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 from splatbus_server import viewport
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
+from splatbus_server.service import Service
 from splatbus_server.session import Session
 from splatbus_server.viewport import Change, Viewport
 from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
@@ -140,6 +141,20 @@ def server_makes_the_same_memory_again(patch: Patch) -> None:
         asker.hold()
 
     wrap(patch, Viewport, "set", set_size)
+
+
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
+    """The same, and ends a message connection when another comes."""
+    server_makes_the_same_memory_again(patch)
+
+    def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
+        former = [peer for peer in self._peers if peer.connection.channel == channel == "message"]
+        original(self, channel, listener)
+        for peer in former:
+            self._drop(peer)
+
+    wrap(patch, Service, "_accept", accept)
 
 
 @mutant("VPT-7", check="check_frees_former_memory", reason="is there")
