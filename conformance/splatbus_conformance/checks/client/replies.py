@@ -89,12 +89,12 @@ def answer_all(trial: ClientTrial, connection: Connection) -> None:
             trial.role.say(connection, answer)
 
 
-def asked_again(trial: ClientTrial, connection: Connection) -> bool:
-    """Whether all was asked for on this connection, and the size so often that the reply to one
-    request was read before the next.
+def asked_again(trial: ClientTrial, connection: Connection, times: int = TIMES_AGAIN) -> bool:
+    """Whether all was asked for on this connection, and the size so many times: so often, that the
+    replies to all were read.
     """
     made = Counter(message["type"] for message in requests(trial, connection))
-    return made["get_viewport_size"] >= TIMES_AGAIN and made.keys() >= trial.facts.asks
+    return made["get_viewport_size"] >= times and made.keys() >= trial.facts.asks
 
 
 def asks_again_and_again(trial: ClientTrial) -> bool:

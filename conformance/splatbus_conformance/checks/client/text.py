@@ -13,6 +13,7 @@ from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.client.init_packets import for_broken_packet
 from splatbus_conformance.checks.client.replies import (
+    TIMES_AGAIN,
     answer_all,
     asked_again,
     asking,
@@ -128,11 +129,13 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
         trial.delivered += len(row)
 
 
-def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
-    """Write welcome and replies so, to a request each; the testee must go on, and ask again after
-    the size [0,0], and after whatever else it asks for, where it does so after plain replies.
+def judge_writers_on_msg(
+    trial: ClientTrial, writers: Iterable[Writer], *, asking_on: bool = True
+) -> None:
+    """Write welcome and replies so, to a request each; the testee must go on, and if `asking_on`,
+    ask again after the size [0,0] and all else, where it does so after plain replies.
     """
-    shows = asks_again_and_again(trial)
+    times = TIMES_AGAIN if asking_on and asks_again_and_again(trial) else 0
     trial.role.server = {"name": ODD_TEXT, "version": ODD_TEXT[::-1]}
     for writer in writers:
         written: list[bytes] = []
@@ -144,8 +147,8 @@ def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
         trial.role.encode["msg"] = encode_and_keep
         connection = asking(trial)
         answer_all(trial, connection)
-        trial.wait(lambda: asked_again(trial, connection) or connection.ended)  # noqa: B023
-        read = asked_again(trial, connection) or not shows
+        trial.wait(lambda: asked_again(trial, connection, times) or connection.ended)  # noqa: B023
+        read = asked_again(trial, connection, times) or not times
         # Poses go on for a while even if reading does not.
         trial.ends(connection, REACTION_SECONDS)
         outcome = outcome_of_reading(trial, connection)
