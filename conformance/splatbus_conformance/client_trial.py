@@ -341,11 +341,11 @@ class ClientTrial(Trial):
         """Whether the testee connects to this channel again and says something that it means.
 
         A client that speaks 1.0 has nothing to say on the IPC channel. One that never comes back
-        has gone on if it closed the connection and lives; else nothing can be said.
+        has gone on if it closed the connection, and lives or left as it does; else nobody knows.
         """
         if channel not in self.facts.returns:
             self._expect_closed(channel)
-            return self.fate() is None
+            return self.fate() is None or (self.fate() == "exits" and self.facts.leaves)
         return tries_to_go_on(self, channel)[1]
 
     def _end_of(self, connection: Connection, channel: Channel) -> str:

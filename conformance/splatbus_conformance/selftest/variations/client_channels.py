@@ -1,9 +1,7 @@
 """Allowed variations in the life of the two channels."""
 
-import time
 from typing import Any
 
-from splatbus_client import reading
 from splatbus_client.channel import Channel
 from splatbus_client.loop import clock
 
@@ -11,10 +9,8 @@ from splatbus_conformance.selftest.mutants.client.channels import all_channels
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import wrap
-from splatbus_conformance.selftest.variations.client import ends_with_its_server
 
 THINKS_SECONDS = 1.2
-LOADS_SECONDS = 4.0
 
 
 @variation()
@@ -54,18 +50,3 @@ def thinks_before_each_hello(patch: Patch) -> None:
     wrap(patch, Channel, "flush", flush)
     wrap(patch, Channel, "advance", advance)
     wrap(patch, Channel, "deadline", deadline)
-
-
-@variation(warns=("CHN-20",))
-def loads_long_and_leaves(patch: Patch) -> None:
-    """Loads what reads images for four seconds when it first opens some; ends with its server."""
-    loaded: list[bool] = []
-
-    def opened(original: Any, *arguments: Any) -> Any:
-        if not loaded:
-            loaded.append(True)
-            time.sleep(LOADS_SECONDS)
-        return original(*arguments)
-
-    wrap(patch, reading, "_opened", opened)
-    ends_with_its_server(patch)
