@@ -109,7 +109,9 @@ def _no_json(good: Json) -> Iterator[BrokenText]:
         "\\udc00\\ud800",
         "\\ud83d\\ud83d\\ude42",
     )
-    for kind, texts in (("value", values), ("string", strings), ("surrogate", halves)):
+    capitals = [half.replace("\\ud", "\\uD") for half in halves]
+    spelled = (("value", values), ("string", strings), ("surrogate", halves))
+    for kind, texts in (*spelled, ("surrogate in capitals", capitals)):
         for text in texts:
             value = text if kind == "value" else f'"{text}"'
             what = f"the value {value!r}"

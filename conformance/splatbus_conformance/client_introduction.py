@@ -17,16 +17,22 @@ from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.role import Role
 from splatbus_conformance.testee import Testee, not_met
+from splatbus_conformance.trial import EFFECT_SECONDS
 from splatbus_conformance.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 from splatbus_conformance.values import texts, within
 
 SETTLE_SECONDS = 1.0
 MEMORY_SECONDS = 10.0
 """For which one that has said hello is waited for, until it has opened memory and read an image."""
+QUIET_SECONDS = 2.0
+"""In which something new comes from a client that has not yet said all that it says."""
 PARTING_SECONDS = 0.5
 RETURN_SECONDS = 5.3
 """How long it may take to come back (CHN-22), and a little more."""
 SLOW_START_SECONDS = 2.0
+PACES = 3.0
+"""How much longer than the longest answer so far another may take."""
+MOST_EFFECT_SECONDS = 30.0
 
 
 @dataclass
@@ -65,8 +71,25 @@ class ClientFacts:
     """From its start to its first connection."""
     memory_seconds: float = 0.0
     """From the first offer of memory until it was opened and read; see `memory_pace`."""
+    slowest_answer: float = 0.0
+    """The longest that it was seen to take for its first word, or for an answer, in seconds."""
+    away_seconds: float = 0.0
+    """The longest that it stayed away before it came back, while it was listened for."""
     advice: list[str] = field(default_factory=list)
     """What the meeting suggests to its author."""
+
+    @property
+    def effect_seconds(self) -> float:
+        """How long an effect is waited for that no sentence limits, at this testee's pace."""
+        return min(max(EFFECT_SECONDS, PACES * self.slowest_answer), MOST_EFFECT_SECONDS)
+
+    def took(self, seconds: float) -> None:
+        """Note how long an answer took."""
+        self.slowest_answer = max(self.slowest_answer, seconds)
+
+    def was_away(self, seconds: float) -> None:
+        """Note how long it stayed away."""
+        self.away_seconds = max(self.away_seconds, seconds)
 
     def speaks_1_1(self, channel: Channel) -> bool:
         """It said `hello` on this channel."""
@@ -192,6 +215,7 @@ def _both(first: ClientFacts, second: ClientFacts) -> ClientFacts:
         asks_again=first.asks_again or second.asks_again,
         start_seconds=max(first.start_seconds, second.start_seconds),
         memory_seconds=max(first.memory_seconds, second.memory_seconds),
+        slowest_answer=max(first.slowest_answer, second.slowest_answer),
         advice=list(second.advice),
     )
 
@@ -208,10 +232,11 @@ def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFact
     start = time.monotonic() - began
     settle = max(SETTLE_SECONDS, start / 3)
     peer.until(lambda: {c.channel for c in peer.connections} == set(CHANNELS), settle)
-    peer.until(lambda: _shown(peer.connections, role).everything_said(), settle)
+    slowest = _hear_out(peer, role, max(QUIET_SECONDS, settle), patience)
     pace = memory_pace.of_the_host(peer, role, testee, MEMORY_SECONDS)
     met = list(peer.connections)
     facts = _shown(met, role)
+    facts.took(slowest)
     facts.expendable, facts.start_seconds = testee.expendable, start
     facts.memory_seconds = pace
     facts.probes = _probes(met)
@@ -233,9 +258,32 @@ def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFact
         return bool(facts.asks) and later.asks >= facts.asks
 
     if facts.asks and "msg" in facts.returns:
-        facts.asks_again = peer.until(asks_again, settle)
+        facts.asks_again = peer.until(asks_again, max(settle, facts.effect_seconds / 2))
     peer.pump(TRIAL_SETTLE_SECONDS)
     return facts
+
+
+def _hear_out(peer: Peer, role: Role, quiet: float, patience: float) -> float:
+    """Until it has said all that a client may say, or has said nothing new for so long; who has
+    been offered memory is given the patience of the run to open it.
+
+    Returns the longest that it was silent before something new.
+    """
+    said, since, longest = _shown(peer.connections, role), time.monotonic(), 0.0
+    while not said.everything_said():
+        opening = any(d.generations and not d.opened | d.failed for d in role.dealings.values())
+        before = said
+
+        def news() -> bool:
+            return _shown(peer.connections, role) != before  # noqa: B023
+
+        if not peer.until(news, max(patience, quiet) if opening else quiet):
+            break
+        said, now = _shown(peer.connections, role), time.monotonic()
+        if not opening:  # that is not how fast it talks: see `memory_pace`
+            longest = max(longest, now - since)
+        since = now
+    return longest
 
 
 def _probes(met: Sequence[Connection]) -> dict[Channel, int]:

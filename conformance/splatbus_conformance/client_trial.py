@@ -14,7 +14,7 @@ from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.returning import goes_on_with
+from splatbus_conformance.returning import absence, return_seconds, tries_to_go_on
 from splatbus_conformance.role import Role
 from splatbus_conformance.stand_in.session import StandIn
 from splatbus_conformance.stand_in.trace import Call
@@ -23,8 +23,6 @@ from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, T
 
 MANY_CONNECTIONS = 6
 """From which on the quick profile delivers only what it has to."""
-PROBES = 2
-"""Connections in a row that a testee may end for reasons of its own before one that it keeps."""
 MISSED_SECONDS = 3.0
 """After which it is said that a testee is waited for."""
 
@@ -75,7 +73,7 @@ class ClientTrial(Trial):
         that does not help. One that was seen to come back, and does not, has lost a vital sign.
         Skips the check if none comes within the run's patience.
         """
-        seconds = self.patience if seconds is None else seconds
+        seconds = return_seconds(self) if seconds is None else seconds
         if self._used and "exits" not in self.requirement.acceptable:
             self.charge_its_end()
         if self.testee.ended() or self._takes_a_start(channel):
@@ -156,7 +154,7 @@ class ClientTrial(Trial):
         for used in self._used:
             if used.channel == channel:
                 used.close()
-        seconds = self.patience if seconds is None else seconds
+        seconds = return_seconds(self) if seconds is None else seconds
         for part in (min(seconds, MISSED_SECONDS), seconds - MISSED_SECONDS):
             self.peer.until(lambda: self._unused(channel) or self.testee.ended(), part)
             if part == MISSED_SECONDS and not self._unused(channel):
@@ -164,12 +162,13 @@ class ClientTrial(Trial):
         found = self._unused(channel)
         if found is not None:
             self._used.add(found)
+            self.facts.was_away(absence(self.peer, found, self.testee.started))
         return found
 
     def greeted(self, channel: Channel) -> Connection:
         """A new connection on which the testee has said `hello` and was given `welcome`."""
         connection = self.connection(channel)
-        self.wait(lambda: self.role.with_(connection).welcome)
+        self._answers(lambda: self.role.with_(connection).welcome)
         if self.role.with_(connection).welcome is None:
             if self.facts.speaks_1_1(channel) and not connection.ended:
                 self._note_loss(f"it says no hello on the {NAMES[channel]} channel any more")
@@ -242,6 +241,17 @@ class ClientTrial(Trial):
 
     # Waiting and watching
 
+    def wait(self, condition: Callable[[], Any], seconds: float | None = None) -> bool:
+        """As of every trial; without a limit of its own, as long as this testee's pace asks for."""
+        return super().wait(condition, self.facts.effect_seconds if seconds is None else seconds)
+
+    def _answers(self, condition: Callable[[], Any]) -> bool:
+        """Wait for an answer, and note how long it took."""
+        began = self.peer.clock()
+        if came := self.wait(condition):
+            self.facts.took(self.peer.clock() - began)
+        return came
+
     def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
@@ -266,7 +276,7 @@ class ClientTrial(Trial):
 
     def says_hello(self, connection: Connection) -> bool:
         """Whether the testee says `hello` on this connection."""
-        return self.wait(lambda: self.role.with_(connection).hello)
+        return self._answers(lambda: self.role.with_(connection).hello)
 
     def arrives(self, channel: Channel, seconds: float, after: int = 0) -> bool:
         """Whether there are more than `after` connections on this channel in time."""
@@ -337,21 +347,12 @@ class ClientTrial(Trial):
         """Whether the testee connects to this channel again and says something that it means.
 
         A client that speaks 1.0 has nothing to say on the IPC channel. One that never comes back
-        has gone on if it closed the connection and lives; else nothing can be said.
+        has gone on if it closed the connection, and lives or left as it does; else nobody knows.
         """
         if channel not in self.facts.returns:
             self._expect_closed(channel)
-            return self.fate() is None
-        for _ in range(1 + PROBES):
-            connection = self.next_connection(channel)
-            if connection is None:
-                return False
-            if goes_on_with(self, connection):
-                self.delivered += 1
-                return True
-            if not connection.ended:
-                return False
-        return False
+            return self.fate() is None or (self.fate() == "exits" and self.facts.leaves)
+        return tries_to_go_on(self, channel)[1]
 
     def _end_of(self, connection: Connection, channel: Channel) -> str:
         self.wait(lambda: self.fate(), 0.05)

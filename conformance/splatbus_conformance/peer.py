@@ -57,6 +57,8 @@ class Connection:
         """How the testee ended its stream, if it did."""
         self.open = True
         """The harness has not closed it."""
+        self.gone_since: float | None = None
+        """When either of both closed it, by the monotonic clock."""
         self.sent = 0
         """Bytes that the harness has sent."""
         self._peer = peer
@@ -114,6 +116,7 @@ class Connection:
     def close(self) -> None:
         """Close, so that the testee sees the stream end: what is unread would make it a reset."""
         if self.open:
+            self._is_gone()
             self.open = False
             self._peer.forget(self._sock)
             self._leave_nothing_unread()
@@ -124,10 +127,15 @@ class Connection:
         """Close so that the testee sees a reset."""
         if self.open:
             self._sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
+            self._is_gone()
             self.open = False
             self._peer.forget(self._sock)
             self._sock.close()
             self._peer.note_event(self, "reset", self._peer.ours)
+
+    def _is_gone(self) -> None:
+        if self.gone_since is None:
+            self.gone_since = time.monotonic()
 
     def _leave_nothing_unread(self) -> None:
         with contextlib.suppress(OSError):
@@ -143,10 +151,12 @@ class Connection:
         except (TimeoutError, BlockingIOError):
             return []
         except OSError:
+            self._is_gone()
             self.ended = "reset"
             self._peer.note_event(self, "reset", self._peer.theirs)
             return []
         if not data:
+            self._is_gone()
             self.ended = "eof"
             self._peer.note_event(self, "eof", self._peer.theirs)
             return []
@@ -198,6 +208,8 @@ class Peer:
         self._listeners: dict[Channel, socket.socket] = {}
         self.last_opened: dict[Channel, float] = dict.fromkeys(CHANNELS, 0.0)
         """When the last connection of each channel was made, by the monotonic clock."""
+        self.listens_since: dict[Channel, float] = dict.fromkeys(CHANNELS, 0.0)
+        """When it began to listen on each channel, since it last refused there."""
         self.late_seconds = 0.0
         """By how much the longest of all waits was longer than asked for."""
         self._start = self._looked = time.monotonic()
@@ -223,6 +235,7 @@ class Peer:
                 self.ports[channel] = listener.getsockname()[1]
             listener.setblocking(False)
             self._listeners[channel] = listener
+            self.listens_since[channel] = time.monotonic()
         if listener not in self._selector.get_map():
             self._selector.register(listener, selectors.EVENT_READ, channel)
 

@@ -24,6 +24,8 @@ SHORT_ESCAPES = {
     "\r": "\\r",
     "\t": "\\t",
 }
+ODD_TEXT = 'a/b\\c"d\b\f\n\r\t\x00\x1f\x7fé\u2028東京🙂\U0010ffff'
+"""A string with all that may be escaped, and characters of one, two and more units."""
 LIBERTIES = ("order of members", "white space", "escapes", "digits and exponents")
 """What a spelling is free in; each can be left as `json.dumps` has it."""
 ORDER, SPACE, ESCAPES, DIGITS = LIBERTIES

@@ -150,7 +150,7 @@ def lost_by_client(
         if not isinstance(on_it, Connection):
             return does_not_come(channel, testee)
         if facts.speaks_1_1(channel):
-            peer.until(lambda: _said_hello(peer, role, channel), EFFECT_SECONDS)  # noqa: B023
+            peer.until(lambda: _said_hello(peer, role, channel), facts.effect_seconds)  # noqa: B023
             if not _said_hello(peer, role, channel):
                 return f"it says no hello on the {NAMES[channel]} channel any more"
     return ""

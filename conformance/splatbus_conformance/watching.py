@@ -34,11 +34,11 @@ def pause_for_an_image(trial: ServerTrial, least: float) -> float:
     """
     reader = trial.reading()
     trial.wait(lambda: frames_of(trial, reader) or reader.ended)
-    began = time.monotonic()
+    began = trial.peer.clock()
     if trial.sees(reader, trial.move()) is None:
         fell_silent(trial, reader, "the server sent no frame of the newest pose")
     reader.close()
-    return max(least, 2.0 * (time.monotonic() - began))
+    return max(least, 2.0 * (trial.peer.clock() - began))
 
 
 def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:

@@ -12,9 +12,10 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.posing import engine_of, off, read_pose
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.returning import return_seconds
 from splatbus_conformance.role import Dealings
 from splatbus_conformance.sessions import Breach, Over, Step
-from splatbus_conformance.trial import EFFECT_SECONDS, Violation
+from splatbus_conformance.trial import Violation
 from splatbus_conformance.values import whole
 
 NOWHERE = "splatbus-check-never-was"
@@ -330,7 +331,8 @@ class WithClient:
             raise Breach("CHN-19", f"it came to the {channel} channel, and did not go on there")
 
     def _arrives(self, channel: Channel, before: int) -> bool:
-        return self.trial.arrives(channel, RETURN_SECONDS, before)
+        seconds = return_seconds(self.trial) if self.facts.away_seconds else RETURN_SECONDS
+        return self.trial.arrives(channel, seconds, before)
 
     # What was said
 
@@ -346,7 +348,7 @@ class WithClient:
         return len(on_it) - 1 - on_it.index(self._at[channel])
 
     def _until(self, condition: Callable[[], bool]) -> None:
-        self.trial.wait(lambda: condition() or self._at["ipc"].ended, EFFECT_SECONDS)
+        self.trial.wait(lambda: condition() or self._at["ipc"].ended)
         if self._at["ipc"].ended:
             self._watch()
 

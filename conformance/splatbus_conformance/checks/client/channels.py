@@ -6,11 +6,12 @@ from contextlib import ExitStack
 from splatbus_schemas import FRAMING, LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.client_trial import PROBES, ClientTrial
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.host_memory import HostMemory
 from splatbus_conformance.kinds import POSES
 from splatbus_conformance.peer import CHANNELS, Connection, Peer
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.returning import PROBES
 from splatbus_conformance.trial import (
     EFFECT_SECONDS,
     REACTION_SECONDS,

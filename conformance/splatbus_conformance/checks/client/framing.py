@@ -10,10 +10,11 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.client.channels import closing
 from splatbus_conformance.checks.client.replies import asking, requests
-from splatbus_conformance.client_trial import PROBES, ClientTrial
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.messages import Json, encode, welcome
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
+from splatbus_conformance.returning import PROBES, tries_to_go_on
 from splatbus_conformance.shrinking import without_one
 from splatbus_conformance.spelling import spell_in_utf_8
 from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
@@ -111,12 +112,19 @@ def outcome_of_bad_length(trial: ClientTrial, connection: Connection) -> str:
     may_crash=True,
 )
 def check_bad_length_closes_ipc(trial: ClientTrial) -> None:
-    """A header that announces nothing, or more than the limit, makes the testee close."""
+    """A header that announces nothing, or more than the limit, makes the testee close: in place of
+    the init packet, and once the memory is open.
+    """
     trial.role.offers_memory = False
-    for header in trial.each(BAD_HEADERS, kind=lambda header: header.kind):
+    cases = list(itertools.product(BAD_HEADERS, (False, True)))
+    for header, late in trial.each(cases, kind=lambda case: (case[0].kind, case[1])):
         connection = trial.greeted("ipc")
+        if late:
+            trial.role.offer(connection, trial.role.init_packet(connection))
+            if not trial.opens(connection):
+                trial.not_observable("the testee did not open the memory")
         outcome = trial.outcome_on_ipc(connection, header.data)
-        trial.judge(outcome, header.what)
+        trial.judge(outcome, header.what + (", once the memory was open" if late else ""))
 
 
 @check(
@@ -279,16 +287,21 @@ def inside(case: tuple[int, str]) -> tuple[bool, str]:
 )
 def check_half_packet_is_discarded(trial: ClientTrial) -> None:
     """The connection ends inside an init packet, at the first byte, in the header and later; it is
-    closed or reset.
+    closed or reset. A testee that takes more connections to go on than after whole packets has
+    given one up for what was left of the packet.
     """
     trial.role.offers_memory = False
+    trial.greeted("ipc").close()
+    usual, _ = tries_to_go_on(trial, "ipc")
     for kept, end in trial.each(ENDS, kind=inside):
         connection = trial.greeted("ipc")
         connection.send(packet(encode(trial.role.init_packet(connection)))[:kept])
         trial.rest(APART_SECONDS)
         getattr(connection, end)()
-        outcome = "reconnects" if trial.comes_back("ipc") else trial.fate() or "hangs"
-        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet, by {end}")
+        tries, came = tries_to_go_on(trial, "ipc")
+        outcome = "reconnects" if came else trial.fate() or "hangs"
+        what = f"a connection that ends after {kept} bytes of a packet, by {end}"
+        trial.judge(outcome if tries <= usual else "closes", what)
 
 
 @check(

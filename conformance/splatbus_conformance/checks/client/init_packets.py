@@ -43,7 +43,7 @@ OTHERS: tuple[Json, ...] = (
 )
 """JSON objects that are no init packets, nor messages of the server in 1.1."""
 GOOD = "that of good memory"
-TYPES: tuple[Any, ...] = ("init_packet", "weather_report", "", 5, {})
+TYPES: tuple[Any, ...] = ("init_packet", "weather_report", "", None, 5, {})
 """Each makes of a good init packet something else."""
 
 

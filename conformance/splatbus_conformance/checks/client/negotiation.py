@@ -1,12 +1,14 @@
 """Checks on `hello`, `welcome` and `error` (spec 1.1 chapter 2)."""
 
 from itertools import product
+from random import Random
 
 from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.client.pacing import CODES, kind_of_code, lose
-from splatbus_conformance.checks.client.replies import asking
+from splatbus_conformance.checks.client.replies import asking, requests
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import (
     ADDED_MEMBERS,
@@ -19,6 +21,7 @@ from splatbus_conformance.kinds import (
 from splatbus_conformance.messages import Json, encode, error, reply, welcome
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
+from splatbus_conformance.spelling import ODD_TEXT, spell
 from splatbus_conformance.values import strings
 
 CROSSING_SECONDS = 0.005
@@ -26,6 +29,8 @@ CROSSING_SECONDS = 0.005
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
 WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
+UNKNOWN: list[list[str]] = [["A-Z 0-9", ODD_TEXT, ""], [f"later-{n}" for n in range(64)]]
+"""Capabilities that nobody knows: of any characters, and as many as a list may have."""
 WEATHER: Json = {"type": "weather_report", "sunny": True}
 
 
@@ -48,6 +53,12 @@ def added(message: Json) -> set[str]:
 def declared(trial: ClientTrial) -> list[str]:
     """The capabilities that the testee declares on the message channel."""
     return strings((trial.facts.hello["msg"] or {}).get("capabilities")) or []
+
+
+def among(unknown: list[str], real: list[str]) -> list[str]:
+    """Capabilities among those that nobody knows; each once, and no more than there may be."""
+    most: int = LIMITS["max_capabilities"]
+    return list(dict.fromkeys([*unknown[: max(0, most - len(real))], *real]))
 
 
 @check(
@@ -132,11 +143,11 @@ def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
     trial.role.welcomes = False
     names = st.lists(WORDS, max_size=5, unique=True)
-    for unknown in trial.each(drawn=names, quick=3, full=12):
+    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
         connection = trial.connection("ipc")
         trial.says_hello(connection)
         real = [name for name in trial.facts.capabilities() if name != "subscribe"]
-        trial.role.welcome(connection, capabilities=[*unknown, *real])
+        trial.role.welcome(connection, capabilities=among(unknown, real))
         trial.expect(
             trial.opens(connection),
             f"after a welcome that lists {unknown} the memory was not opened",
@@ -153,11 +164,10 @@ def check_ignores_unknown_capabilities_of_the_message_channel(trial: ClientTrial
     """The same on the message channel, where `welcome` lists all that the testee declared, too."""
     trial.role.welcomes = False
     names = st.lists(WORDS, min_size=1, max_size=5, unique=True)
-    for unknown in trial.each(drawn=names, quick=3, full=12):
+    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
         connection = trial.connection("msg")
         trial.says_hello(connection)
-        capabilities = dict.fromkeys([*unknown, *declared(trial)])
-        trial.role.welcome(connection, capabilities=list(capabilities))
+        trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
         outcome = trial.outcome_on_msg(connection)
         outcome = "accepts" if outcome == "ignores" else outcome
         trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
@@ -188,15 +198,19 @@ def check_ignores_unknown_types(trial: ClientTrial) -> None:
     needs=("hello:msg", "poses"),
 )
 def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> None:
-    """Messages of types that nobody knows, some with the members of replies."""
+    """Messages of types that nobody knows, some with the members of replies; the first comes while
+    a request waits for its reply, and has its `id`.
+    """
     values = st.none() | st.integers(0, 9) | WORDS
     replies = [reply({"type": kind}, typed=True) or {} for kind in REQUESTS]
     messages = st.builds(
         lambda kind, like, rest: {**like, **rest, "type": f"later_{kind}"},
         *(WORDS, st.sampled_from([{}, *replies]), st.dictionaries(WORDS, values, max_size=4)),
     )
-    connection = trial.greeted("msg")
-    for message in trial.each([WEATHER], messages, quick=5, full=50):
+    connection = asking(trial) if trial.facts.asks_again else trial.greeted("msg")
+    unanswered = requests(trial, connection) if trial.facts.asks_again else []
+    waiting = [request["id"] for request in unanswered if "id" in request]
+    for message in trial.each([WEATHER | {"id": (waiting or [0])[-1]}], messages, quick=5, full=50):
         connection = trial.greeted("msg") if connection.ended else connection
         before = len(connection.packets)
         connection.send(packet(encode(message)))
@@ -204,6 +218,9 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
         outcome = "closes" if connection.ended else "ignores"
         trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
         trial.delivered += 1
+        while unanswered:  # for long, it would be given up (CHN-15)
+            if answer := trial.role.answer(connection, unanswered.pop(0)):
+                trial.role.say(connection, answer)
 
 
 @check(
@@ -286,6 +303,14 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
         trial.expect(trial.comes_back(channel), "it did not come back afterwards")
 
 
+def wordy_error(trial: ClientTrial, code: str, pointer: str, **members: object) -> bytes:
+    """A packet with an `error` of the longest text, which has all that may be escaped, and is."""
+    longest: int = LIMITS["max_message_chars"]
+    text = (ODD_TEXT * longest)[:longest]
+    message = error(code, message=text, pointer=pointer, **members)
+    return packet(spell(message, Random(f"{code} {trial.seed}")).encode())
+
+
 def outcome_of_closing(trial: ClientTrial, connection: Connection, code: str) -> str:
     """What the testee does after an `error` and the end that follows it (NEG-25)."""
     lose(trial, connection, code)
@@ -308,7 +333,7 @@ def check_survives_errors(trial: ClientTrial) -> None:
         if code in CLOSING_ERRORS:
             outcome = outcome_of_closing(trial, connection, code)
         else:
-            outcome = trial.outcome_on_ipc(connection, packet(encode(error(code, pointer="/"))))
+            outcome = trial.outcome_on_ipc(connection, wordy_error(trial, code, "/"))
         trial.judge(outcome, f"an error {code} on the IPC channel")
     if trial.facts.asks and trial.facts.speaks_1_1("msg"):
         trial.role.offers_memory = True
@@ -324,8 +349,8 @@ def check_survives_errors(trial: ClientTrial) -> None:
     may_crash=True,
 )
 def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
-    """An error of each code that nothing asked for, as poses are answered; then one in place of
-    every reply, with the id of the request.
+    """An error of each code that nothing asked for, with an id that no request had; then one in
+    place of every reply, with the id of the request.
     """
     connection = trial.greeted("msg")
     for code in trial.each(CODES, kind=kind_of_code):
@@ -334,7 +359,8 @@ def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
         if code in CLOSING_ERRORS:
             outcome = outcome_of_closing(trial, connection, code)
         else:
-            connection.send(packet(encode(error(code, pointer="/position/x"))))
+            number = LIMITS["max_safe_integer"]
+            connection.send(wordy_error(trial, code, "/position/x", id=number))
             outcome = trial.outcome_on_msg(connection)
         trial.judge(outcome, f"an error {code} on the message channel")
     trial.role.spoil = lambda reply: error("busy", **{n: reply[n] for n in ("id",) if n in reply})

@@ -8,22 +8,24 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_packets import changed
 from splatbus_conformance.checks import check
-from splatbus_conformance.client_trial import PROBES, ClientTrial
+from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.kinds import CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.messages import error
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.recording import Channel
+from splatbus_conformance.returning import PROBES
 from splatbus_conformance.trial import REACTION_SECONDS, SETTLE_SECONDS
 
 LEAST: float = LIMITS["reconnect_min_seconds"]
 MOST: float = LIMITS["reconnect_max_seconds"]
 ENDS = ("close", "reset", "end")
 """How a connection is lost; `end` is a half-close."""
+BAD_LENGTH = "a length that no packet may have"
 SLOW_SECONDS = 10 * LEAST
 """Whoever was away for so long needs no second look: each costs as long."""
 TOMORROW = "a_code_of_tomorrow"
 CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, TOMORROW)
-LOST = (*ENDS, *CLOSING_ERRORS)
+LOST = (*ENDS, BAD_LENGTH, *CLOSING_ERRORS)
 NOWHERE = "splatbus-check-never-was"
 IN_A_ROW = 6
 """Connections one after the other: of each, what the testee does until it closes takes time."""
@@ -31,10 +33,16 @@ TIMES = 8
 """That a hot loop is there at once when a channel accepts again."""
 AT_ONCE_SECONDS = LEAST / 5
 """Whoever leaves LEAST between attempts is there so soon one time of five."""
+LONG_SECONDS = 4.0
+"""For which a channel refuses, so that attempts in a row fail; more fail the sooner they come."""
+LONGEST_SECONDS = 9.0
+LATE_SECONDS = 1.0
+"""By how much more than MOST a testee comes late, whose attempts the harness cannot see."""
 
 
 def lose(trial: ClientTrial, connection: Connection, how: str) -> float:
-    """End a connection in one of the ENDS, or by an `error` of this code; when it began.
+    """End a connection in one of the ENDS, by a BAD_LENGTH, or by an `error` of this code; when it
+    began.
 
     After an error whose code does not close the testee may go on.
     """
@@ -44,6 +52,10 @@ def lose(trial: ClientTrial, connection: Connection, how: str) -> float:
         connection.close()
     elif how == "reset":
         connection.reset()
+    elif how == BAD_LENGTH:
+        connection.send(bytes(4))
+        trial.ends(connection)
+        connection.close()
     elif how in OTHER_ERRORS or how == TOMORROW:
         trial.role.say(connection, error(how))
         trial.ends(connection, REACTION_SECONDS)
@@ -84,7 +96,7 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
     """
     met = [trial.connection(channel) for channel in channels]
     trial.rest(SETTLE_SECONDS)
-    trial.role.welcomes = how in ENDS
+    trial.role.welcomes = how in (*ENDS, BAD_LENGTH)
     lost = [lose(trial, connection, how) for connection in met]
     again = []
     for connection, begun in zip(met, lost, strict=True):
@@ -97,7 +109,7 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
         else:
             trial.delivered += 1
     for connection, _ in again:
-        if how not in ENDS and not trial.says_hello(connection):
+        if not trial.role.welcomes and not trial.says_hello(connection):
             trial.not_observable("the testee said no hello when it came back")
     second = [lose(trial, connection, how) for connection, _ in again]
     trial.role.welcomes = True
@@ -121,19 +133,19 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
     observable="the time between the connections that the testee makes",
 )
 def check_paces_its_attempts(trial: ClientTrial) -> None:
-    """Connections are closed, reset and half-closed, each way twice, on each channel; in 1.1, an
-    `error` comes in place of `welcome`, twice.
+    """Connections are closed, reset, half-closed, and sent a length on which the testee closes
+    them, each way twice, on each channel; in 1.1, an `error` comes in place of `welcome`, twice.
     """
     back = coming_back(trial)
     spoken = [it for it in back if trial.facts.speaks_1_1(it)]
-    for how in trial.each(LOST if spoken else ENDS, kind=way_of_losing, spare=0):
-        channels, what = (back, "a") if how in ENDS else (spoken, "an error")
-        judge_pace(trial, channels, how, f"after {what} {how}")
+    for how in trial.each(LOST if spoken else LOST[:4], kind=way_of_losing, spare=0):
+        channels, what = (spoken, "an error ") if how in CLOSING_ERRORS else (back, "")
+        judge_pace(trial, channels, how, f"after {what}{how}")
 
 
 def way_of_losing(how: str) -> str:
     """Every way but that of an `error` is one of its own, whose code does not matter."""
-    return how if how in ENDS else "error"
+    return "error" if how in CLOSING_ERRORS else how
 
 
 @check(
@@ -211,6 +223,43 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
 
 
 @check(
+    "CHN-21",
+    observable="the time between the connections that follow when the harness listens again",
+    profile="quick",
+)
+def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
+    """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
+    end of its table; they then accept, and each connection is closed as soon as it is made.
+    """
+    channels = coming_back(trial)
+    refuse(trial, channels)
+    trial.rest(LONG_SECONDS)
+    listening = time.monotonic()
+    for channel in channels:
+        trial.peer.listen(channel)
+    for channel in channels:
+        first = after(trial, channel, listening)
+        first.close()
+        again = after(trial, channel, first.opened)
+        apart = again.opened - listening
+        trial.expect(
+            apart >= LEAST,
+            f"after {LONG_SECONDS:g} s in which the {channel} channel refused, two attempts began "
+            f"at most {1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
+        )
+        trial.delivered += 1
+
+
+def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
+    """Refuse on these channels from now on, and lose the connections that there are."""
+    for channel in channels:
+        trial.connection(channel)
+    for channel in channels:
+        trial.peer.refuse(channel)
+    trial.peer.clear()
+
+
+@check(
     "NEG-24",
     observable="the time between the connections that the testee makes",
 )
@@ -228,15 +277,14 @@ def check_pauses_after_errors(trial: ClientTrial) -> None:
     observable="how long after it could connect again the testee does",
 )
 def check_comes_back_soon(trial: ClientTrial) -> None:
-    """Connections are refused for a second (8 in the full profile), then accepted; and lost, in
-    1.1 by an `error`.
+    """Connections are refused until a pause that doubles each time would be too long (for a second
+    in the brief profile), then accepted; and lost, in 1.1 by an `error`.
     """
     channels = coming_back(trial)
-    for channel in channels:
-        trial.connection(channel)
-        trial.peer.refuse(channel)
-    trial.peer.clear()
-    trial.rest(8.0 if trial.thorough else 1.0)
+    lost = lose(trial, trial.connection(channels[0]), "close")
+    usual = after(trial, channels[0], lost).opened - lost
+    refuse(trial, channels)
+    trial.rest(1.0 if trial.profile == "brief" else until_too_long(usual))
     for channel in channels:
         trial.peer.listen(channel)
     for channel in channels:
@@ -250,6 +298,18 @@ def check_comes_back_soon(trial: ClientTrial) -> None:
         before = sum(c.channel == channel for c in trial.peer.connections)
         lose(trial, connection, how)
         _expect_soon(trial, channel, before, f"it was lost ({how})")
+
+
+def until_too_long(first: float) -> float:
+    """When, of pauses of which each is twice the one before, one has just begun that is too long.
+
+    Args:
+        first: of the pauses, in seconds.
+    """
+    pause, began = max(first, LEAST), 0.0
+    while pause < MOST + 1.2 * LATE_SECONDS:
+        began, pause = began + pause, 2 * pause
+    return min(began + LEAST, LONGEST_SECONDS)
 
 
 def _kept(trial: ClientTrial, channel: Channel) -> Connection:
@@ -266,7 +326,7 @@ def _kept(trial: ClientTrial, channel: Channel) -> Connection:
 
 
 def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:
-    came = trial.arrives(channel, MOST + 1.0, before)
+    came = trial.arrives(channel, MOST + LATE_SECONDS, before)
     trial.expect(came, f"no attempt on the {channel} channel within {MOST} s after {when}")
     trial.delivered += 1
 

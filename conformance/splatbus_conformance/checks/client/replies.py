@@ -1,6 +1,7 @@
 """Checks on what a client does with replies (spec 1.0 section 6.2)."""
 
 import json
+from collections import Counter
 
 from splatbus_schemas import LIMITS
 
@@ -11,8 +12,15 @@ from splatbus_conformance.kinds import REPLY_TO, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.trial import ENDING_SECONDS, JITTER_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trial import (
+    EFFECT_SECONDS,
+    ENDING_SECONDS,
+    JITTER_SECONDS,
+    REACTION_SECONDS,
+)
 
+TIMES_AGAIN = 4
+"""Whoever asks for the size so often has read what it asked for in between."""
 BAD_CAMERAS: tuple[Json, ...] = (
     {"position": [0, 0, 0]},
     {"rotation": [0, 0, 0, 1]},
@@ -24,6 +32,9 @@ BAD_CAMERAS: tuple[Json, ...] = (
     {"position": [0, 0, 0], "rotation": [0, 0, 0, 0]},
     {"position": [0, 0, 0], "rotation": [0.5, 0.5, 0, 0]},
     {"position": [0, 0, 0], "rotation": [0, 0, 0, 1, 0]},
+    {"position": [0, 0, 0], "rotation": [0, 0, 1]},
+    {"position": [0, 0, 0], "rotation": []},
+    {"position": None, "rotation": None},
 )
 
 
@@ -34,6 +45,7 @@ def bad_replies(width: int, height: int) -> list[Json]:
     sizes: list[object] = [
         *(None, [width], [width, height, 1], [-width, height], [width + 0.5, height]),
         *([float(width), float(height)], [1e300, 1e300], [str(width), str(height)]),
+        *([None, None], [[width, height]], [True, True]),
         *(f"{width}x{height}", {"w": width, "h": height}, [2**63, 2**64]),
     ]
     return [{}, *({"viewport_size": size} for size in sizes), *BAD_CAMERAS]
@@ -75,6 +87,25 @@ def answer_all(trial: ClientTrial, connection: Connection) -> None:
     for request in requests(trial, connection):
         if answer := trial.role.answer(connection, request):
             trial.role.say(connection, answer)
+
+
+def asked_again(trial: ClientTrial, connection: Connection, times: int = TIMES_AGAIN) -> bool:
+    """Whether all was asked for on this connection, and the size so many times: so often, that the
+    replies to all were read.
+    """
+    made = Counter(message["type"] for message in requests(trial, connection))
+    return made["get_viewport_size"] >= times and made.keys() >= trial.facts.asks
+
+
+def asks_again_and_again(trial: ClientTrial) -> bool:
+    """Whether whole, plain replies, from now on with the size [0,0], make the testee ask on."""
+    nothing = {"viewport_size": [0, 0]}  # the lens of cameras is that of images that there are
+    trial.role.spoil = lambda reply: reply | nothing if "viewport_size" in reply else reply
+    connection = asking(trial)
+    answer_all(trial, connection)
+    seconds = EFFECT_SECONDS if "get_viewport_size" in trial.facts.asks else REACTION_SECONDS
+    trial.wait(lambda: asked_again(trial, connection) or connection.ended, seconds)
+    return asked_again(trial, connection)
 
 
 def outcome_of_reading(trial: ClientTrial, connection: Connection) -> str:
@@ -185,7 +216,10 @@ def _broken_where(bad: Json) -> tuple[object, ...]:
     name = next(iter(bad), "")
     values = str(bad.get(name))
     huge = any(sign in values for sign in ("e+", str(2**64)))
-    return name, bad.get(name, 0) is None, ".0" in values, ".5" in values, huge, len(bad)
+    rotation = bad.get("rotation")
+    numbers = len(rotation) if isinstance(rotation, list) else None
+    none = "None" in values, bad.get(name, 0) is None
+    return name, none, ".0" in values, ".5" in values, huge, len(bad), numbers
 
 
 @check(

@@ -12,13 +12,20 @@ from splatbus_conformance.broken_replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.client.init_packets import for_broken_packet
-from splatbus_conformance.checks.client.replies import answer_all, asking, outcome_of_reading
+from splatbus_conformance.checks.client.replies import (
+    TIMES_AGAIN,
+    answer_all,
+    asked_again,
+    asking,
+    asks_again_and_again,
+    outcome_of_reading,
+)
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.shrinking import without_one
-from splatbus_conformance.spelling import LIBERTIES, Plain, spell, spell_in_utf_8
+from splatbus_conformance.spelling import LIBERTIES, ODD_TEXT, Plain, spell, spell_in_utf_8
 from splatbus_conformance.trial import ENDING_SECONDS, REACTION_SECONDS
 from splatbus_conformance.unknown_members import between_unknown_members, with_unknown_members
 
@@ -90,6 +97,7 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
     only now and then answers them all at one look.
     """
     trial.role.offers_memory = False
+    trial.role.server = {"name": ODD_TEXT, "version": ODD_TEXT[::-1]}
     several = trial.thorough and "reinit" in trial.facts.capabilities()
     for number in itertools.count():
         row = list(itertools.islice(writers, AT_ONCE if several else 1))
@@ -121,8 +129,14 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
         trial.delivered += len(row)
 
 
-def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
-    """Write welcome and replies so, to a request each; the testee must go on."""
+def judge_writers_on_msg(
+    trial: ClientTrial, writers: Iterable[Writer], *, asking_on: bool = True
+) -> None:
+    """Write welcome and replies so, to a request each; the testee must go on, and if `asking_on`,
+    ask again after the size [0,0] and all else, where it does so after plain replies.
+    """
+    times = TIMES_AGAIN if asking_on and asks_again_and_again(trial) else 0
+    trial.role.server = {"name": ODD_TEXT, "version": ODD_TEXT[::-1]}
     for writer in writers:
         written: list[bytes] = []
 
@@ -133,14 +147,14 @@ def judge_writers_on_msg(trial: ClientTrial, writers: Iterable[Writer]) -> None:
         trial.role.encode["msg"] = encode_and_keep
         connection = asking(trial)
         answer_all(trial, connection)
-        dealings = trial.role.with_(connection)
-        trial.wait(lambda: all(map(dealings.count, trial.facts.asks)) or connection.ended)  # noqa: B023
+        trial.wait(lambda: asked_again(trial, connection, times) or connection.ended)  # noqa: B023
+        read = asked_again(trial, connection, times) or not times
         # Poses go on for a while even if reading does not.
         trial.ends(connection, REACTION_SECONDS)
         outcome = outcome_of_reading(trial, connection)
         last = shorten(written[-1].decode(), 400) if written else ""
         what = f"{len(written)} messages on the message channel, the last {last!r}"
-        trial.judge("accepts" if outcome == "ignores" else outcome, what)
+        trial.judge("accepts" if outcome == "ignores" and read else outcome, what)
 
 
 @check(
