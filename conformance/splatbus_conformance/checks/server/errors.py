@@ -8,6 +8,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
 from splatbus_conformance.kinds import CLOSING_ERRORS, NEEDS, OTHER_ERRORS, REPLY_TO
+from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -315,6 +316,35 @@ def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
         trial.not_observable("the server sends no error in answer to a request")
 
 
+@check("NEG-23", observable="that errors about no request have no id", needs=("1.1",))
+def check_errors_about_no_request_name_none(trial: ServerTrial) -> None:
+    """Faults in what is no request, with a member `id` and without one, behind a request that has
+    an id: a client would take such an error for the answer to a request of its own.
+    """
+    plain = [fault.script[4:] for fault in OF_NO_REQUEST]
+    numbered = [it[:-1] + (b',"id":9}' if it != b"{}" else b'"id":9}') for it in plain]
+    connection, errors = trial.greeted("msg"), 0
+    for payload in trial.each([IN_TEXT[0].script[4:], *plain, *numbered]):
+        if connection.ended:
+            connection = trial.greeted("msg")
+        trial.answers(connection)  # a request with an id
+        heard = trial.viewer.with_(connection).heard
+        before = len(heard)
+        connection.send(packet(payload))
+        trial.answers(connection)
+        for error in (it for it in heard[before:] if it.get("type") == "error"):
+            told = f"{shorten(repr(payload))} was answered by the error {show(error)}"
+            trial.expect("id" not in error, f"{told}, which has the id of a request")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error about what is no request")
+
+
+OF_NO_REQUEST = [
+    fault
+    for fault in IN_MESSAGES
+    if fault.channel == "msg" and not any(name.encode() in fault.script for name in REPLY_TO)
+]
 IDS = (0, SAFE, 1, 2**32, 2**53 - 2)
 GOOD: tuple[Json, ...] = (
     VIEWPORT_REQUEST,

@@ -1,9 +1,11 @@
 """Mutants that break NEG: how they guard their token."""
 
 import math
+import time
 from typing import Any
 
-from splatbus_server import settings
+from splatbus_schemas import LIMITS
+from splatbus_server import api, settings
 from splatbus_server.connection import Connection
 from splatbus_wire import negotiation
 from splatbus_wire.messages import ErrorMessage, Welcome
@@ -103,3 +105,22 @@ def server_is_steered_without_a_token(patch: Patch) -> None:
             original(self, message)
 
     wrap(patch, Connection, "send", send)
+
+
+@mutant(
+    "NEG-17",
+    check="check_listens_on_loopback_without_a_token",
+    reason="and requires no token",
+)
+def server_listens_to_everybody_late(patch: Patch) -> None:
+    """The same, once it has loaded for longer than five seconds."""
+    server_listens_to_everybody(patch)
+
+    def listen(original: Any, host: str, port: int) -> Any:
+        if not loaded:
+            loaded.append(host)
+            time.sleep(LIMITS["close_seconds"] + 0.5)
+        return original(host, port)
+
+    loaded: list[str] = []
+    wrap(patch, api, "listen", listen)
