@@ -9,6 +9,7 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance import controls
 from splatbus_conformance.device_memory import Device
+from splatbus_conformance.kinds import REPLIES
 from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
@@ -236,11 +237,11 @@ class ServerTrial(Trial):
         """Deliver scripts on an IPC connection; the control is that images still follow the camera,
         or, where none can, that the connection stays open.
 
-        Returns `ignores`, `reports`, `closes` (and a new connection is served), `exits`, `dies` or
-        `hangs`.
+        Returns `ignores`, `reports`, `replies`, `closes` (and a new connection is served),
+        `exits`, `dies` or `hangs`.
         """
         dealings = self.viewer.with_(connection)
-        errors = len(dealings.errors())
+        errors, before = len(dealings.errors()), len(dealings.heard)
         for script in scripts:
             connection.send(script)
         if dealings.memory is not None and "frames" in dealings.granted:
@@ -250,6 +251,8 @@ class ServerTrial(Trial):
             goes_on = not connection.ended
         if goes_on and not connection.ended:
             self.delivered += 1
+            if any(it.get("type") in REPLIES for it in dealings.heard[before:]):
+                return "replies"
             return "reports" if len(dealings.errors()) > errors else "ignores"
         return self.end_of(connection)
 

@@ -92,6 +92,23 @@ def check_bad_length_closes(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("FRM-3", observable="the server closes the connection", may_crash=True)
+def check_bad_length_closes_later(trial: ServerTrial) -> None:
+    """The same on connections that have been served: a request was answered, or `hello` was."""
+    greets = trial.facts.welcome["msg"] is not None
+    served: list[tuple[Channel, bool]] = [("msg", False)]
+    served += [("msg", True), ("ipc", True)] if greets else []
+    for (channel, greeted), length in trial.each(list(itertools.product(served, BAD_LENGTHS))):
+        connection = trial.greeted(channel) if greeted else trial.dial(channel)
+        if channel == "msg":
+            trial.expect(trial.answers(connection), "no reply on the message channel")
+        connection.send(length.to_bytes(4, "little"))
+        outcome = trial.end_of(connection)
+        connection.close()
+        trial.judge(outcome, f"{BadHeader(channel, length)} on a connection that was served")
+        trial.delivered += 1
+
+
 TEXTS: tuple[Json, ...] = (
     VIEWPORT_REQUEST,
     VIEWPORT_REQUEST | {"note": "é, Ω, 中, 🙂\u2028"},

@@ -19,9 +19,11 @@ from splatbus_conformance.values import show
 Writer = Callable[[Json, Random], bytes]
 SEEDS = st.integers(0, 2**32 - 1)
 POSES_ON_A_CONNECTION = 10
-SAME = ("type", "id", "position", "rotation", "t")
+SAME = ("type", "id", "position", "rotation", "t", "viewport_size")
 """Members of a reply that stay what they are from one time to the next."""
-TAGS = ("t", "t" * 64, "7c1f-41")
+TAGS = ("t", "t" * 64, "7c1f-41", '"\\/\b\f\n\r\t', "\x00\x1f\x7f\u2028", "é中🙂", "🙂" * 64)
+CLIENT = {"name": TAGS[3], "version": TAGS[5]}
+"""Whose name is made of what has escapes of its own, or needs several."""
 REQUESTS_1_1: tuple[Json, ...] = (
     *({**request, "id": number} for number, request in enumerate(REQUESTS)),
     {"type": "get_scene", "id": 0},
@@ -47,7 +49,10 @@ def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, ful
     plainly: dict[bytes, Json] = {}
     asking = [(trial.dial("msg"), REQUESTS)]
     if trial.facts.welcome["msg"] is not None and not trial.facts.alone["msg"]:
-        asking.append((trial.greeted("msg"), REQUESTS_1_1))
+        width, height = trial.facts.size
+        same: Json = {"type": "set_viewport", "width": width, "height": height, "id": 1}
+        sized = (same,) if width and height else ()  # which changes nothing
+        asking.append((trial.greeted("msg"), (*REQUESTS_1_1, *sized)))
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
         connection, requests = asking[number % len(asking)]
         request = requests[number // len(asking) % len(requests)]
@@ -96,7 +101,7 @@ def judge_writer_on_ipc(trial: ServerTrial, writer: Writer, quick: int, full: in
         connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         trial.viewer.encode = encode_and_keep
-        trial.viewer.greet(connection)
+        trial.viewer.greet(connection, client=CLIENT)
         taken = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
         if dealings.welcome and trial.facts.renders:
             trial.wait(lambda: dealings.frames or connection.ended)  # noqa: B023
