@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.text import REQUESTS, shown
 from splatbus_conformance.lenient_json import read
-from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.packets import packet
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.spelling import spell
@@ -74,7 +74,9 @@ def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, ful
 
 
 def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
-    """Write poses so; each must be shown by a frame. Of a server of 1.1 half of them have tags."""
+    """Write poses so; each must be shown by a frame. Of a server of 1.1 half of them have tags, and
+    intrinsics where that server grants them.
+    """
     steering, poser = Steering(trial), trial.dial("msg")
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
         pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
@@ -83,6 +85,8 @@ def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: 
             poser.close()
             poser = trial.greeted("msg") if tags else trial.dial("msg")
         pose |= {"tag": TAGS[number % len(TAGS)]} if tags else {}
+        if "intrinsics" in trial.viewer.with_(poser).granted and trial.facts.size != (0, 0):
+            pose |= {"intrinsics": intrinsics(*trial.facts.size)}
         payload = writer(pose, Random(seed))
         trial.judge(steering.takes(poser, pose, payload), f"the pose {shown(payload)}")
 
