@@ -1,5 +1,6 @@
 """Mutants that misread some spelling, or some values, and are right about all others."""
 
+import json
 import re
 from collections.abc import Callable
 from typing import Any
@@ -94,6 +95,21 @@ def server_takes_strings_for_indices_after_hello(patch: Patch) -> None:
     """Takes the text of an index for the index, of a client of 1.1."""
     index = re.compile(rb'("cam_idx":)"(-?[0-9]+)"')
     _reads(patch, lambda payload: index.sub(rb"\1\2", payload) if b'"id"' in payload else payload)
+
+
+@mutant("JSN-8", check="check_does_not_release_by_broken_text", reason="another frame came")
+def server_releases_by_any_text(patch: Patch) -> None:
+    """Reads what says `release` as leniently as its library does: names twice, and NaN."""
+
+    def lenient(payload: bytes) -> bytes:
+        try:
+            message = json.loads(payload)
+            named = {name: message[name] for name in ("type", "generation", "seq")}
+        except (ValueError, LookupError, TypeError):
+            return payload
+        return json.dumps(named).encode() if named["type"] == "release" else payload
+
+    _reads(patch, lenient)
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", reason="the testee closed the connection")
