@@ -266,7 +266,8 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
         heard = trial.viewer.with_(connection).heard
         if channel == "msg":
             if not trial.facts.alone["msg"]:
-                trial.move()  # another client has control
+                trial.move()  # another client has control, once it is answered
+                trial.answers(trial.mover())
             asked = ({"type": "get_viewport_size", "id": 5}, {"type": "ping", "t": 0})
             for message in (*asked, camera_pose() | {"tag": ""}):
                 trial.viewer.say(connection, message)
