@@ -8,6 +8,8 @@ from typing import NamedTuple
 from splatbus_schemas import LIMITS
 
 HEADER = 4
+CROWD_BYTES = 1024
+"""So much at once is a write of many packets, or of long ones, which the system has divided."""
 
 
 class Packet(NamedTuple):
@@ -21,7 +23,10 @@ class Packet(NamedTuple):
     ended: float
     """When the last byte of the payload arrived."""
     header_apart: bool
-    """The header arrived alone, and the payload after it (FRM-7)."""
+    """The header arrived alone, or behind little else, and the payload after it (FRM-7).
+
+    Where a write of many packets is divided, a part of it ends with a header by chance.
+    """
 
 
 def packet(payload: bytes) -> bytes:
@@ -66,7 +71,8 @@ class Splitter:
             if not LIMITS["min_payload_bytes"] <= length <= LIMITS["max_payload_bytes"]:
                 self.refused = self.offset
             elif len(rest) < end:
-                self._header_apart = self._header_apart or len(rest) - at == HEADER
+                alone = len(rest) - at == HEADER and len(data) < CROWD_BYTES
+                self._header_apart = self._header_apart or alone
                 break
             else:
                 payload = bytes(rest[at + HEADER : end])

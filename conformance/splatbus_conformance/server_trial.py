@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance import controls
 from splatbus_conformance.device_memory import Device
-from splatbus_conformance.lenient_json import read
+from splatbus_conformance.kinds import REPLIES
 from splatbus_conformance.messages import Json, camera_pose
+from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection, Peer
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import GONE_SECONDS, ServerFacts, reach
@@ -18,11 +20,7 @@ from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, T
 from splatbus_conformance.values import finites, within
 from splatbus_conformance.viewer import Viewer
 
-VIEWPORT_REQUEST: Json = {"type": "get_viewport_size"}
-CAMERA_REQUEST: Json = {"type": "get_camera_pose", "cam_idx": 0}
-VIEWPORT = VIEWPORT_REQUEST["type"].encode()
-SIGNS = {"get_viewport_size": "viewport_size", "get_camera_pose": "position"}
-"""What only the reply to each has."""
+VIEWPORT_REQUEST = controls.VIEWPORT_REQUEST
 STEP = 2.0**-4
 """How far apart the places are where a trial poses the camera, in scene units."""
 GREETINGS = 10
@@ -190,14 +188,17 @@ class ServerTrial(Trial):
         self.wait(lambda: len(heard) > before or connection.ended)
         return heard[before] if len(heard) > before else None
 
-    def answers(self, connection: Connection, request: Json = VIEWPORT_REQUEST) -> bool:
+    def answers(self, connection: Connection) -> bool:
         """Whether the server answers a good request on this connection: the positive control."""
-        packets = len(connection.packets)
-        self.viewer.say(connection, request)
+        return self._is_answered(connection, [controls.one(self.viewer.with_(connection).welcome)])
+
+    def _is_answered(self, connection: Connection, requests: list[Json]) -> bool:
+        heard = self.viewer.with_(connection).heard
+        before = len(heard)
+        connection.send(b"".join(packet(self.viewer.encode(request)) for request in requests))
 
         def came() -> bool:
-            values = (read(packet.payload).value or {} for packet in connection.packets[packets:])
-            return any(SIGNS[request["type"]] in value for value in values)
+            return controls.are_answered(requests, heard[before:])
 
         self.wait(lambda: came() or connection.ended)
         self.delivered += came()
@@ -213,35 +214,35 @@ class ServerTrial(Trial):
         super().judge(outcome, what)
 
     def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
-        """Deliver scripts on a message connection, then a good request as the control, whose reply
-        cannot be one to them.
+        """Deliver scripts on a message connection, then good requests as the control, for whose
+        replies none to the scripts can be taken.
 
-        Returns `ignores` (the good request was answered, and nothing else), `reports` (so was the
+        Returns `ignores` (the good requests were answered, and nothing else), `reports` (so was the
         script, by an `error`), `replies` (by something else), `closes` (and a new connection is
         served), `exits`, `dies` or `hangs`.
         """
-        heard = self.viewer.with_(connection).heard
-        before = len(heard)
+        dealings = self.viewer.with_(connection)
+        before = len(dealings.heard)
         for script in scripts:
             connection.send(script)
-        taken_amiss = any(VIEWPORT in script for script in scripts)
-        answered = self.answers(connection, CAMERA_REQUEST if taken_amiss else VIEWPORT_REQUEST)
-        said = [message.get("type") for message in heard[before:]]
-        if answered:
-            if len(said) == 1:
+        requests = controls.both(dealings.welcome)
+        if self._is_answered(connection, requests):
+            said = [message.get("type") for message in dealings.heard[before:]]
+            if len(said) == len(requests):
                 return "ignores"
-            return "reports" if all(kind == "error" for kind in said[:-1]) else "replies"
+            is_error = [kind == "error" for kind in said]
+            return "reports" if sum(is_error) == len(said) - len(requests) else "replies"
         return self.end_of(connection, LATE_SECONDS)  # it was waited for while an answer was
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
         """Deliver scripts on an IPC connection; the control is that images still follow the camera,
         or, where none can, that the connection stays open.
 
-        Returns `ignores`, `reports`, `closes` (and a new connection is served), `exits`, `dies` or
-        `hangs`.
+        Returns `ignores`, `reports`, `replies`, `closes` (and a new connection is served),
+        `exits`, `dies` or `hangs`.
         """
         dealings = self.viewer.with_(connection)
-        errors = len(dealings.errors())
+        errors, before = len(dealings.errors()), len(dealings.heard)
         for script in scripts:
             connection.send(script)
         if not self._is_told_of_memory(connection):
@@ -253,6 +254,8 @@ class ServerTrial(Trial):
             goes_on = not connection.ended
         if goes_on and not connection.ended:
             self.delivered += 1
+            if any(it.get("type") in REPLIES for it in dealings.heard[before:]):
+                return "replies"
             return "reports" if len(dealings.errors()) > errors else "ignores"
         return self.end_of(connection)
 

@@ -14,7 +14,7 @@ from splatbus_conformance.photographer import AT_REST, Photographer
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.server_introduction import DEFAULT
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.stress import Pose
 from splatbus_conformance.watching import fell_silent
 
@@ -128,12 +128,7 @@ def elsewhere(trial: ServerTrial) -> Pose:
 
 def answers(trial: ServerTrial, connection: Connection) -> bool:
     """Whether a request on this connection is answered by its reply, after what was said before."""
-    replies = trial.replies(connection)
-    before = len(replies)
-    trial.viewer.say(connection, VIEWPORT_REQUEST)
-    return trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended) and (
-        not connection.ended
-    )
+    return trial.answers(connection) and not connection.ended
 
 
 def further(trial: ServerTrial, *others: Connection) -> Connection:

@@ -30,6 +30,8 @@ from splatbus_wire.messages import (
 from splatbus_wire.negotiation import answer_hello
 
 REQUESTS = ("get_viewport_size", "get_camera_pose")
+REQUESTS_1_1 = (*REQUESTS, "get_scene", "set_viewport", "ping")
+"""What an `error` answers that has an `id`: one about a pose, say, answers no request [NEG-23]."""
 LINGER_SECONDS: float = LIMITS["last_words_seconds"]
 """How long a connection that the server ends is still read from, so that the last packet arrives:
 closing a socket with unread input resets it, and a reset discards what the peer has not read
@@ -247,7 +249,8 @@ class Connection:
         if self.welcome is None and not self._is_of_1_0 and kind == "hello":
             self.send(_error(error.code, str(error), error.pointer))
             self.end("a hello that breaks NEG-2 [NEG-35]", now)
-        self._send_error(error.code, str(error), error.pointer, request)
+        is_request = self.channel == "message" and kind in REQUESTS_1_1
+        self._send_error(error.code, str(error), error.pointer, request if is_request else None)
         return Refusal(error.code, str(error))
 
     def _send_error(

@@ -92,10 +92,11 @@ class Memory:
         self.ring = Ring(readers)
         self._readers = readers
         self._semantics = semantics
-        self.publisher = Publisher(width, height, semantics.depth_empty)
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
         self._remove = weakref.finalize(self, _remove_if_owner, segment, os.getpid())
+        # Only now: what it writes to for itself takes seconds for a size that cannot be had.
+        self.publisher = Publisher(width, height, semantics.depth_empty)
         memory = HostMemory(segment.name, size)
         self.init_packet = InitPacket(
             width, height, None, VERSION, generation, memory, layout, semantics

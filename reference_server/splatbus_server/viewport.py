@@ -106,6 +106,8 @@ class Viewport:
         made = change.outcome
         if isinstance(made, OSError):
             return Refusal("unsupported", made.strerror or str(made))
+        if isinstance(made, MemoryError):
+            return Refusal("unsupported", str(made) or "there is no memory for such images")
         if isinstance(made, Exception):
             log.error("a defect of this server", exc_info=made)
             return Refusal("internal", "a defect of this server")

@@ -54,6 +54,14 @@ def test_a_header_alone_is_noticed_for_the_packet_that_it_heads() -> None:
     assert not whole.header_apart
 
 
+def test_a_write_of_many_packets_may_be_divided_behind_a_header() -> None:
+    splitter = Splitter()
+    many = packet(b"ab") * 1000
+    (*_, last) = splitter.feed(many[:-2], 1.0) + splitter.feed(many[-2:], 2.0)
+    assert last.ended == 2.0
+    assert not last.header_apart
+
+
 def test_a_bad_length_ends_the_splitting_and_costs_no_memory() -> None:
     for length in (0, LIMITS["max_payload_bytes"] + 1):
         splitter = Splitter()

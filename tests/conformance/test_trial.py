@@ -12,6 +12,7 @@ from splatbus_conformance.script import Case
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.trial import Trial
+from splatbus_conformance.viewer import Dealings
 from splatbus_schemas.requirements import requirements
 
 LISTED = range(100, 110)
@@ -96,17 +97,18 @@ def test_what_an_ended_testee_had_begun_is_not_taken_for_its_successors(trial, t
         trial.testee.close()
 
 
+SIZE, CAMERA = {"viewport_size": [64, 48]}, {"position": [0.0, 0.0, 0.0]}
+
+
 @pytest.mark.parametrize(
-    ("script", "control"),
-    [
-        ({"type": {"type": "get_viewport_size"}}, "get_camera_pose"),
-        ({"type": "get_camera_pose"}, "get_viewport_size"),
-    ],
+    ("before", "outcome"),
+    [([], "ignores"), ([SIZE], "replies"), ([CAMERA], "replies"), ([{"type": "error"}], "reports")],
 )
-def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(script, control) -> None:
-    asked = []
+def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, outcome) -> None:
+    dealings = Dealings()
     trial = object.__new__(ServerTrial)
-    trial.viewer = SimpleNamespace(with_=lambda connection: SimpleNamespace(heard=[]))
-    trial.answers = lambda connection, request: not asked.append(request["type"])
-    trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), encode(script))
-    assert asked == [control]
+    trial.delivered = 0
+    trial.viewer = SimpleNamespace(with_=lambda connection: dealings, encode=encode)
+    trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
+    assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
+    assert trial.delivered == 1

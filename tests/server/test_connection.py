@@ -283,6 +283,17 @@ def test_what_is_no_id_is_not_sent_back(identifier: object) -> None:
     assert "id" not in error
 
 
+@pytest.mark.parametrize("channel", ["message", "ipc"])
+@pytest.mark.parametrize("kind", ["camera_pose", "set_time", "weather", None, ["ping"]])
+def test_an_error_about_no_request_has_no_id(channel: Channel, kind: object) -> None:
+    """[NEG-23]: a client would take it for the answer to its request."""
+    connection = greeted(channel)
+    events(connection, packet({"type": kind, "id": 7}))
+    (error,) = sent(connection)
+    assert error["type"] == "error"
+    assert "id" not in error
+
+
 def test_a_second_hello_is_refused_and_the_first_stays() -> None:
     """[NEG-3]"""
     connection = greeted("ipc", "frames")

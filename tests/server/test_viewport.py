@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from splatbus_schemas import LIMITS
+from splatbus_server import memory
 from splatbus_server.memory import Memory
 from splatbus_wire.messages import Closed
 
@@ -50,6 +51,23 @@ def test_all_are_told_of_the_size_and_the_old_memory_is_freed(stage: Stage) -> N
     view = stage.view()
     assert view is not None
     assert (view.width, view.height, view.generation) == (8, 6, 2)
+
+
+@pytest.mark.parametrize("error", [OSError(28, "none left"), MemoryError()])
+def test_a_size_that_cannot_be_had_is_refused_before_more_is_made(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """[VPT-2]: what an image is converted in takes long to make for the largest size."""
+    made: list[tuple[int, int]] = []
+
+    def create(size: int) -> None:
+        raise error
+
+    monkeypatch.setattr(memory.shared_memory, "create", create)
+    monkeypatch.setattr(memory, "Publisher", lambda *size: made.append(size))
+    assert change(stage, stage.steerer())["code"] == "unsupported"
+    assert made == []
+    assert stage.exchange.memory is stage.memory
 
 
 def test_the_size_that_images_have_is_no_change(stage: Stage) -> None:

@@ -25,6 +25,8 @@ AGAIN = 20
 """How often a client that has no control poses."""
 NEWEST_TAG = "heir 2"
 POSED = "posed the camera"
+ENDS = ("reset its connection", "sent a header that is none")
+"""How a client may go that does not close."""
 AFTERWARDS = (POSED, "moved the Gaussians alone")
 """What may end what a client has left behind, and must not need to."""
 
@@ -50,6 +52,17 @@ def controlling(trial: ServerTrial) -> Connection:
         trial.expect(not alone, "the only client that there is was told busy")
         trial.not_observable("no connection is given control")
     return found
+
+
+def leave(client: Connection, how: str) -> None:
+    """End the connection of a client, or give the server cause to (FRM-3)."""
+    if how == ENDS[0]:
+        client.reset()
+    elif how == ENDS[1]:
+        client.send(bytes(4))
+        client.end_stream()
+    else:
+        client.close()
 
 
 def in_control(trial: ServerTrial) -> Connection | None:
@@ -156,7 +169,13 @@ def check_tells_it_once(trial: ServerTrial) -> None:
     first = controlling(trial)
     others = [further(trial, first) for _ in range(2)]
     old = trial.dial("msg")
+    stranger = {"type": "weather_report"}
+    if _grants(trial, "objects"):
+        stranger = placed("no such object", AT_REST)
     for number in trial.each(range(AGAIN)):
+        if number == 1:  # another error is no reason to say it again
+            for other in others:
+                trial.viewer.say(other, stranger)
         for place, other in enumerate((*others, old), 2):
             for pose in poses(trial, place + number / 16).values():
                 trial.viewer.say(other, pose)
@@ -323,7 +342,9 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
     if not (has_lens or span):
         trial.not_observable("the server grants neither intrinsics nor time")
     odd = 0.0 if span is None else span[0] + 0.3718281828 * (span[1] - span[0])
-    for speaks, moment in trial.each(list(itertools.product(("1.0", "1.1"), AFTERWARDS))):
+    cases = [(*case, "closed") for case in itertools.product(("1.0", "1.1"), AFTERWARDS)]
+    cases += [("1.1", moment, end) for moment, end in zip(AFTERWARDS, ENDS, strict=True)]
+    for speaks, moment, end in trial.each(cases):
         trial.peer.close_all()
         it = Studio(trial)
         sets = it.look(
@@ -337,12 +358,12 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
         if moment == POSED:
             trial.viewer.say(heir, camera_pose((0.5, 0.25, -1.5)))
             trial.answers(heir)
-        it.poser.close()
+        leave(it.poser, end)
         nudges = Nudges(trial, it.frames, it.photographer.new)
         if not nudges.shown(heir):
             trial.violated("control did not pass on: no frame shows what the next client moved")
         seen = it.frames[-1]
-        what = f"its client had closed, and a client of {speaks} had {moment}:"
+        what = f"its client had {end}, and a client of {speaks} had {moment}:"
         wrong = in_force(seen, own)
         trial.expect(not (has_lens and wrong), f"{what} of intrinsics {wrong}")
         stays = span and seen.get("time") == sets.frame["time"]

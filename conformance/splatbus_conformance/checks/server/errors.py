@@ -49,6 +49,7 @@ IN_TEXT = [
         "a brace": b"{",
         "an array": b"[1]",
         "a number that is not finite": b'{"type":"camera_pose","timestamp":1e999}',
+        "such a number with an odd name": b'{"type":"camera_pose","~":{"a/b~":1e999}}',
     }.items()
 ]
 IN_MESSAGES = [
@@ -190,7 +191,19 @@ def check_refuses_broken_hellos(trial: ServerTrial) -> None:
 
 
 BAD_MEMBERS: dict[str, tuple[Any, ...]] = {
-    "versions": (None, [], "1.1", [1.1], ["1.1"] * 17, ["1.01"], ["1.1", "v" * 65]),
+    "versions": (
+        None,
+        [],
+        "1.1",
+        [1.1],
+        ["1.1"] * 17,
+        ["1.01"],
+        ["01.1"],
+        ["1.1", "v" * 65],
+        ["1.1\n"],
+        ["1.1 "],
+        ["١.١"],
+    ),
     "client": (None, "me", {"name": "me"}, {"name": 1, "version": "1"}),
     "capabilities": (None, {}, [1], ["a", "a"], ["c" * 65], "frames"),
 }
@@ -214,7 +227,7 @@ def check_goes_on_after_an_error(trial: ServerTrial) -> None:
         trial.expect(goes_on or not codes, f"{told} the connection did not go on")
         errors += len(codes)
         connection.close()
-    errors += one_too_many_poses(trial)
+    errors += one_too_many_poses(trial) + too_many_faults(trial)
     if not errors:
         trial.not_observable("the server sends no error after which a connection goes on")
 
@@ -229,6 +242,26 @@ def one_too_many_poses(trial: ServerTrial) -> int:
     goes_on = outcome in ("ignores", "reports", "replies")
     trial.expect(goes_on or not codes, f"a second client: error {codes}, then nothing went on")
     return len(codes)
+
+
+def too_many_faults(trial: ServerTrial) -> int:
+    """The same fault again and again on one connection of each channel."""
+    errors = 0
+    for channel in CHANNELS:
+        connection = trial.ready(channel)
+        dealings = trial.viewer.with_(connection)
+        outcome = trial.outcome(connection, packet(encode({"type": "weather_report"})) * MANY)
+        codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
+        goes_on = outcome in ("ignores", "reports", "replies")
+        told = f"{channel}: after {len(codes)} errors about {MANY} unknown types"
+        trial.expect(goes_on or not codes, f"{told} the connection did not go on")
+        errors += len(codes)
+        connection.close()
+    return errors
+
+
+MANY = 200
+"""Messages that are wrong, of a client that is of a later version, say."""
 
 
 @check("NEG-32", observable="the error that a rotation is answered with", needs=("1.1",))

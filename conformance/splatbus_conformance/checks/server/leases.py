@@ -1,9 +1,14 @@
 """Checks on leases: what readers do with them, and what a server may make of it (section 5.2)."""
 
+import time
+
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.broken_text import broken_texts
 from splatbus_conformance.checks import check
+from splatbus_conformance.messages import Json
+from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.photographer import Photographer
 from splatbus_conformance.photographs import Photograph
@@ -22,6 +27,8 @@ from splatbus_conformance.watching import (
 
 SAFE: int = LIMITS["max_safe_integer"]
 GLANCE_SECONDS = 0.05
+SPARE = 6
+"""Broken texts that the quick profile delivers beside one of each kind."""
 MOST_READERS = 24
 """Readers that a check connects at most, where a server takes them all."""
 MOST_LEASES = 64
@@ -224,3 +231,50 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
         trial.delivered += 1
         return
     trial.not_observable(f"it serves {MOST_READERS} readers at a time")
+
+
+@check(
+    "JSN-8",
+    observable="that no frame follows such a release, and one follows a good one",
+    needs=LENDS,
+    may_crash=True,
+)
+def check_does_not_release_by_broken_text(trial: ServerTrial) -> None:
+    """A `release` whose text breaks JSN-1 to JSN-5, while a newer image is to be had."""
+    connection, held, pace = _taking_turns(trial)
+    kinds = [text.kind for text in broken_texts(_receipt(held))]
+    for place in trial.each(range(len(kinds)), kind=kinds.__getitem__, spare=SPARE):
+        if connection.ended:
+            connection, held, pace = _taking_turns(trial)
+        frames, text = frames_of(trial, connection), broken_texts(_receipt(held))[place]
+        before, pose = len(frames), trial.move()
+        connection.send(packet(text.payload))
+        trial.rest(GLANCE_SECONDS + 2 * pace)
+        told = f"a release with {text.what} ({text.requirement})"
+        trial.expect(len(frames) == before, f"{told}: another frame came")
+        if connection.ended:
+            continue  # as it may be
+        trial.viewer.release(connection, held)
+        seen = following(trial, connection, pose)
+        if seen is None:
+            trial.judge(trial.fate() or ("closes" if connection.ended else "hangs"), told)
+            continue
+        held = seen
+        trial.delivered += 1
+
+
+def _taking_turns(trial: ServerTrial) -> tuple[Connection, Json, float]:
+    """A new reader, the frame that it holds, and the seconds that passed from the release of the
+    one before to it.
+    """
+    connection, held = holding(trial)
+    pose, began = trial.move(), time.monotonic()
+    trial.viewer.release(connection, held)
+    newer = following(trial, connection, pose)
+    if newer is None:
+        trial.not_observable("no frame follows a release")
+    return connection, newer, time.monotonic() - began
+
+
+def _receipt(held: Json) -> Json:
+    return {"type": "release", "generation": held["generation"], "seq": held["seq"]}

@@ -1,12 +1,14 @@
 """Checks on how a server answers `hello` (spec 1.1 sections 2.1 to 2.3)."""
 
 from itertools import combinations
+from typing import Any
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.kinds import CAPABILITIES, CLIENT_1_0, CLIENT_1_1
+from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -68,7 +70,9 @@ def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
     known = st.lists(st.sampled_from(speaks), min_size=1, unique=True)
     lists = st.tuples(known, strangers).flatmap(lambda both: st.permutations(both[0] + both[1]))
     drawn = st.tuples(CHANNEL, lists)
-    for number, (channel, versions) in enumerate(trial.each(drawn=drawn, quick=25, full=1000)):
+    most = [f"4000.{number}" for number in range(LIMITS["max_versions"] - 1)]
+    listed: list[tuple[Channel, list[str]]] = [(it, [*most, speaks[0]]) for it in CHANNELS]
+    for number, (channel, versions) in enumerate(trial.each(listed, drawn, quick=25, full=1000)):
         first = next(version for version in versions if version in speaks)
         client = CLIENTS[number % len(CLIENTS)]
         found = named(trial, channel, versions, client=client)
@@ -76,6 +80,24 @@ def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
         what += f" to {show(client)}"
         trial.expect(found is not None, f"{what}, and it sent no welcome")
         trial.expect(found == first, f"{what}, and welcome names {found}")
+        trial.delivered += 1
+
+
+@check("NEG-6", observable="the welcome after other messages", needs=("1.1",))
+def check_answers_a_hello_that_comes_late(trial: ServerTrial) -> None:
+    """Something else comes before `hello`: what is answered, and what is ignored."""
+    unknown = {"type": "weather_report"}
+    before: list[tuple[Channel, Json]] = [("ipc", unknown), ("msg", unknown)]
+    before += [("msg", {"type": "get_viewport_size"}), ("msg", camera_pose())]
+    for channel, message in trial.each(before if trial.viewer.token is None else before[:1]):
+        connection = trial.before_hello(channel)
+        dealings = trial.viewer.with_(connection)
+        trial.viewer.say(connection, message)
+        trial.viewer.greet(connection)
+        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+        what = f"{channel}: a hello behind a message of type {message['type']}"
+        trial.expect(dealings.welcome, f"{what} had no welcome")
+        connection.close()
         trial.delivered += 1
 
 
@@ -157,7 +179,8 @@ def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
     unknown = st.text(CHARACTERS, max_size=longest).filter(lambda name: name not in ON_IPC)
     names = st.lists(unknown, min_size=1, max_size=most - len(offered), unique=True)
     orders = names.flatmap(lambda strange: st.permutations([*strange, *offered]))
-    for capabilities in trial.each(drawn=orders, quick=10, full=500):
+    all_there_may_be = [f"later {number}" for number in range(most - len(offered))] + [*offered]
+    for capabilities in trial.each([all_there_may_be], orders, quick=10, full=500):
         what = f"a hello that lists {len(capabilities) - len(offered)} unknown capabilities"
         connection, answer = trial.answered("ipc", capabilities=capabilities)
         trial.expect(answer and answer["type"] == "welcome", f"{what} was given no welcome")
@@ -179,11 +202,35 @@ def check_ignores_unknown_types(trial: ServerTrial) -> None:
     values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)
     messages = st.builds(lambda kind, rest: {**rest, "type": kind}, names, values)
     ready: dict[Channel, Connection] = {}
-    for channel, message in trial.each(drawn=st.tuples(CHANNEL, messages), quick=30, full=1500):
+    listed: list[tuple[Channel, Json]] = [
+        *((channel, {"type": kind}) for channel in CHANNELS for kind in NO_TYPES),
+        *(("ipc", message) for message in (*OF_MSG, camera_pose())),
+        *(("msg", message) for message in OF_IPC),
+    ]
+    drawn = st.tuples(CHANNEL, messages)
+    for channel, message in trial.each(listed, drawn, quick=30, full=1500):
         if channel not in ready or ready[channel].ended:
             ready[channel] = trial.ready(channel)
         outcome = trial.outcome(ready[channel], packet(encode(message)))
-        trial.judge(outcome, f"a message of type {message['type']!r} on the {channel} channel")
+        kind = shorten(repr(message["type"]))
+        trial.judge(outcome, f"a message of type {kind} on the {channel} channel")
+
+
+NO_TYPES: tuple[Any, ...] = (
+    *(None, 5, [], ["get_viewport_size"], {}, {"type": "ping"}),
+    *("t" * 10_000, "🙂" * 2000),
+)
+OF_MSG: tuple[Json, ...] = (
+    {"type": "get_viewport_size"},
+    {"type": "get_camera_pose", "cam_idx": 0},
+    {"type": "ping", "t": 0},
+)
+OF_IPC: tuple[Json, ...] = (
+    *({"type": kind, "generation": 1} for kind in ("opened", "closed")),
+    {"type": "open_failed", "generation": 1, "reason": "none"},
+    {"type": "release", "generation": 1, "seq": 0},
+)
+"""Of the other channel: on this one their type is not known."""
 
 
 @check("NEG-10", observable="the error, and the end of the connection", needs=("1.1",))
@@ -219,11 +266,18 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
         trial.expect(listed == [], f"{channel}: welcome names 1.0 and lists {show(listed)}")
         heard = trial.viewer.with_(connection).heard
         if channel == "msg":
-            for request in ({"type": "get_viewport_size", "id": 5}, {"type": "ping", "t": 0}):
-                trial.viewer.say(connection, request)
+            if not trial.facts.alone["msg"]:
+                trial.move()  # another client has control, once it is answered
+                trial.answers(trial.mover())
+            asked = ({"type": "get_viewport_size", "id": 5}, {"type": "ping", "t": 0})
+            for message in (*asked, camera_pose() | {"tag": ""}):
+                trial.viewer.say(connection, message)
             answered = trial.answers(connection)
             trial.expect(answered, "msg: a client that speaks 1.0 is not answered")
-            odd = [it for it in heard[1:] if set(it) != {"viewport_size"}]
+            trial.viewer.say(connection, camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)))
+            trial.answers(connection)  # or it is closed, as it may be (POS-6)
+            of_1_1 = {"type", "id"}  # other members may be there, which nobody knows (JSN-7)
+            odd = [it for it in heard[1:] if "viewport_size" not in it or of_1_1 & set(it)]
             trial.expect(not odd, f"msg: a client that speaks 1.0 was sent {show(odd[:1])}")
         else:
             trial.rest(REACTION_SECONDS)

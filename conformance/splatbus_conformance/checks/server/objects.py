@@ -244,6 +244,44 @@ def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
         it.look(placed(DEFAULT, AT_REST))
 
 
+@check("OBJ-4", observable="where frames have each object afterwards", needs=MOVES_OBJECTS)
+def check_keeps_the_former_pose_of_each_object(trial: ServerTrial) -> None:
+    """The same of every object of the scene, by a rotation and by a scale that are none."""
+    home = Pose((-0.125, 0.125, 0.25), AT_REST.rotation)
+    away = Pose((0.5, 0.25, 0.75), (0.0, 0.0, 0.0, 2.0))
+    with studio(trial) as it:
+        for name in trial.each(trial.facts.objects()):
+            told = told_of(it.look(placed(name, home, 1.25)).frame, name)
+            if told is None or not _same(told, home, 1.25):
+                trial.not_observable(f"frames tell of {name} that it is at {show(told)} (OBJ-7)")
+            for broken in (placed(name, away, 1.0), placed(name, home, 0.0)):
+                it.say(broken)
+                if not it.answers():
+                    trial.judge(it.end(), f"a broken pose of {name}")
+                    return
+                seen = told_of(it.look().frame, name)
+                kept = seen is not None and _same(seen, home, 1.25)
+                what = f"a pose of {name} with a rotation or a scale that is none; it is at"
+                trial.judge("keeps" if kept else "applies", f"{what} {show(seen)}")
+            trial.delivered += 1
+
+
+@check("OBJ-5", observable="the scale of objects in frames", needs=MOVES_OBJECTS)
+def check_a_scale_that_is_absent_is_1(trial: ServerTrial) -> None:
+    """Each object of the scene is scaled, and then posed without a scale."""
+    here, there = (Pose((0.125, 0.25, z), AT_REST.rotation) for z in (0.5, 0.75))
+    with studio(trial) as it:
+        for name in trial.each(trial.facts.objects()):
+            told = told_of(it.look(placed(name, here, 1.5)).frame, name)
+            if told is None or not _same(told, here, 1.5):
+                trial.not_observable(f"frames tell of {name} that it is at {show(told)} (OBJ-7)")
+            seen = told_of(it.look(placed(name, there)).frame, name)
+            right = seen is not None and _same(seen, there, 1.0)
+            what = f"{name} had a scale, and a pose without one came; a frame has it at"
+            trial.expect(right, f"{what} {show(seen)}")
+            trial.delivered += 1
+
+
 def _words(where: Moved) -> str:
     return " and ".join(
         f"{name} at {pose}, scale {scale:g}"

@@ -127,6 +127,27 @@ def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("POS-7", observable="frames show poses of any timestamp", needs=("frames",))
+def check_poses_of_any_time_are_poses(trial: ServerTrial) -> None:
+    """Timestamps in milliseconds, that go back, below zero, none, and of a client that comes later:
+    which pose is the newest depends on none of them.
+    """
+    steering, poser = Steering(trial), trial.dial("msg")
+    for number, moment in enumerate(trial.each(MOMENTS)):
+        if number == len(MOMENTS) // 2:
+            poser.close()
+            poser = trial.dial("msg")
+        told: Json = {} if moment is None else {"timestamp": moment}
+        pose = camera_pose((0.5 + number, -0.5, -3.0), ROTATION) | told
+        shown = steering.shows(poser, pose)
+        trial.expect(shown, f"no frame shows a pose with the timestamp {show(moment)}")
+        trial.delivered += 1
+
+
+MOMENTS = (1.7e12, 5.0, None, -3, 0, 1e308, 12.5, -1e308, 3.0, 5e-324)
+"""Of which half come from the next client."""
+
+
 @check(
     "POS-7", observable="the camera that frames name after poses in one piece", needs=("frames",)
 )

@@ -1,5 +1,6 @@
 """Checks on how servers answer requests (spec 1.0 section 6.2)."""
 
+import itertools
 from typing import Any
 
 from hypothesis import strategies as st
@@ -80,6 +81,25 @@ def check_one_reply_each_in_order(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check(
+    "REQ-7",
+    observable="the replies to requests before one that is broken, in one write",
+    may_crash=True,
+)
+def check_answers_what_came_before_a_broken_request(trial: ServerTrial) -> None:
+    """Good requests and then a broken one, for which the connection may be closed (REQ-9)."""
+    for count in trial.each((1, 2, 50)):
+        connection = trial.dial("msg")
+        good = [(VIEWPORT_REQUEST, CAMERA_0)[number % 2] for number in range(count)]
+        broken = CAMERA_0 | {"cam_idx": "0"}
+        connection.send(b"".join(packet(encode(each)) for each in (*good, broken)))
+        told = replies_after(trial, connection, 0, count)
+        what = f"{count} requests and a broken one behind them"
+        trial.expect(len(told) == count, f"{len(told)} replies to {what}")
+        connection.close()
+        trial.delivered += 1
+
+
 @check("REQ-8", observable="no reply, and the connection goes on", may_crash=True)
 def check_unknown_messages_are_ignored(trial: ServerTrial) -> None:
     """Types that nobody knows, or that are no strings, and messages without any."""
@@ -105,14 +125,25 @@ def check_unknown_messages_are_ignored(trial: ServerTrial) -> None:
 
 @check("REQ-9", observable="no reply; the connection is closed or goes on", may_crash=True)
 def check_broken_requests_have_no_reply(trial: ServerTrial) -> None:
-    """Requests for a camera without an index, or with one that is no integer or out of range."""
+    """Requests for a camera without an index, or with one that is no integer or out of range, of a
+    client of 1.0, and of one of 1.1 that gives them ids; an `error` is no reply (1.1 section 2.6).
+    """
     messages = [CAMERA_0 | {"cam_idx": index} for index in BAD_INDICES]
     messages += [{"type": "get_camera_pose"}, {"type": "get_camera_pose", "camIdx": 0}]
-    connection = trial.dial("msg")
-    for message in trial.each(messages):
-        connection = trial.dial("msg") if connection.ended else connection
-        outcome = trial.outcome_on_msg(connection, packet(encode(message)))
-        trial.judge(outcome, f"the request {shorten(str(message))}")
+    versions = (False, True) if trial.facts.welcome["msg"] is not None else (False,)
+    connections: dict[bool, Connection] = {}
+    for greets, message in trial.each(list(itertools.product(versions, messages))):
+        connection = connections.get(greets)
+        if connection is None or connection.ended:
+            for each in connections.values():
+                each.close()
+            connection = trial.greeted("msg") if greets else trial.dial("msg")
+            connections = {greets: connection}
+        asked = message | {"id": 7} if greets else message
+        outcome = trial.outcome_on_msg(connection, packet(encode(asked)))
+        reported = greets and outcome == "reports"
+        what = f"the request {shorten(str(asked))}"
+        trial.judge("ignores" if reported else outcome, what)
 
 
 @check(

@@ -5,7 +5,8 @@ What was computed once, for the first size, and kept, is right until then.
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.lenses import lens_of, same_shape
-from splatbus_conformance.messages import camera_pose
+from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.packets import packet
 from splatbus_conformance.photographer import Photographer
 from splatbus_conformance.resizing import (
     REINIT_SECONDS,
@@ -17,15 +18,17 @@ from splatbus_conformance.resizing import (
     resizing,
     size_of,
 )
-from splatbus_conformance.server_trial import ServerTrial
+from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.steering import camera_in, camera_of
-from splatbus_conformance.studio import answers, elsewhere
+from splatbus_conformance.studio import answers, elsewhere, further
 from splatbus_conformance.survey import first_view
 from splatbus_conformance.values import show, whole, within
 from splatbus_conformance.watching import fell_silent, frames_of
 
 LENSES = ("1.1", "capability:viewport", "capability:intrinsics")
 TAG = "of the former size"
+BEHIND = 40
+"""Requests in one write."""
 
 
 @check("CAM-6", observable="the errors for intrinsics of either shape", needs=LENSES)
@@ -117,6 +120,45 @@ def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
                 f" first of them is of one at {camera}",
             )
             photographer.new()
+            trial.delivered += 1
+
+
+@check("REQ-4", observable="the size that all are told", needs=RESIZES)
+def check_tells_everybody_of_the_newest_size(trial: ServerTrial) -> None:
+    """Clients of 1.0 and 1.1 ask for the size before images get another, and again afterwards."""
+    with resizing(trial) as client:
+        others = [further(trial, client), trial.dial("msg")]
+        trial.require_all(client, *others)
+        for size in trial.each(other_sizes(trial)[:2]):
+            changed(trial, client, size)
+            for other in others:
+                told: Json = trial.ask(other, VIEWPORT_REQUEST) or {}
+                now = told.get("viewport_size")
+                what = f"images have {size[0]}×{size[1]} now, and who asked before is told"
+                trial.expect(now in (list(size), [0, 0]), f"{what} {show(now)}")
+            trial.delivered += 1
+
+
+@check("CHN-16", observable="every answer, and then the end of the stream", needs=RESIZES)
+def check_answers_behind_another_size_before_the_end(trial: ServerTrial) -> None:
+    """A `set_viewport`, whose reply takes a server time, many requests behind it in the same write,
+    and then the client's end of stream.
+    """
+    with resizing(trial):
+        for size in trial.each(other_sizes(trial)[:2]):
+            trial.peer.close_all()
+            client = trial.greeted("msg")
+            heard = dealings_of(trial, client).heard
+            before = len(heard)
+            request = {"type": "set_viewport", "width": size[0], "height": size[1], "id": 0}
+            asked = [request, *(VIEWPORT_REQUEST | {"id": n} for n in range(1, BEHIND))]
+            client.send(b"".join(packet(encode(each)) for each in asked))
+            client.end_stream()
+            closed = trial.ends(client, 2 * REINIT_SECONDS)
+            told = [it["id"] for it in heard[before:] if "id" in it]
+            what = f"{BEHIND} requests, of which the first is for another size, and the end"
+            trial.expect(told == list(range(BEHIND)), f"{len(told)} answers to {what}")
+            trial.expect(closed, f"the server kept the connection open after {what}")
             trial.delivered += 1
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.text import REQUESTS, shown
 from splatbus_conformance.lenient_json import read
-from splatbus_conformance.messages import Json, camera_pose, encode
+from splatbus_conformance.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.packets import packet
 from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
 from splatbus_conformance.spelling import spell
@@ -19,9 +19,11 @@ from splatbus_conformance.values import show
 Writer = Callable[[Json, Random], bytes]
 SEEDS = st.integers(0, 2**32 - 1)
 POSES_ON_A_CONNECTION = 10
-SAME = ("type", "id", "position", "rotation", "t")
+SAME = ("type", "id", "position", "rotation", "t", "viewport_size")
 """Members of a reply that stay what they are from one time to the next."""
-TAGS = ("t", "t" * 64, "7c1f-41")
+TAGS = ("t", "t" * 64, "7c1f-41", '"\\/\b\f\n\r\t', "\x00\x1f\x7f\u2028", "é中🙂", "🙂" * 64)
+CLIENT = {"name": TAGS[3], "version": TAGS[5]}
+"""Whose name is made of what has escapes of its own, or needs several."""
 REQUESTS_1_1: tuple[Json, ...] = (
     *({**request, "id": number} for number, request in enumerate(REQUESTS)),
     {"type": "get_scene", "id": 0},
@@ -47,7 +49,10 @@ def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, ful
     plainly: dict[bytes, Json] = {}
     asking = [(trial.dial("msg"), REQUESTS)]
     if trial.facts.welcome["msg"] is not None and not trial.facts.alone["msg"]:
-        asking.append((trial.greeted("msg"), REQUESTS_1_1))
+        width, height = trial.facts.size
+        same: Json = {"type": "set_viewport", "width": width, "height": height, "id": 1}
+        sized = (same,) if width and height else ()  # which changes nothing
+        asking.append((trial.greeted("msg"), (*REQUESTS_1_1, *sized)))
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
         connection, requests = asking[number % len(asking)]
         request = requests[number // len(asking) % len(requests)]
@@ -69,7 +74,9 @@ def judge_writer_of_requests(trial: ServerTrial, writer: Writer, quick: int, ful
 
 
 def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: int) -> None:
-    """Write poses so; each must be shown by a frame. Of a server of 1.1 half of them have tags."""
+    """Write poses so; each must be shown by a frame. Of a server of 1.1 half of them have tags, and
+    intrinsics where that server grants them.
+    """
     steering, poser = Steering(trial), trial.dial("msg")
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
         pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
@@ -78,6 +85,8 @@ def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: 
             poser.close()
             poser = trial.greeted("msg") if tags else trial.dial("msg")
         pose |= {"tag": TAGS[number % len(TAGS)]} if tags else {}
+        if "intrinsics" in trial.viewer.with_(poser).granted and trial.facts.size != (0, 0):
+            pose |= {"intrinsics": intrinsics(*trial.facts.size)}
         payload = writer(pose, Random(seed))
         trial.judge(steering.takes(poser, pose, payload), f"the pose {shown(payload)}")
 
@@ -96,7 +105,7 @@ def judge_writer_on_ipc(trial: ServerTrial, writer: Writer, quick: int, full: in
         connection = trial.before_hello("ipc")
         dealings = trial.viewer.with_(connection)
         trial.viewer.encode = encode_and_keep
-        trial.viewer.greet(connection)
+        trial.viewer.greet(connection, client=CLIENT)
         taken = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
         if dealings.welcome and trial.facts.renders:
             trial.wait(lambda: dealings.frames or connection.ended)  # noqa: B023

@@ -12,7 +12,7 @@ from splatbus_conformance.messages import Json, camera_pose
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.server_trial import STEP, ServerTrial
 from splatbus_conformance.steering import Steering
-from splatbus_conformance.values import numbers, show, whole
+from splatbus_conformance.values import numbers, show, whole, within
 from splatbus_conformance.watching import LENDS, frames_of, gave_way
 
 LONGEST: int = LIMITS["max_tag_chars"]
@@ -145,6 +145,26 @@ def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
                     f"no frame to reader {number} has the tag of {what} which has the values of the"
                     " pose before it",
                 )
+
+
+@check("CAM-2", observable="the tags of frames after poses that share one", needs=LENDS)
+def check_a_tag_that_was_used_comes_again(trial: ServerTrial) -> None:
+    """Poses of different places with the same tag, each sent when the one before was shown."""
+    story, tag = Story(trial), f"{next(_tags)} again"
+    frames = frames_of(trial, story.steering.reader)
+    for place in trial.each(range(1, 4)):
+        before, pose = len(frames), _pose(place) | {"tag": tag}
+        trial.viewer.say(story.poser, pose)
+        shown = trial.wait(lambda: any(_place(it) == place for it in frames[before:]))  # noqa: B023
+        trial.expect(shown, "no frame shows a good pose")
+        first = next(it for it in frames[before:] if _place(it) == place)
+        came = within(first, "camera", "tag")
+        trial.expect(
+            came == tag,
+            f"pose {place} has the tag of the pose before, and the first "
+            f"frame of it has {_named(came)}",
+        )
+        trial.delivered += 1
 
 
 @check("CAM-3", observable="the tags of frames, on several connections", needs=LENDS)

@@ -22,6 +22,8 @@ TOKEN = "a token of the conformance harness"
 EVERYWHERE = "0.0.0.0"
 HELLO_SECONDS: float = LIMITS["hello_seconds"]
 GLANCE_SECONDS = 0.3
+PATIENCE = 3
+"""How many times as long as it took to listen with a token it is given to listen without one."""
 AGAIN_SECONDS = 3.0
 """Between things that are said instead of hello."""
 

@@ -1,6 +1,7 @@
 """Allowed variations: servers that do less, or more, of what a message channel of 1.1 can carry."""
 
 import time
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,11 @@ from splatbus_server import api
 from splatbus_server.api import Bus
 from splatbus_server.control import Poses
 from splatbus_server.memory import Memory
+from splatbus_server.service import Peer, Service
 from splatbus_server.viewport import Change
 from splatbus_wire.messages import SceneObject
 
+from splatbus_conformance.packets import CROWD_BYTES
 from splatbus_conformance.selftest.patching import Patch
 from splatbus_conformance.selftest.specimen import variation
 from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
@@ -101,3 +104,21 @@ def server_tells_lenses_in_single_precision(patch: Patch) -> None:
 def server_has_nothing_to_tell(patch: Patch) -> None:
     """Has `telemetry`, and no series."""
     wrap(patch, Bus, "telemetry", lambda original, self, *values, **named: None)
+
+
+@variation()
+def server_is_cut_behind_a_header(patch: Patch) -> None:
+    """Writes many packets at once, which TCP divides behind a header."""
+
+    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
+        unsent = peer.connection.unsent
+        ends = [0]
+        while ends[-1] < len(unsent) and ends[-1] <= CROWD_BYTES:
+            ends.append(ends[-1] + 4 + int.from_bytes(unsent[ends[-1] : ends[-1] + 4], "little"))
+        if CROWD_BYTES < ends[-1] < len(unsent):
+            with suppress(OSError):
+                del unsent[: peer.socket.send(unsent[: ends[-1] + 4])]
+                time.sleep(0.002)
+        original(self, peer, now)
+
+    wrap(patch, Service, "_flush", flush)

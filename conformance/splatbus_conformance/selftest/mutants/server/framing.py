@@ -7,7 +7,7 @@ from typing import Any
 from splatbus_server.connection import Connection
 from splatbus_server.service import Peer, Service
 from splatbus_wire import framing
-from splatbus_wire.errors import FramingError
+from splatbus_wire.errors import FramingError, ProtocolError
 
 from splatbus_conformance.selftest.mutants.server.text import trusts_its_scene
 from splatbus_conformance.selftest.patching import Patch
@@ -285,3 +285,42 @@ def server_dies_of_half_a_hello(patch: Patch) -> None:
 
     wrap(patch, Connection, "receive", receive)
     wrap(patch, Connection, "end", end)
+
+
+@mutant("FRM-5", check="check_incomplete_packet_behind_another_size", reason="half a packet behind")
+def server_waits_forever_behind_another_size(patch: Patch) -> None:
+    """Sets no limit to a packet that began while a reply was held back."""
+
+    def go_on(original: Any, self: Connection, now: float) -> None:
+        original(self, now)
+        self._packet_by = math.inf
+
+    wrap(patch, Connection, "go_on", go_on)
+
+
+@mutant("FRM-4", check="check_the_longest_packet", reason="were not answered")
+def server_refuses_the_longest_packet_after_hello(patch: Patch) -> None:
+    """Refuses requests of the greatest length of a client of 1.1."""
+    _refuses_the_longest(patch, b'"get_', greeted=True)
+
+
+@mutant("FRM-4", check="check_the_longest_hello", reason="has no welcome")
+def server_refuses_the_longest_hello(patch: Patch) -> None:
+    """Refuses a hello of the greatest length."""
+    _refuses_the_longest(patch, b'"hello"', greeted=False)
+
+
+@mutant("FRM-4", check="check_the_longest_pose", reason="a pose of 1,048,576 bytes")
+def server_refuses_the_longest_pose(patch: Patch) -> None:
+    """Refuses poses of the greatest length of a client of 1.1."""
+    _refuses_the_longest(patch, b'"camera_pose"', greeted=True)
+
+
+def _refuses_the_longest(patch: Patch, part: bytes, *, greeted: bool) -> None:
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        if len(payload) == LONGEST and part in payload and (self.welcome is not None) == greeted:
+            error = ProtocolError("internal", "so long", requirement="FRM-2")
+            return self._refuse_packet(error, payload, now)
+        return original(self, payload, now)
+
+    wrap(patch, Connection, "_understand", understand)

@@ -213,3 +213,18 @@ def _reorders(patch: Patch) -> None:
             original(self, message)
 
     wrap(patch, Connection, "send", send)
+
+
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
+def server_answers_broken_requests_by_the_size(patch: Patch) -> None:
+    """Answers a request for a camera whose index it cannot read by the size of the image."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if isinstance(event, Refusal) and b"get_camera_pose" in payload:
+            self.ending = None
+            self._linger_until = float("inf")
+            return GetViewportSize(None, None)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)
