@@ -86,7 +86,7 @@ def work_off(trial: ServerTrial, connection: Connection) -> None:
     control (POS-11), and whatever is asked next may wait, although the connection is closed.
     """
     before = len(trial.replies(connection))
-    trial.viewer.say(connection, VIEWPORT_REQUEST)
+    connection.send(REQUEST)
     trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended, WORK_SECONDS)
 
 
