@@ -23,6 +23,8 @@ BUFFERS = 5 << 20
 """More bytes than the systems of both ends keep for a connection that is narrow at this one:
 replies beyond wait in the server."""
 STALL_SECONDS: float = LIMITS["stalled_reader_seconds"] + LIMITS["close_seconds"]
+LOOKS = 3
+"""For whether it serves others: it may still have before it what it had read of the flood."""
 FLOOD_SECONDS = 120.0
 """For which a flood is poured at most; a server on a busy machine reads it slowly."""
 PACE_REQUESTS = 100
@@ -75,7 +77,8 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     most = (BUFFERS + LIMITS["max_unsent_bytes"]) // reply
     outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, pace)
     trial.judge(outcome, "a client that reads no replies")
-    trial.expect(trial.serves(), "the server answers nobody after a client that read no replies")
+    served = any(trial.serves() for _ in range(LOOKS))
+    trial.expect(served, "the server answers nobody after a client that read no replies")
 
 
 @check(
