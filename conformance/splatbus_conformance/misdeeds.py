@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.messages import camera_pose, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 
 CROWD = 8
 PASSERS_BY = 40
@@ -75,12 +76,19 @@ def _never_reads(trial: ServerTrial, connection: Connection) -> None:
 
 def _sends_many_poses(trial: ServerTrial, connection: Connection) -> None:
     """Pose, and wait until all of it is worked off: how long that takes is not judged."""
-    sent, before = connection.sent, len(trial.replies(connection))
-    connection.send(MANY_POSES + REQUEST)
+    sent = connection.sent
+    connection.send(MANY_POSES)
     if connection.channel == "msg" and connection.sent > sent:
-        trial.wait(
-            lambda: len(trial.replies(connection)) > before or connection.ended, WORK_SECONDS
-        )
+        work_off(trial, connection)
+
+
+def work_off(trial: ServerTrial, connection: Connection) -> None:
+    """Wait until the server has come to the end of what was sent here; until then this client has
+    control (POS-11), and whatever is asked next may wait, although the connection is closed.
+    """
+    before = len(trial.replies(connection))
+    connection.send(REQUEST)
+    trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended, WORK_SECONDS)
 
 
 def _reads(trial: ServerTrial, connection: Connection) -> None:

@@ -20,7 +20,6 @@ from splatbus_conformance.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, T
 from splatbus_conformance.values import finites, within
 from splatbus_conformance.viewer import Viewer
 
-VIEWPORT_REQUEST = controls.VIEWPORT_REQUEST
 STEP = 2.0**-4
 """How far apart the places are where a trial poses the camera, in scene units."""
 GREETINGS = 10
@@ -322,14 +321,12 @@ class ServerTrial(Trial):
             connection.close()
 
     def _take_place(self, connection: Connection) -> None:
-        """Wait until the server has either closed this connection or begun to serve it, which an
-        answer shows; that is forgotten.
-        """
+        """Wait until it is closed, or served, which an answer shows; that is forgotten."""
         asks = connection.channel == "msg" and self.facts.answers and not self._unheard
         if not asks or self.facts.welcome["msg"]:
             self.rest(GONE_SECONDS)
             return
-        self.viewer.say(connection, VIEWPORT_REQUEST)
+        self.viewer.say(connection, controls.VIEWPORT_REQUEST)
         self._unheard = not self.wait(lambda: connection.packets or connection.ended)
         connection.packets.clear()
         self.viewer.with_(connection).heard.clear()

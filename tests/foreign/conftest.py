@@ -16,6 +16,10 @@ LONG = (
     "deployed",
     "blobs",
     "token",
+    "reluctant",
+    "on_demand",
+    "cloud",
+    "odd_spelling",
 )
 """Programs whose judgement takes longest; the others fill the gaps."""
 

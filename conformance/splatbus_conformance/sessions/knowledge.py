@@ -2,11 +2,12 @@
 
 from typing import NamedTuple
 
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import reach
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 
 SEATS = 3
 """Most clients of a session on each channel."""

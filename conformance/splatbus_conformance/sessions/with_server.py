@@ -4,11 +4,12 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import Packet, packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.sessions import Breach, Step
 from splatbus_conformance.sessions.clients import VIEWPORT, Asker, Reader
 from splatbus_conformance.sessions.knowledge import CAMERAS, SEATS, Knowledge, crowd

@@ -7,6 +7,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.broken_text import broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.requests import every_request
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.messages import encode
 from splatbus_conformance.misdeeds import (
     CROWD,
@@ -20,7 +21,7 @@ from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.server_introduction import GONE_SECONDS
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.steering import Steering
 from splatbus_conformance.trial import ENDING_SECONDS, REACTION_SECONDS
 

@@ -7,13 +7,15 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.checks import check
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.kinds import CLOSING_ERRORS, NEEDS, OTHER_ERRORS, REPLY_TO
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
+from splatbus_conformance.misdeeds import work_off
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.studio import placed
 from splatbus_conformance.values import SAFE, show, whole
 
@@ -320,6 +322,10 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
             trial.expect(len(answers) > number, f"{encode(each).decode()} was not answered")
             expect_answer(trial, each, answers[number])
         trial.delivered += 1
+    while flooded % len(POSE) and not flooder.ended and trial.fate() is None:
+        flooded += flooder.push(FLOOD[flooded % len(POSE) : len(POSE)]) or 0
+        trial.rest(REST_SECONDS)
+    work_off(trial, flooder)
 
 
 @check("NEG-23", observable="the id of errors that answer requests", needs=("1.1",))
@@ -363,6 +369,7 @@ BAD: tuple[Json, ...] = (
     *({"type": "set_viewport", "width": 64, "height": it} for it in (0, -1, 1.5, 2**40, "48")),
 )
 POSE = packet(encode(camera_pose()))
+REST_SECONDS = 0.02
 FLOOD = POSE * 1000
 """Of a client that keeps no measure."""
 

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.messages import Json, camera_pose, encode, hello
+from splatbus_conformance.controls import VIEWPORT_REQUEST
+from splatbus_conformance.messages import Json, encode, hello
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
 from splatbus_conformance.recording import Channel
 from splatbus_conformance.resizing import other_sizes, resizing
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.shrinking import without_one
-from splatbus_conformance.steering import Steering
 from splatbus_conformance.trial import EFFECT_SECONDS, ENDING_SECONDS, REACTION_SECONDS
 
 LONGEST: int = LIMITS["max_payload_bytes"]
@@ -179,56 +179,6 @@ def check_any_segmentation(trial: ServerTrial) -> None:
 
 
 MANY_REPLIES = 500
-
-
-@check("FRM-4", observable="the server answers a request of the greatest length")
-def check_the_longest_packet(trial: ServerTrial) -> None:
-    """A request made as long as a payload may be by white space, or by a member that nobody knows:
-    whole, in two pieces, and joined with the next; before hello, and after it.
-    """
-    blank = encode(VIEWPORT_REQUEST).ljust(LONGEST)
-    room = LONGEST - len(encode(VIEWPORT_REQUEST | {"": ""}))
-    filled = encode(VIEWPORT_REQUEST | {"": "x" * room})
-    places = ((blank, LONGEST // 2), (filled, 3), (filled, LONGEST + 2))
-    versions = (False, True) if trial.facts.welcome["msg"] is not None else (False,)
-    for greets, (payload, place) in trial.each(list(itertools.product(versions, places))):
-        connection = trial.greeted("msg") if greets else trial.dial("msg")
-        told = send_in_pieces(trial, connection, packet(payload) + REQUEST, ([place], 0.0005))
-        answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)  # noqa: B023
-        trial.expect(
-            answered and not connection.ended,
-            f"a request of {LONGEST:,} bytes and another one, {told}, were not answered",
-        )
-        trial.delivered += 1
-        connection.close()
-
-
-@check("FRM-4", observable="the server answers a hello of the greatest length", needs=("1.1",))
-def check_the_longest_hello(trial: ServerTrial) -> None:
-    """The same of `hello`, on both channels."""
-    for channel in trial.each(CHANNELS):
-        said = encode(hello(trial.viewer.capabilities[channel], trial.viewer.token))
-        connection = trial.before_hello(channel)
-        dealings = trial.viewer.with_(connection)
-        connection.send(packet(said.ljust(LONGEST)))
-        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        trial.expect(dealings.welcome, f"{channel}: a hello of {LONGEST:,} bytes has no welcome")
-        trial.delivered += 1
-        connection.close()
-
-
-@check("FRM-4", observable="a frame shows a pose of the greatest length", needs=("frames",))
-def check_the_longest_pose(trial: ServerTrial) -> None:
-    """The same of poses, of a client of 1.0 and of one of 1.1."""
-    steering = Steering(trial)
-    poser = trial.dial("msg")
-    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
-    for x, greets in enumerate((False, True) if trial.facts.welcome["msg"] else (False,), 2):
-        poser.close()
-        poser = trial.greeted("msg") if greets else trial.dial("msg")
-        pose = camera_pose((float(x), 0.0, 0.0))
-        taken = steering.takes(poser, pose, encode(pose).ljust(LONGEST))
-        trial.judge(taken, f"a pose of {LONGEST:,} bytes")
 
 
 @check(

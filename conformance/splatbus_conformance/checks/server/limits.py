@@ -7,7 +7,8 @@ import time
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.messages import Json, encode
+from splatbus_conformance.controls import CAMERA_REQUEST
+from splatbus_conformance.messages import encode
 from splatbus_conformance.misdeeds import PACE_SECONDS
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import CHANNELS, Connection
@@ -18,11 +19,12 @@ MANY = 300
 """Connections that no server of viewers has a use for."""
 DIAL_SECONDS = 10.0
 """A server that accepts no more lets a client wait; one on a busy machine only seems to."""
-CAMERA_REQUEST: Json = {"type": "get_camera_pose", "cam_idx": 0}
 BUFFERS = 5 << 20
 """More bytes than the systems of both ends keep for a connection that is narrow at this one:
 replies beyond wait in the server."""
 STALL_SECONDS: float = LIMITS["stalled_reader_seconds"] + LIMITS["close_seconds"]
+LOOKS = 3
+"""For whether it serves others: it may still have before it what it had read of the flood."""
 FLOOD_SECONDS = 120.0
 """For which a flood is poured at most; a server on a busy machine reads it slowly."""
 PACE_REQUESTS = 100
@@ -75,7 +77,8 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     most = (BUFFERS + LIMITS["max_unsent_bytes"]) // reply
     outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, pace)
     trial.judge(outcome, "a client that reads no replies")
-    trial.expect(trial.serves(), "the server answers nobody after a client that read no replies")
+    served = any(trial.serves() for _ in range(LOOKS))
+    trial.expect(served, "the server answers nobody after a client that read no replies")
 
 
 @check(

@@ -7,11 +7,12 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.peer import Connection
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.trial import REACTION_SECONDS
 from splatbus_conformance.values import show
 

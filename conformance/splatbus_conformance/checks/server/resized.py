@@ -5,6 +5,7 @@ What was computed once, for the first size, and kept, is right until then.
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.lenses import lens_of, same_shape
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.messages import Json, camera_pose, encode
 from splatbus_conformance.packets import packet
 from splatbus_conformance.photographer import Photographer
@@ -18,7 +19,7 @@ from splatbus_conformance.resizing import (
     resizing,
     size_of,
 )
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.steering import camera_in, camera_of
 from splatbus_conformance.studio import answers, elsewhere, further
 from splatbus_conformance.survey import first_view

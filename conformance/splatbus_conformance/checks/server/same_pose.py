@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from splatbus_conformance.checks.server.accuracy import AT_ORIGIN
 from splatbus_conformance.checks.server.device_accuracy import LegacyPhotographer, lens_of
 from splatbus_conformance.checks.server.device_images import Stored
+from splatbus_conformance.controls import CAMERA_REQUEST
 from splatbus_conformance.messages import Json
 from splatbus_conformance.photographer import AT_REST
 from splatbus_conformance.photographs import Photograph
 from splatbus_conformance.pinhole import Camera, rigid
-from splatbus_conformance.server_trial import CAMERA_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.staging import Stage, turned_about
 from splatbus_conformance.stress import Pose
 from splatbus_conformance.values import finites

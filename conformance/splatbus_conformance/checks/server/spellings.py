@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.server.text import REQUESTS, shown
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.lenient_json import read
 from splatbus_conformance.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.packets import packet
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.spelling import spell
 from splatbus_conformance.steering import Steering
 from splatbus_conformance.unknown_members import with_unknown_members

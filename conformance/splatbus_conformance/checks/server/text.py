@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from splatbus_conformance.broken_poses import broken_poses
 from splatbus_conformance.broken_text import BrokenText, broken_texts
 from splatbus_conformance.checks import check
+from splatbus_conformance.controls import VIEWPORT_REQUEST
 from splatbus_conformance.lenient_json import shorten
 from splatbus_conformance.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.packets import packet
-from splatbus_conformance.server_trial import VIEWPORT_REQUEST, ServerTrial
+from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.steering import Steering
 
 SPARE = 12

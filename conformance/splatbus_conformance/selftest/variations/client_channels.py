@@ -22,3 +22,14 @@ def one_channel_after_the_other(patch: Patch) -> None:
         original(self, now)
 
     wrap(patch, Channel, "_connect", connect)
+
+
+@variation()
+def comes_back_late(patch: Patch) -> None:
+    """Connects again 8 seconds after each connection that it lost."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        self._due = now + 8.0
+
+    wrap(patch, Channel, "_lose", lose)

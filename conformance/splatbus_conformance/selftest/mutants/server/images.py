@@ -93,7 +93,7 @@ def where_empty(change: Callable[[Any], Any]) -> Callable[[Any], None]:
     return fill
 
 
-@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", reason="neither positive nor +∞")
+@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", reason="neither positive nor")
 def server_stores_depth_0_where_nothing_is(patch: Patch) -> None:
     """Clears its depth to 0."""
     stored(patch, "depth", where_empty(lambda slot: 0.0))

@@ -1,0 +1,3 @@
+module slideshow
+
+go 1.19
