@@ -106,12 +106,12 @@ def lent_as(trial: ClientTrial, semantics: Json) -> Lending | None:
     return Lending(trial, connection)
 
 
-def lent_by_alpha(trial: ClientTrial) -> Iterator[Lending]:
+def lent_by_alpha(trial: ClientTrial) -> Iterator[tuple[str, Lending]]:
     """Rings of straight and of premultiplied alpha, where the client shows splats of them."""
     for alpha in ALPHAS:
         if lending := lent_as(trial, {"semantics/alpha": alpha}):
             shows_splats(trial, lending)
-            yield lending
+            yield alpha, lending
 
 
 def shows_splats(trial: ClientTrial, lending: Lending) -> None:
@@ -138,19 +138,21 @@ def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> Non
     """Pixels of depth +∞ with every alpha, and pixels of alpha 0 before the plane; by straight and
     by premultiplied alpha.
     """
-    for lending in lent_by_alpha(trial):
+    for announced, lending in lent_by_alpha(trial):
         for alpha in (1.0, 0.5, 2.0**-24):
             image = flat(lending, singles(0.9, 0.1, 0.6, alpha), math.inf)
             judge_unchanged(trial, lending, image, f"an empty pixel of alpha {alpha:g}")
         for depth in (1e-6, 1.0, PLANE - MARGIN):
-            image = flat(lending, singles(0.9, 0.1, 0.6, 0.0), depth)
+            # Section 3.4 of 1.1 adds premultiplied colour whatever its alpha is.
+            colour = (0.9, 0.1, 0.6, 0.0) if announced == "straight" else (0.0, 0.0, 0.0, 0.0)
+            image = flat(lending, singles(*colour), depth)
             judge_unchanged(trial, lending, image, "a pixel of alpha 0")
 
 
 @check("BUF-9", observable=OBSERVABLE, needs=COMPOSES)
 def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
     """Opaque pixels whose depth is NaN, zero or negative."""
-    for lending in lent_by_alpha(trial):
+    for _, lending in lent_by_alpha(trial):
         for depth in (math.nan, 0.0, -0.0, -1.0, -1e-30, -PLANE, -3e38, -math.inf):
             image = flat(lending, singles(0.9, 0.1, 0.6, 1.0), depth)
             judge_unchanged(trial, lending, image, "an opaque pixel")

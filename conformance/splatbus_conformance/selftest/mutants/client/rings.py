@@ -107,22 +107,6 @@ def _composed(patch: Patch, change: Any) -> None:
 @mutant(
     "BUF-8",
     check="check_shows_its_geometry_where_the_image_is_empty",
-    reason="a pixel of alpha 0",
-    axes="opencv",
-)
-def adds_premultiplied_colour_of_alpha_0(patch: Patch) -> None:
-    """Adds premultiplied colour wherever its depth is less, and does not look at alpha."""
-
-    def add(seen: Any, color: Any, depth: Any, _: Any, semantics: Any, mesh: Any, far: Any) -> Any:
-        added = (semantics.alpha == "premultiplied") & (depth > 0) & (depth < far)
-        return np.where((added & (color[..., 3] == 0))[..., None], color[..., :3] + mesh, seen)
-
-    _composed(patch, add)
-
-
-@mutant(
-    "BUF-8",
-    check="check_shows_its_geometry_where_the_image_is_empty",
     reason="it shows (nan, nan, nan)",
     axes="opencv",
 )
