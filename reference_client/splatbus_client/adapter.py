@@ -1,7 +1,4 @@
-"""`python -m splatbus_client.adapter`: lets the conformance harness steer this client and look.
-
-It speaks conformance/ADAPTER.md, which describes each command, and is the example of an adapter.
-"""
+"""`python -m splatbus_client.adapter`: the example of an adapter (conformance/ADAPTER.md)."""
 
 from __future__ import annotations
 

@@ -99,7 +99,6 @@ def _lines(out: TextIO) -> Show:
 def _cells(series: Series, course: Iterable[float] = ()) -> tuple[str, str, str]:
     """What a row shows: a name, a value, and a picture or a text."""
     name = printable(series.name)
-    name = series.name
     if isinstance(series, Scalar):
         unit = printable(series.unit or "")
         return name, f"{series.value:.6g} {unit}".rstrip(), _curve(list(course))

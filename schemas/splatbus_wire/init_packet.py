@@ -333,7 +333,6 @@ def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
         )
         for start in range(offset, offset + ring.slots * stride, stride)
     ]
-    placed = sorted(extents)
     for _, end, name in extents:
         if end > memory_bytes:
             raise ProtocolError(
@@ -342,6 +341,10 @@ def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
                 requirement="MEM-10",
                 pointer=f"/ring/{name}Offset",
             )
+    _check_overlaps(sorted(extents))
+
+
+def _check_overlaps(placed: list[tuple[int, int, str]]) -> None:
     for (_, end, name), (start, _, other) in zip(placed, placed[1:]):
         if end > start:
             raise ProtocolError(

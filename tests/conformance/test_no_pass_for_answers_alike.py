@@ -37,6 +37,8 @@ SAID_HELLO = {
     "check_half_hello_is_discarded",
     "check_handles_the_next_packet_on_ipc",
     "check_further_ipc_connections_are_not_left_waiting",
+    "check_the_longest_hello",
+    "check_answers_a_hello_that_comes_late",
 }
 """About hello alone: who says welcome as it should, and nothing more, passes these."""
 
@@ -46,37 +48,44 @@ class Alike(Nothing):
 
     def __init__(self, peer: Peer, welcome: Any, *, last: int) -> None:
         super().__init__(peer, "server", dies=False)
+        self.lock = threading.RLock()
         self.welcome, self.last, self.came = welcome, last, 0
 
     def ensure_running(self) -> bool:
-        if self.listeners:
-            return False
-        self.dead, self.came = False, 0
-        for channel in CHANNELS:
-            listener = _listen((self.peer.host, self.peer.ports[channel]))
-            self.listeners.append(listener)
-            threading.Thread(target=self._accept, args=(listener, channel), daemon=True).start()
-        return True
+        with self.lock:
+            if self.listeners:
+                return False
+            self.dead, self.came = False, 0
+            for channel in CHANNELS:
+                listener = _listen((self.peer.host, self.peer.ports[channel]))
+                self.listeners.append(listener)
+                threading.Thread(target=self._accept, args=(listener, channel), daemon=True).start()
+            return True
 
     def stop(self) -> None:
-        for each in self.open:
-            with contextlib.suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-        super().stop()
+        with self.lock:
+            for each in self.open:
+                with contextlib.suppress(OSError):
+                    each.shutdown(socket.SHUT_RDWR)
+            super().stop()
 
     def _accept(self, listener: socket.socket, channel: str) -> None:
         with contextlib.suppress(OSError):
             while True:
-                self.open.append(listener.accept()[0])
-                self.came += 1
-                if self.came == self.last:
-                    self.stop()
-                    self.dead = True
-                    return
-                answers = threading.Thread(
-                    target=self._answer, args=(self.open[-1], channel), daemon=True
-                )
-                answers.start()
+                connection, _ = listener.accept()
+                with self.lock:
+                    if listener not in self.listeners:
+                        connection.close()
+                        return
+                    self.open.append(connection)
+                    self.came += 1
+                    if self.came == self.last:
+                        self.stop()
+                        self.dead = True
+                        return
+                answer = threading.Thread(target=self._answer, args=(connection, channel))
+                answer.daemon = True
+                answer.start()
 
     def _answer(self, connection: socket.socket, channel: str) -> None:
         with contextlib.suppress(OSError), connection.makefile("rb") as stream:

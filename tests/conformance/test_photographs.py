@@ -62,7 +62,14 @@ def test_the_scene_is_recognised_with_its_colours_in_any_order_but_not_with_othe
     assert shows_the_scene(it)
     assert shows_the_scene(it._replace(color=it.color[..., [2, 1, 0, 3]]))
     assert not shows_the_scene(it._replace(color=it.color * 0.9))
-    assert not shows_the_scene(it._replace(depth=it.depth[::-1]))
+    assert not shows_the_scene(it._replace(color=it.color[::-1]))
+
+
+def test_the_scene_is_recognised_with_wrong_depths() -> None:
+    """They are what is judged, where the scene is known."""
+    it = shown()
+    assert shows_the_scene(it._replace(depth=it.depth[::-1]))
+    assert shows_the_scene(it._replace(depth=it.depth * 1.25))
     assert not shows_the_scene(it._replace(depth=np.full_like(it.depth, np.inf)))
 
 

@@ -167,3 +167,21 @@ def server_swaps_colours_in_its_fourth_slot(patch: Patch) -> None:
 def server_stores_no_depth(patch: Patch) -> None:
     """Renders depth when nobody wants it, and leaves the slots empty otherwise."""
     patch.setattr(View, "wants_depth", property(lambda self: "depth" not in self.wants))
+
+
+@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", reason="the depth of")
+def server_tells_other_depths_in_a_corner(patch: Patch) -> None:
+    """Stores depths in a quarter of the image that are a tenth too large."""
+
+    def writer(original: Any, self: Memory, *image: Any) -> Any:
+        write = original(self, *image)
+
+        def written(slot: int, wants: Any) -> None:
+            write(slot, wants)
+            if "depth" in wants:
+                depth = self.depth(slot)
+                depth[: len(depth) // 2, : depth.shape[1] // 2] *= 1.1
+
+        return written
+
+    wrap(patch, Memory, "writer", writer)
