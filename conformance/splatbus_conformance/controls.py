@@ -8,32 +8,28 @@ import itertools
 from collections.abc import Iterable, Sequence
 
 from splatbus_conformance.messages import Json
-from splatbus_conformance.values import within
 
 VIEWPORT_REQUEST: Json = {"type": "get_viewport_size"}
 CAMERA_REQUEST: Json = {"type": "get_camera_pose", "cam_idx": 0}
 _SIGNS = {"get_viewport_size": "viewport_size", "get_camera_pose": "position"}
 """What only the reply to each has."""
-_ids = itertools.count(2**51)
+_ids = itertools.count(2**30)
 """What no check gives a request of its own by chance."""
 
 
-def one(welcome: Json | None, request: Json = VIEWPORT_REQUEST) -> Json:
-    """A good request on a connection with this `welcome`: by its id, where that comes back
-    (NEG-28), its reply is told from all others.
-    """
-    speaks_1_1 = within(welcome, "version") == "1.1"
-    return request | {"id": next(_ids)} if speaks_1_1 else request
+def one(by_id: bool) -> Json:
+    """A good request: by its id, where that comes back (NEG-28), its reply is told from others."""
+    return VIEWPORT_REQUEST | {"id": next(_ids)} if by_id else VIEWPORT_REQUEST
 
 
-def both(welcome: Json | None) -> list[Json]:
+def both(by_id: bool) -> list[Json]:
     """Good requests, whose replies come behind any to what went before them.
 
     Where no id tells them, what was answered before may look like either: both, one behind the
     other, still come after it.
     """
-    if within(welcome, "version") == "1.1":
-        return [one(welcome)]
+    if by_id:
+        return [one(by_id)]
     return [VIEWPORT_REQUEST, CAMERA_REQUEST]
 
 

@@ -117,7 +117,7 @@ def _shows(photograph: Photograph, exact: Exact) -> bool:
         return False
     color, wanted = np.sort(photograph.color, axis=-1), np.sort(exact.color, axis=-1)
     with np.errstate(invalid="ignore"):
-        right = (np.abs(color - wanted) <= COLOR_BUDGET).all(axis=-1)
+        right = np.asarray((np.abs(color - wanted) <= COLOR_BUDGET).all(axis=-1))
     if right[exact.certain & something].mean() >= KNOWN:
         return True
     near = _is_around(photograph.planar()[..., None], exact.depth[..., None], BESIDE_DEPTH)

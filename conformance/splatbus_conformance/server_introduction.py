@@ -31,6 +31,7 @@ WHOLE_SECONDS = 0.1
 """Time for the first image to be whole, should it not be when its frame comes (IMG-6)."""
 DEFAULT, BALL = "default", "ball"
 """The objects of `conformance/SCENE.md`, if it has two."""
+AN_ID = 7
 
 
 @dataclass
@@ -44,6 +45,8 @@ class ServerFacts:
     welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
     answers: bool = False
     """It answered a request for the size."""
+    repeats_ids: bool = True
+    """So did one with an `id`, with that, where it was asked with one (NEG-28)."""
     init_packet: Json | None = None
     """The first that a client of 1.1 was sent, or else a client of 1.0."""
     at_once: bool = False
@@ -200,11 +203,12 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
             facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
             facts.opens = dealings.memory is not None
             facts.renders = bool(dealings.frames)
-        if channel == "msg" and dealings.welcome and not facts.answers:
-            said = len(connection.packets)
-            viewer.ask(connection, {"type": "get_viewport_size"})
-            peer.until(lambda: len(connection.packets) > said or connection.ended, REPLY_SECONDS)  # noqa: B023
-            facts.answers = len(connection.packets) > said
+        if channel == "msg" and dealings.welcome:
+            said = len(dealings.heard)
+            viewer.ask(connection, {"type": "get_viewport_size", "id": AN_ID})
+            peer.until(lambda: len(dealings.heard) > said or connection.ended, REPLY_SECONDS)  # noqa: B023
+            facts.answers |= len(dealings.heard) > said
+            facts.repeats_ids = any(it.get("id") == AN_ID for it in dealings.heard[said:])
         if channel == "msg" and "scene" in dealings.granted:
             viewer.ask(connection, {"type": "get_scene"})
             peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023

@@ -189,7 +189,11 @@ class ServerTrial(Trial):
 
     def answers(self, connection: Connection) -> bool:
         """Whether the server answers a good request on this connection: the positive control."""
-        return self._is_answered(connection, [controls.one(self.viewer.with_(connection).welcome)])
+        return self._is_answered(connection, [controls.one(self._tells_ids(connection))])
+
+    def _tells_ids(self, connection: Connection) -> bool:
+        welcome = self.viewer.with_(connection).welcome
+        return self.facts.repeats_ids and within(welcome, "version") == "1.1"
 
     def _is_answered(self, connection: Connection, requests: list[Json]) -> bool:
         heard = self.viewer.with_(connection).heard
@@ -224,7 +228,7 @@ class ServerTrial(Trial):
         before = len(dealings.heard)
         for script in scripts:
             connection.send(script)
-        requests = controls.both(dealings.welcome)
+        requests = controls.both(self._tells_ids(connection))
         if self._is_answered(connection, requests):
             said = [message.get("type") for message in dealings.heard[before:]]
             if len(said) == len(requests):

@@ -233,7 +233,7 @@ class Steering(Talk):
                 elif kind == "error":
                     self.scolded = True
                     self.asked = self.asked and message.get("code") == "busy"
-                elif self.asked:
+                elif self.asked and kind in (None, "viewport_size"):
                     self.asked = False
                     need(message and self.size(message.get("viewport_size")), "no reply")
                     self.version = self.version or "1.0"

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import select
 import socket
 import struct
 import sys
@@ -230,7 +231,6 @@ class Connection:
         self.server, self.sock, self.channel = server, sock, channel
         self.writing = threading.Lock()
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.limit(socket.SO_SNDTIMEO, 4.0)
 
     def limit(self, which, seconds):
         self.sock.setsockopt(socket.SOL_SOCKET, which, struct.pack("ll", int(seconds), int(seconds % 1 * 1e6)))
@@ -238,8 +238,12 @@ class Connection:
     def say(self, message):
         payload = json.dumps(message).encode()
         with self.writing:
+            left, end = struct.pack("<I", len(payload)) + payload, time.monotonic() + 4.0
             try:
-                self.sock.sendall(struct.pack("<I", len(payload)) + payload)
+                while left:
+                    if not select.select([], [self.sock], [], max(0.0, end - time.monotonic()))[1]:
+                        return self.cut()
+                    left = left[self.sock.send(left, socket.MSG_DONTWAIT):]
             except OSError:
                 self.cut()
 

@@ -179,7 +179,7 @@ def server_sends_a_tag_once(patch: Patch) -> None:
     wrap(patch, Reader, "frame", frame)
 
 
-@mutant("CTL-2", check="check_tells_it_once", reason="was told busy 2 times")
+@mutant("CTL-2", check="check_tells_it_once", reason="was told busy")
 def server_says_busy_after_each_other_error(patch: Patch) -> None:
     """Says `busy` again to a connection that was told another error."""
 
