@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.messages import encode
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.script import Case
+from splatbus_conformance.server_introduction import ServerFacts
 from splatbus_conformance.server_trial import ServerTrial
 from splatbus_conformance.testee import Awaited, Launched
 from splatbus_conformance.trial import Trial
@@ -108,6 +109,7 @@ def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, 
     dealings = Dealings()
     trial = object.__new__(ServerTrial)
     trial.delivered = 0
+    trial.facts = ServerFacts()
     trial.viewer = SimpleNamespace(with_=lambda connection: dealings, encode=encode)
     trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
     assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
