@@ -57,9 +57,8 @@ from splatbus_client.outgoing import (
     succeeding,
 )
 
-# The limits bind as the server sees them, and its clock and scheduler are not ours. A reply that is
-# late is mostly one that never comes, and whoever looks at the view waits for the next connection.
-REPLY_SECONDS: float = 0.6 * LIMITS["reply_seconds"]
+# The limits bind as the server sees them, and its clock and scheduler are not ours.
+REPLY_SECONDS: float = 0.9 * LIMITS["reply_seconds"]
 ASK_AGAIN_SECONDS: float = 1.25 * LIMITS["ask_again_min_seconds"]
 
 _QUESTIONS = (GetViewportSize, GetCameraPose, GetScene)
