@@ -200,12 +200,10 @@ class ServerTrial(Trial):
         before = len(heard)
         connection.send(b"".join(packet(self.viewer.encode(request)) for request in requests))
 
-        def came() -> bool:
-            return controls.are_answered(requests, heard[before:])
-
-        self.wait(lambda: came() or connection.ended)
-        self.delivered += came()
-        return came()
+        self.wait(lambda: controls.are_answered(requests, heard[before:]) or connection.ended)
+        came = controls.are_answered(requests, heard[before:])
+        self.delivered += came
+        return came
 
     # Scripts, and what becomes of them
 
@@ -233,8 +231,7 @@ class ServerTrial(Trial):
             said = [message.get("type") for message in dealings.heard[before:]]
             if len(said) == len(requests):
                 return "ignores"
-            is_error = [kind == "error" for kind in said]
-            return "reports" if sum(is_error) == len(said) - len(requests) else "replies"
+            return "reports" if said.count("error") == len(said) - len(requests) else "replies"
         return self.end_of(connection, LATE_SECONDS)  # it was waited for while an answer was
 
     def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:

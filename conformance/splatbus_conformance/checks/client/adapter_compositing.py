@@ -135,9 +135,7 @@ def judge_unchanged(trial: ClientTrial, lending: Lending, image: Painting, what:
 
 @check("BUF-8", observable=OBSERVABLE, needs=COMPOSES)
 def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> None:
-    """Pixels of depth +∞ with every alpha, and pixels of alpha 0 before the plane; by straight and
-    by premultiplied alpha.
-    """
+    """Pixels of depth +∞ with every alpha, and of alpha 0 before the plane, by either alpha."""
     for announced, lending in lent_by_alpha(trial):
         for alpha in (1.0, 0.5, 2.0**-24):
             image = flat(lending, singles(0.9, 0.1, 0.6, alpha), math.inf)

@@ -47,7 +47,7 @@ def _waits(patch: Patch, seconds: float, applies: Callable[[Channel, str], bool]
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-21", check=PACES, reason="reset")
+@mutant("CHN-21", check=PACES, reason="after reset, on the")
 def connects_again_at_once_when_reset(patch: Patch) -> None:
     """Connects again without a pause when its connection was reset."""
     _waits(patch, 0.0, lambda self, reason: "reset" in reason)

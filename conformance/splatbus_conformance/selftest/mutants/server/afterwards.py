@@ -179,19 +179,6 @@ def server_sends_a_tag_once(patch: Patch) -> None:
     wrap(patch, Reader, "frame", frame)
 
 
-@mutant("CTL-2", check="check_tells_it_once", reason="was told busy")
-def server_says_busy_after_each_other_error(patch: Patch) -> None:
-    """Says `busy` again to a connection that was told another error."""
-
-    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        refusal = original(self, connection, message)
-        if refusal is not None and refusal.code != "busy":
-            self._told_busy.discard(connection)
-        return refusal
-
-    wrap(patch, Session, "_move", move)
-
-
 @mutant(
     "CTL-3", check="check_lens_and_time_end_with_their_client", reason="had reset its connection"
 )
