@@ -11,7 +11,7 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +21,14 @@ from splatbus_conformance.messages import Json
 from splatbus_conformance.peer import Peer
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.recording import Channel
-from splatbus_conformance.testee import STOP_SECONDS, WINDOWS_CRASH, Command, Ended, end
+from splatbus_conformance.testee import (
+    STOP_SECONDS,
+    WINDOWS_CRASH,
+    Command,
+    Ended,
+    end,
+    lives_of,
+)
 
 if TYPE_CHECKING:  # slow to import, and used where there is an adapter
     from jsonschema import Draft202012Validator
@@ -73,6 +80,7 @@ class Adapted:
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
         self.started = 0.0
+        self._starts: list[float] = []
         self._command = Command(command, environment)
         self.argv = self._command.argv
         self._peer, self._patience = peer, patience
@@ -87,6 +95,11 @@ class Adapted:
     def group(self) -> int | None:
         """Its processes and the client's, while they run."""
         return self._process.pid if self._process and os.name == "posix" else None
+
+    @property
+    def lives(self) -> Sequence[tuple[float, float]]:
+        """Of all processes of the adapter, with which its client ends."""
+        return lives_of(self._starts, self._process)
 
     def ensure_running(self) -> bool:
         """Start it if it does not run, with its client. Raises NoVerdict, AdapterBroken."""
@@ -103,6 +116,7 @@ class Adapted:
         Raises AdapterBroken, and NoVerdict if the command cannot be started.
         """
         self.started = time.monotonic()
+        self._starts.append(self.started)
         process = self._process = self._command.start({}, subprocess.PIPE, subprocess.PIPE)
         self._mute = False
         self._lines, self._commands = queue.SimpleQueue(), queue.SimpleQueue()

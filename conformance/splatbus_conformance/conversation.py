@@ -60,6 +60,8 @@ class Conversation:
     """When each side ended its stream, by end of stream or reset."""
     resets: set[Direction] = field(default_factory=set)
     """The sides that ended it by a reset."""
+    died: set[Direction] = field(default_factory=set)
+    """The sides whose process ended with it, as far as that is known."""
     beside: list["Conversation"] = field(default_factory=list, repr=False)
     """Every conversation of the recording, this one among them."""
 

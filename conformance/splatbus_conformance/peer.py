@@ -9,7 +9,7 @@ import selectors
 import socket
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Literal, TypeVar
 
 from splatbus_conformance.packets import HEADER, Packet, Splitter
@@ -69,7 +69,8 @@ class Connection:
         """Send bytes as they are, in one write; quietly nothing if the testee has gone."""
         if self.open:
             with contextlib.suppress(OSError):
-                self._sock.sendall(data)
+                with self._peer.waiting():
+                    self._sock.sendall(data)
                 self._peer.note(self, self._peer.ours, data)
                 self.sent += len(data)
 
@@ -248,7 +249,9 @@ class Peer:
         """Connect to the testee on this channel; OSError if it does not accept in time."""
         connect = _connect_narrowly if self.narrow else socket.create_connection
         port = self.ports[channel]
-        connection = self._adopt(connect((self.host, port), seconds), channel, port)
+        with self.waiting():
+            sock = connect((self.host, port), seconds)
+        connection = self._adopt(sock, channel, port)
         self.on_open(connection)
         return connection
 
@@ -264,6 +267,20 @@ class Peer:
         and what came has not been seen.
         """
         return min(time.monotonic(), self._looked + GRACE_SECONDS) - self._absent
+
+    @contextlib.contextmanager
+    def waiting(self) -> Iterator[None]:
+        """While it waits for the testee in a call of the system's, the harness looks, too."""
+        self._looks_again()
+        try:
+            yield
+        finally:
+            self._looked = time.monotonic()
+
+    def _looks_again(self) -> None:
+        now = time.monotonic()
+        self._absent += max(0.0, now - self._looked - GRACE_SECONDS)
+        self._looked = now
 
     def pump(self, seconds: float = 0.0) -> None:
         """Handle what happens within `seconds`; at least what has happened already."""
@@ -326,22 +343,26 @@ class Peer:
             self._selector.unregister(sock)
 
     def _step(self, seconds: float) -> None:
-        began = time.monotonic()
+        self._looks_again()
+        began = self._looked
         happened = self._selector.select(seconds)
-        before, self._looked = self._looked, time.monotonic()
-        late = self._looked - began - seconds
+        late = time.monotonic() - began - seconds
         if not happened:
             self.late_seconds = max(self.late_seconds, late)
-        for absent in (began - before, late):
-            self._absent += max(0.0, absent - GRACE_SECONDS)
+        self._absent += max(0.0, late - GRACE_SECONDS)
+        self._looked = time.monotonic()
         for key, _ in happened:
             if isinstance(key.data, Connection):
                 self._handle(key.data)
             elif connection := self._accepted(key.data):
                 self.on_open(connection)
 
+    def on_record(self, monotonic: float) -> float:
+        """The time of an entry that was made at this time of the monotonic clock."""
+        return monotonic - self._start
+
     def _now(self) -> float:
-        return time.monotonic() - self._start
+        return self.on_record(time.monotonic())
 
     def _accepted(self, channel: Channel) -> Connection | None:
         try:

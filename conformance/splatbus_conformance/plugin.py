@@ -19,6 +19,7 @@ from splatbus_conformance import guilty, latencies, recording
 from splatbus_conformance.checks import Check
 from splatbus_conformance.conversation import conversations
 from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.deaths import note_deaths
 from splatbus_conformance.drawing import leave_nothing_where_the_user_works
 from splatbus_conformance.excerpt import excerpt
 from splatbus_conformance.findings import Traffic, result_as_text
@@ -241,6 +242,9 @@ class CheckPlugin:
         entries = list(self.stand.peer.entries)
         self.stand.peer.close_all()  # what the testee does about it goes on during the judgement
         recorded = conversations(entries)
+        on_record = self.stand.peer.on_record
+        lives = [(on_record(born), on_record(ended)) for born, ended in self.stand.testee.lives]
+        note_deaths(recorded, entries, self.stand.peer.theirs, lives)
         seen = tally(recorded, self.plan.side, self.rules)
         add(self.traffic.tally, seen)
         latencies.add(self.traffic.latencies, latencies.of(recorded, self.plan.side))

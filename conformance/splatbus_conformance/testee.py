@@ -1,6 +1,7 @@
 """The program under test: launched by the harness, or started by hand while the harness waits."""
 
 import contextlib
+import math
 import os
 import shlex
 import shutil
@@ -53,6 +54,12 @@ class Testee(Protocol):
     @property
     def argv(self) -> Sequence[str]:
         """The command that starts it; none where somebody else does."""
+
+    @property
+    def lives(self) -> Sequence[tuple[float, float]]:
+        """When each process that the harness started for it began, and when at the latest it had
+        ended, by the monotonic clock; infinity for one that runs.
+        """
 
     @property
     def group(self) -> int | None:
@@ -149,6 +156,14 @@ def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
         process.wait(STOP_SECONDS)
 
 
+def lives_of(
+    starts: Sequence[float], last: subprocess.Popen[bytes] | None
+) -> list[tuple[float, float]]:
+    """As `Testee.lives`, of processes that followed each other; None if the last was ended."""
+    alive = last is not None and last.poll() is None
+    return list(zip(starts, (*starts[1:], math.inf if alive else time.monotonic()), strict=False))
+
+
 def _let_others_leave(process: subprocess.Popen[bytes]) -> None:
     """What it had started may be clearing up behind it, and a check looks at what was cleared."""
     deadline = time.monotonic() + LEAVING_SECONDS
@@ -199,6 +214,7 @@ class Launched:
         self._command = Command(command, environment)
         self.argv = self._command.argv
         self.started = 0.0
+        self._starts: list[float] = []
         self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -207,6 +223,7 @@ class Launched:
         if self._process is not None and self._process.poll() is None:
             return False
         self.started = time.monotonic()
+        self._starts.append(self.started)
         self._process = self._command.start(self._added, subprocess.DEVNULL)
         return True
 
@@ -214,6 +231,11 @@ class Launched:
     def group(self) -> int | None:
         """Its processes, while it runs."""
         return self._process.pid if self._process and os.name == "posix" else None
+
+    @property
+    def lives(self) -> Sequence[tuple[float, float]]:
+        """Of all its processes."""
+        return lives_of(self._starts, self._process)
 
     def add_to_environment(self, added: Mapping[str, str]) -> None:
         """End it; from now on it is started with these variables beside the usual ones."""
@@ -258,6 +280,7 @@ class Awaited:
 
     expendable = False
     started = 0.0
+    lives: Sequence[tuple[float, float]] = ()
     argv: Sequence[str] = ()
     group = None
 

@@ -104,6 +104,27 @@ def test_patience_is_not_spent_while_the_harness_cannot_look(where, monkeypatch)
     assert peer.clock() - began == pytest.approx(50 * TICK_SECONDS, abs=2 * TICK_SECONDS)
 
 
+def test_patience_is_spent_on_a_testee_that_does_not_accept(monkeypatch) -> None:
+    clock = SimpleNamespace(now=0.0)
+
+    def create_connection(address: object, seconds: float) -> None:
+        clock.now += seconds
+        raise TimeoutError
+
+    def refused() -> None:
+        with contextlib.suppress(OSError):
+            peer.dial("msg", 5.0)
+
+    monkeypatch.setattr(
+        "splatbus_conformance.peer.time", SimpleNamespace(monotonic=lambda: clock.now)
+    )
+    monkeypatch.setattr("splatbus_conformance.peer.socket.create_connection", create_connection)
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    monkeypatch.setattr(peer, "_selector", SimpleNamespace(select=lambda seconds: []))
+    peer.until(refused, 12.0)
+    assert clock.now == 15.0
+
+
 def test_who_resets_before_it_is_accepted_has_connected_and_ended() -> None:
     peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
     peer.listen("ipc")

@@ -53,7 +53,7 @@ def test_a_server_of_a_strange_scene_that_takes_poses_otherwise_fails(
 def test_of_a_scene_that_moves_by_itself_nothing_is_told(tmp_path: Path) -> None:
     turns = (
         "    matrix = tuple(map(tuple, turn.tolist()))\n",
-        "    place = place + [0.5 * (number // 40), 0.0, 0.0]\n"
+        "    place = place + [0.1 * number, 0.0, 0.0]\n"
         "    matrix = tuple(map(tuple, turn.tolist()))\n",
     )
     restless = program(tmp_path, STRANGE, turns)

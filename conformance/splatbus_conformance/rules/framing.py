@@ -29,7 +29,8 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
 def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
     """FRM-1: lengths are those of payloads, and a stream that its sender ended holds whole packets.
 
-    A peer whose connection was ended by the other side could not finish its packet.
+    A peer whose connection was ended by the other side could not finish its packet, nor could one
+    whose process ended.
     """
     ended = conversation.ended
     for direction, stream in conversation.streams.items():
@@ -41,7 +42,7 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
             continue
         other: Direction = "s2c" if direction == "c2s" else "c2s"
         by_itself = ended.get(direction, math.inf) < ended.get(other, math.inf)
-        if stream.rest and by_itself:
+        if stream.rest and by_itself and direction not in conversation.died:
             text = f"the stream ends {len(stream.rest)} bytes into a packet"
             yield _of_stream(conversation, direction, "FRM-1", ended[direction], text)
         elif stream.offset:
