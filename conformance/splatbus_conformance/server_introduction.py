@@ -279,11 +279,13 @@ def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:
     """A new connection, tried again until the server listens, for so many seconds from its start;
-    later it has no longer than it may let a client wait (CHN-13).
+    once it did, it has no longer than it may let a client wait (CHN-13).
     """
     found: list[Connection] = []
     if testee.expendable:
-        seconds = min(seconds, max(EFFECT_SECONDS, testee.started + seconds - time.monotonic()))
+        listens = peer.last_opened[channel] > testee.started
+        left = 0.0 if listens else testee.started + seconds - time.monotonic()
+        seconds = min(seconds, max(EFFECT_SECONDS, left))
 
     def tried() -> bool:
         try:
