@@ -9,7 +9,6 @@ Each is a folder with its source and a `program.toml`:
     launch = "{built}/client"
     needs = ["gcc"]                  programs that have to be on PATH
     options = ["--stand-in-cuda"]    for the harness
-    settled = false                  its verdict still differs from run to run: only the long run
     press = true                     judged with --wait: started only when the harness says so
     conforms = false                 not one MUST is broken
     environment = {NAME = "value"}   for the harness and the program
@@ -87,7 +86,6 @@ class Program:
     needs: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     press: bool = False
-    settled: bool = True
     environment: dict[str, str] = field(default_factory=dict)
     defects: tuple[Defect, ...] = ()
     exit: int | None = None
