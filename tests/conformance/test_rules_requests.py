@@ -109,6 +109,11 @@ def test_types_of_a_version_unknown_to_the_harness_are_not_judged() -> None:
     assert breaches(strict) == {("client", "REQ-14"): 1}
 
 
+def test_a_question_that_was_on_its_way_when_the_size_was_told_is_no_second_one() -> None:
+    ahead = client(ASK_SIZE), client(ASK_CAMERA), server(UNKNOWN_YET), client(ASK_SIZE)
+    assert "REQ-12" not in breaches(talk("msg", *ahead))
+
+
 def test_a_client_that_waits_less_than_the_limit_is_not_blamed() -> None:
     assert breaches(talk("msg", client(ASK_SIZE), client(POSE, pause=14.0))) == {}
 

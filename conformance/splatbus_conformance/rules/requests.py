@@ -1,5 +1,6 @@
 """Rules on what a client asks (spec 1.0 section 6.2, spec 1.1 chapters 7 to 9)."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -45,14 +46,22 @@ def defined_types(conversation: Conversation) -> Iterator[Sighting]:
 
 @rule("REQ-12")
 def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
-    """REQ-12: after a size of `[0,0]`, 100 milliseconds before the next question."""
+    """REQ-12: after a size of `[0,0]`, 100 milliseconds before the next question.
+
+    Of a client that asks while it waits for a reply, a question may have been on its way.
+    """
+    pairs = exchanges(conversation).pairs
     unknown = {
         answer.packet.offset
-        for _, answer, *_ in exchanges(conversation).pairs
+        for _, answer, *_ in pairs
         if not answer.faults and (answer.value or {}).get("viewport_size") == [0, 0]
     }
+    asks_ahead = any(
+        later.question.packet.began < pair.answer.packet.ended
+        for pair, later in itertools.pairwise(pairs)
+    )
     told: float | None = None
-    for message in conversation.messages if unknown else ():
+    for message in conversation.messages if unknown and not asks_ahead else ():
         if message.sender == "server" and message.packet.offset in unknown:
             told = message.packet.ended
         elif message.kind == "get_viewport_size" and told is not None:
