@@ -1,6 +1,6 @@
 """Add members that no version defines, at every level of a message (JSN-7)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from functools import cache
 from random import Random
 from typing import Any
@@ -20,8 +20,8 @@ ODD_VALUES: tuple[Any, ...] = (
 def with_unknown_members(message: dict[str, Any], random: Random) -> dict[str, Any]:
     """A copy of `message` whose every object has members more, in any order.
 
-    Some have names that the message uses at another level, and one holds a decoy: the message
-    itself with other values.
+    Some have names that the message uses at another level, and that mean nothing at theirs; one
+    holds a decoy: the message itself with other values.
     """
     fuller: dict[str, Any] = _added(
         message, random, frozenset(_names_in(message)), 1, _decoy(message)
@@ -49,12 +49,20 @@ def nested(depth: int) -> Any:
 @cache
 def known_names() -> frozenset[str]:
     """Every member name that a schema of any version knows."""
-    return frozenset(
-        name
-        for version in VERSIONS
-        for message in names(version)
-        for name in _properties(schema(message, version))
-    )
+    return frozenset().union(*_known_objects())
+
+
+@cache
+def _known_objects() -> tuple[frozenset[str], ...]:
+    """The member names of each object that a schema of any version knows, optional ones too."""
+    schemas = (schema(message, version) for version in VERSIONS for message in names(version))
+    return tuple({members for each in schemas for members in _properties(each)})
+
+
+def _known_beside(present: Set[str]) -> frozenset[str]:
+    """The names that mean something in an object with these members."""
+    known = present & known_names()
+    return frozenset().union(*(members for members in _known_objects() if members >= known))
 
 
 def _added(
@@ -65,7 +73,8 @@ def _added(
     if not isinstance(value, dict):
         return value
     members = [(name, _added(each, random, elsewhere, depth + 1)) for name, each in value.items()]
-    strangers = sorted((set(ODD_NAMES) - known_names()) | (elsewhere - value.keys() - {"type"}))
+    moved = elsewhere - value.keys() - _known_beside(value.keys())
+    strangers = sorted((set(ODD_NAMES) - known_names()) | moved)
     for name in random.sample(strangers, random.choice((1, 2, 3))):
         deepest = nested(LIMITS["max_json_depth"] - depth)
         members.append((name, random.choice((*ODD_VALUES, deepest))))
@@ -93,9 +102,9 @@ def _names_in(value: Any) -> Iterator[str]:
         yield from _names_in(each)
 
 
-def _properties(part: Any) -> Iterator[str]:
-    if isinstance(part, dict):
-        yield from part.get("properties", {})
+def _properties(part: Any) -> Iterator[frozenset[str]]:
+    if isinstance(part, dict) and "properties" in part:
+        yield frozenset(part["properties"])
     for each in _inside(part):
         yield from _properties(each)
 

@@ -16,10 +16,18 @@ from splatbus_conformance.unknown_members import (
 from splatbus_schemas import LIMITS
 from splatbus_schemas.validation import violations
 
+REPLY_WITHOUT_ID = {
+    "type": "scene",
+    "objects": [{"id": "default", "name": "", "gaussians": 1, "bounds": None}],
+    "timeRange": None,
+    "cameras": 0,
+    "origin": [0.0, 0.0, 0.0],
+}
 MESSAGES = {
     "init_packet": messages.init_packet_1_1("splatbus-1", 7),
     "welcome": messages.welcome("ipc", ["host_shm", "frames"]),
     "frame": messages.frame(7, 1, 2),
+    "scene": REPLY_WITHOUT_ID,
 }
 
 
@@ -27,6 +35,8 @@ def knows(fuller, message):
     """`fuller` has all that `message` has, at every level."""
     if isinstance(message, dict):
         return all(name in fuller and knows(fuller[name], message[name]) for name in message)
+    if isinstance(message, list):
+        return all(knows(full, bare) for full, bare in zip(fuller, message, strict=True))
     return fuller == message
 
 
@@ -38,6 +48,12 @@ def test_added_members_change_nothing(name, seed):
     assert not violations(fuller, name, "1.1")
     value, faults = read(messages.encode(fuller))
     assert (value, faults) == (fuller, ())
+
+
+@given(seed=st.integers(0, 2**32))
+def test_no_name_is_added_that_means_something_there(seed):
+    fuller = with_unknown_members(REPLY_WITHOUT_ID, Random(seed))
+    assert "id" not in fuller
 
 
 @pytest.mark.parametrize("name", MESSAGES)

@@ -19,6 +19,7 @@ from splatbus_conformance.trial import (
     REACTION_SECONDS,
 )
 
+MOST_WAITS = 3
 TIMES_AGAIN = 4
 """Whoever asks for the size so often has read what it asked for in between."""
 BAD_CAMERAS: tuple[Json, ...] = (
@@ -95,6 +96,18 @@ def asked_again(trial: ClientTrial, connection: Connection, times: int = TIMES_A
     """
     made = Counter(message["type"] for message in requests(trial, connection))
     return made["get_viewport_size"] >= times and made.keys() >= trial.facts.asks
+
+
+def wait_for_all(trial: ClientTrial, connection: Connection, times: int) -> bool:
+    """Whether it asks again for all, as `asked_again`; it has time as long as it asks on at all."""
+    for _ in range(MOST_WAITS):
+        before = len(requests(trial, connection))
+        trial.wait(lambda: asked_again(trial, connection, times) or connection.ended)
+        if len(requests(trial, connection)) == before or connection.ended:
+            break
+        if asked_again(trial, connection, times):
+            break
+    return asked_again(trial, connection, times)
 
 
 def asks_again_and_again(trial: ClientTrial) -> bool:

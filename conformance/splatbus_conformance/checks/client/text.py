@@ -15,10 +15,10 @@ from splatbus_conformance.checks.client.init_packets import for_broken_packet
 from splatbus_conformance.checks.client.replies import (
     TIMES_AGAIN,
     answer_all,
-    asked_again,
     asking,
     asks_again_and_again,
     outcome_of_reading,
+    wait_for_all,
 )
 from splatbus_conformance.client_trial import ClientTrial
 from splatbus_conformance.lenient_json import shorten
@@ -147,8 +147,7 @@ def judge_writers_on_msg(
         trial.role.encode["msg"] = encode_and_keep
         connection = asking(trial)
         answer_all(trial, connection)
-        trial.wait(lambda: asked_again(trial, connection, times) or connection.ended)  # noqa: B023
-        read = asked_again(trial, connection, times) or not times
+        read = wait_for_all(trial, connection, times) or not times
         # Poses go on for a while even if reading does not.
         trial.ends(connection, REACTION_SECONDS)
         outcome = outcome_of_reading(trial, connection)
