@@ -82,7 +82,7 @@ def passed_on(way: str, to: tuple[int, int], folder: Path) -> Iterator[tuple[int
     ports = free_ports()
     ends = [f"{HOST}:{ipc},{message}" for ipc, message in (ports, to)]
     if way == "relay alone":
-        command = ("splatbus_conformance.relay_process", os.devnull, *ends)
+        command = ("splatbus_conformance.observe.relay_process", os.devnull, *ends)
     else:
         record = f"--record={folder / 'session.jsonl'}"
         where = (f"--listen={ends[0]}", f"--to={ends[1]}", record)

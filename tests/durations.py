@@ -10,11 +10,11 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from splatbus_conformance.reports.as_json import Report
-from splatbus_conformance.reports.results import results
+from splatbus_conformance.reports.files.as_json import Report
+from splatbus_conformance.reports.files.results import results
 
 ROOT = Path(__file__).resolve().parents[1]
-FILE = ROOT / "conformance" / "splatbus_conformance" / "durations.json"
+FILE = ROOT / "conformance" / "splatbus_conformance" / "data" / "durations.json"
 SHORT_SECONDS = 0.3
 """Shorter checks fill the gaps in any order."""
 

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mpmath import mp, mpf
-from splatbus_conformance import closed_form
-from splatbus_conformance.pinhole import Camera as OracleCamera
-from splatbus_conformance.pinhole import Rigid
+from splatbus_conformance.images import known_scene
+from splatbus_conformance.images.pinhole import Camera as OracleCamera
+from splatbus_conformance.images.pinhole import Rigid
 from splatbus_server.raycast import Raycaster
 from splatbus_server.scene import (
     AMBIENT,
@@ -167,13 +167,13 @@ class Truth(NamedTuple):
     """A view, and what its pixels show."""
 
     camera: Camera
-    exact: closed_form.Exact
+    exact: known_scene.Exact
 
 
 @cache
 def truths(width: int, height: int) -> list[Truth]:
     return [
-        Truth(camera, closed_form.render(oracle_camera(camera))) for camera in views(width, height)
+        Truth(camera, known_scene.render(oracle_camera(camera))) for camera in views(width, height)
     ]
 
 
@@ -192,17 +192,17 @@ def worst(variant: Variant, width: int, height: int) -> Worst:
 
 def digits_50(camera: Camera, what: int, u: float, v: float) -> list[Any]:
     """The colour of one pixel, where it is known what it shows."""
-    if what == closed_form.NOTHING:
+    if what == known_scene.NOTHING:
         return [mpf(0)] * 4
     with mp.workdps(50):
         local = [(mpf(u) - camera.cx) / camera.fx, (mpf(v) - camera.cy) / camera.fy, mpf(1)]
         ray = [sum(mpf(r) * d for r, d in zip(row, local, strict=True)) for row in camera.rotation]
         light = [mpf(-2) / 7, mpf(-6) / 7, mpf(-3) / 7]
-        if what >= closed_form.FLOOR:
-            albedo = closed_form.EVEN if what == closed_form.FLOOR else closed_form.ODD
+        if what >= known_scene.FLOOR:
+            albedo = known_scene.EVEN if what == known_scene.FLOOR else known_scene.ODD
             cosine = -light[1]
         else:
-            center, radius, albedo = closed_form.SPHERES[what // 2]
+            center, radius, albedo = known_scene.SPHERES[what // 2]
             e = [mpf(s) - mpf(c) for s, c in zip(center, camera.position, strict=True)]
             a = sum(d * d for d in ray)
             b = sum(d * s for d, s in zip(ray, e, strict=True))

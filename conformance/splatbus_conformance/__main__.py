@@ -13,9 +13,10 @@ def main() -> int:
     if missing:
         extra = "pip install 'splatbus-protocol[conformance]'"
         sys.exit(f"the harness needs {', '.join(missing)}; install with: {extra}")
-    from splatbus_conformance.cli import main as begin
+    from splatbus_conformance.cli.main import main as begin
+    from splatbus_conformance.selftest.options import declare
 
-    return begin()
+    return begin(further=(declare,))
 
 
 if __name__ == "__main__":

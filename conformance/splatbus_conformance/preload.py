@@ -2,11 +2,12 @@
 
 import gc
 
-from splatbus_conformance import cli, parallel, running
-from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.cli import main
 from splatbus_conformance.rules import all_rules
+from splatbus_conformance.run import running, workers
 
-__all__ = ["cli", "parallel", "running"]
+__all__ = ["main", "running", "workers"]
 
 for side in ("client", "server"):
     check_functions(side)

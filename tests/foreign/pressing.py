@@ -7,7 +7,7 @@ import subprocess
 import threading
 from pathlib import Path
 
-from splatbus_conformance.ports import free_port
+from splatbus_conformance.wire.ports import free_port
 
 ASKS = re.compile(r"\bpress Play\b")
 """What a line of the harness says when it wants the client started, or started again."""

@@ -43,7 +43,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from splatbus_conformance.stand_in.building import NotAvailable, library_folder
+from splatbus_conformance.images.memory.cuda_stand_in.building import NotAvailable, library_folder
 
 from tests.foreign.pressing import pressed
 

@@ -6,18 +6,21 @@ import shlex
 import sys
 
 import pytest
-from splatbus_conformance.checks.client import device_images as client_images
-from splatbus_conformance.checks.client import device_pictures
-from splatbus_conformance.checks.server import device_images, device_opening, images, views
+from splatbus_conformance.checks.v1_0.buf import clients as client_images
+from splatbus_conformance.checks.v1_0.buf import servers as images
+from splatbus_conformance.checks.v1_0.buf import servers_device
+from splatbus_conformance.checks.v1_0.cnv import servers as views
+from splatbus_conformance.checks.v1_1.img import clients_shown
+from splatbus_conformance.checks.v1_1.mem import device as device_opening
 from splatbus_conformance.plan import Plan
 
-from tests.conformance.stand_in_testing import checks_in, findings_of
+from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of
 from tests.gpu import require_gpu
 
 require_gpu()
 
-CLIENT = checks_in(client_images, device_pictures)
-SERVER = checks_in(device_images, device_opening, images)
+CLIENT = checks_in(client_images, clients_shown)
+SERVER = checks_in(servers_device, device_opening, images)
 
 
 def command(module: str, *arguments: str) -> str:

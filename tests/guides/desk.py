@@ -16,9 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from splatbus_conformance.coverage import check_functions
-from splatbus_conformance.ports import free_port
-from splatbus_conformance.script import Case, Script, save
+from splatbus_conformance.cases.script import Case, Script, save
+from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.wire.ports import free_port
 
 from tests.guides.pages import ROOT
 

@@ -22,11 +22,12 @@ from pathlib import Path
 
 import pytest
 import splatbus_client.cli
-import splatbus_conformance.cli
 import splatbus_server.cli
-from splatbus_conformance.asking import plan_of, wishes_of
+from splatbus_conformance.cases.script import load
+from splatbus_conformance.cli.arguments import plan_of, wishes_of
+from splatbus_conformance.cli.main import parser
 from splatbus_conformance.plan import Side
-from splatbus_conformance.script import load
+from splatbus_conformance.selftest.options import declare
 
 from tests.guides import desk
 from tests.guides.pages import ALL, SHELLS, Block, our_commands
@@ -156,7 +157,7 @@ def test_the_options_of_a_command_that_takes_a_whole_run_go_together(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     side: Side = "server" if " server " in line else "client"
-    arguments = splatbus_conformance.cli.parser().parse_args(shlex.split(line)[1:])
+    arguments = parser((declare,)).parse_args(shlex.split(line)[1:])
     assert plan_of(side, arguments)
     assert wishes_of(side, arguments).write_expected == Path("known.toml")
 
@@ -186,15 +187,15 @@ def test_no_command_hides_in_a_block_of_another_kind() -> None:
 
 
 def _parse(arguments: list[str]) -> None:
-    parser = splatbus_conformance.cli.parser()
-    found = parser.parse_args(arguments)
+    top = parser((declare,))
+    found = top.parse_args(arguments)
     if found.command == "replay":
         if found.file.endswith(".jsonl"):  # a recording: the words say themselves to whom
-            parser.parse_args(found.how)
+            top.parse_args(found.how)
             return
         side = "client"
         if found.file != "FILE" and found.file.endswith(".json"):
             path = Path(found.file)
             desk.write_script(path)
             side = load(path).side
-        parser.parse_args([side, *found.how])
+        top.parse_args([side, *found.how])

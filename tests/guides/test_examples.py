@@ -11,7 +11,7 @@ from types import ModuleType
 
 import pytest
 
-from tests.conformance.commanding import run
+from tests.conformance.harness import run
 from tests.guides.desk import GUIDES
 from tests.guides.pages import ROOT, Block, blocks
 

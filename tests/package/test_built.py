@@ -82,8 +82,8 @@ def test_the_wheel_has_what_each_package_reads_beside_its_modules(
         "splatbus_schemas/1.1/welcome.schema.json",
         "splatbus_schemas/1.1/examples/welcome.json",
         "splatbus_server/cuda/publish.cu",
-        "splatbus_conformance/report.schema.json",
-        "splatbus_conformance/stand_in/cudart.c",
+        "splatbus_conformance/data/report.schema.json",
+        "splatbus_conformance/images/memory/cuda_stand_in/cudart.c",
     }
 
 

@@ -13,8 +13,8 @@ import sys
 import time
 from pathlib import Path
 
-from splatbus_conformance.ports import free_port
-from splatbus_conformance.relay_process import Endpoint, relayed
+from splatbus_conformance.observe.relay_process import Endpoint, relayed
+from splatbus_conformance.wire.ports import free_port
 
 NAMES = ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT")
 

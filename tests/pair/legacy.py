@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from splatbus_conformance.conversation import conversations
-from splatbus_conformance.recording import load
+from splatbus_conformance.wire.conversation import conversations
+from splatbus_conformance.wire.recording import load
 from splatbus_schemas import prose
 
 from tests.pair.rig import MOST_SECONDS, Tap, listener

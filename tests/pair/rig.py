@@ -11,10 +11,10 @@ from typing import Any
 
 import splatbus_client
 import splatbus_server
-from splatbus_conformance.audit import Audit, audit
-from splatbus_conformance.conversation import Message, conversations
-from splatbus_conformance.recording import Channel, Entry
-from splatbus_conformance.relay import Relay
+from splatbus_conformance.observe.audit import Audit, audit
+from splatbus_conformance.observe.relay import Relay
+from splatbus_conformance.wire.conversation import Message, conversations
+from splatbus_conformance.wire.recording import Channel, Entry
 
 MOST_SECONDS = 30.0
 """How long anything may take on a busy machine before a test gives up."""

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 from splatbus_client import Pose
-from splatbus_conformance import cli
-from splatbus_conformance.audit import audit
-from splatbus_conformance.commands import console
+from splatbus_conformance.cli.commands import console
+from splatbus_conformance.cli.main import main
+from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.plan import Usage
-from splatbus_conformance.ports import free_port
-from splatbus_conformance.recording import load
+from splatbus_conformance.wire.ports import free_port
+from splatbus_conformance.wire.recording import load
 
 from tests.pair.legacy import packet
 from tests.pair.painting import is_whole, painter
@@ -29,7 +29,7 @@ Ports = tuple[int, int]
 def proxied(listen: Ports, to: Ports, file: Path, seconds: float, *more: str) -> int:
     ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
     line = ["--plain", "proxy", "--listen", ends[0], "--to", ends[1], "--record", str(file)]
-    arguments = cli.parser().parse_args([*line, "--seconds", str(seconds), *more])
+    arguments = main.parser().parse_args([*line, "--seconds", str(seconds), *more])
     return int(arguments.run(arguments, console(True)))
 
 
@@ -46,7 +46,7 @@ def connected(port: int) -> socket.socket:
 def audited(file: Path, status: int) -> Path:
     """The report of an audit of a recording."""
     report = file.with_suffix(".audited.json")
-    assert cli.main(["--plain", "audit", str(file), "--json", str(report)]) == status
+    assert main.main(["--plain", "audit", str(file), "--json", str(report)]) == status
     return report
 
 

@@ -5,13 +5,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.audit import audit
-from splatbus_conformance.checks.client import device
-from splatbus_conformance.checks.server import device as served
+from splatbus_conformance.checks.v1_0.cud import clients as device
+from splatbus_conformance.checks.v1_0.cud import servers as served
+from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.plan import Plan, Side
-from splatbus_conformance.recording import load
+from splatbus_conformance.wire.recording import load
 
-from tests.conformance.stand_in_testing import checks_in, findings_of, library
+from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of, library
 
 HERE = Path(__file__).parent
 MINIATURES = HERE.parent / "conformance" / "miniatures"

@@ -2,7 +2,7 @@
 
 import re
 
-from splatbus_conformance.coverage import bound, exclusions, judges
+from splatbus_conformance.checks.registry import bound, exclusions, judges
 from splatbus_schemas import requirements
 
 from conformance.site.splatbus_site import judged

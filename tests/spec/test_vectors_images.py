@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from splatbus_client import display
-from splatbus_conformance import pinhole
+from splatbus_conformance.images import pinhole
 from splatbus_server.publish import Publisher, source
 from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.conventions import ENGINES

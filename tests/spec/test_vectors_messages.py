@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from splatbus_conformance.images.pinhole import rigid
 from splatbus_conformance.oracle import U, orthogonality_error
-from splatbus_conformance.packets import Splitter
-from splatbus_conformance.pinhole import rigid
+from splatbus_conformance.wire.packets import Splitter
 from splatbus_wire.conventions import ENGINES
 from splatbus_wire.errors import FramingError, ProtocolError
 from splatbus_wire.framing import PacketDecoder

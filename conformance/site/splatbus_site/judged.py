@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import NamedTuple
 
-from splatbus_conformance.coverage import Judge, bound, exclusions, judges
+from splatbus_conformance.checks.registry import Judge, bound, exclusions, judges
 from splatbus_schemas import requirements
 
 from .markdown import table

@@ -8,8 +8,8 @@ session of the harness is a recording too.
 from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, Protocol, cast
 
-from splatbus_conformance.conversation import Conversation, Message, conversations
-from splatbus_conformance.recording import Entry
+from splatbus_conformance.wire.conversation import Conversation, Message, conversations
+from splatbus_conformance.wire.recording import Entry
 
 
 class Sighting(NamedTuple):
@@ -97,29 +97,23 @@ def judged(
 
 def all_rules() -> tuple[Rule, ...]:
     """Every rule, in the order of the specification's chapters."""
-    from splatbus_conformance.rules import (
-        cameras,
-        channels,
-        frames,
-        framing,
-        init_packets,
-        memory,
-        negotiation,
-        objects,
-        opening,
-        poses,
-        replies,
-        replies_1_1,
-        requests,
-        telemetry,
-        text,
-        welcome,
+    from splatbus_conformance.rules.v1_0 import chn, frm, ini, jsn, pos, req_replies, req_requests
+    from splatbus_conformance.rules.v1_1 import (
+        cam,
+        img,
+        mem,
+        neg,
+        neg_welcome,
+        obj,
+        opn,
+        scn_vpt_png,
+        tel,
     )
 
     modules = (
-        *(framing, text, channels, init_packets, poses, requests, replies),
-        *(negotiation, welcome, memory, opening, frames, cameras, objects, replies_1_1),
-        telemetry,
+        *(frm, jsn, chn, ini, pos, req_requests, req_replies),
+        *(neg, neg_welcome, mem, opn, img, cam, obj, scn_vpt_png),
+        tel,
     )
     return tuple(rule for module in modules for rule in module.RULES)
 

@@ -12,10 +12,11 @@ from rich.text import Text
 
 from splatbus_conformance.plan import SIDES
 from splatbus_conformance.selection import did_you_mean
-from splatbus_conformance.selftest import harnesses, matrix, trials
+from splatbus_conformance.selftest import judge, kill_matrix
+from splatbus_conformance.selftest.judge import GOOD, REFERENCE, Row
+from splatbus_conformance.selftest.processes import harnesses
+from splatbus_conformance.selftest.registry import mutants, variations
 from splatbus_conformance.selftest.seeds import judge_seeds
-from splatbus_conformance.selftest.trials import GOOD, REFERENCE, Row
-from splatbus_conformance.selftest.zoo import mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
 WORKERS = 10
@@ -45,7 +46,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     rows |= {row.name: row for row in unhurried(chosen, rows, out)}
     in_order = [rows[name] for name in chosen]
     if arguments.json:
-        matrix.save(in_order, Path(arguments.json))
+        kill_matrix.save(in_order, Path(arguments.json))
     for row in in_order:
         if row.fate not in GOOD:
             out.print(f"\n{row.fate.upper()}  {row.name}: {row.does}", markup=False)
@@ -53,7 +54,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
                 wanted_ = f"{row.requirement} by {row.check}, with the words “{row.reason}”"
                 out.print(f"  should fail  {wanted_}", markup=False)
             out.print(f"  seen         {row.seen or 'nothing'}", markup=False)
-    out.print(f"\n{matrix.sentence(in_order)}", markup=False)
+    out.print(f"\n{kill_matrix.sentence(in_order)}", markup=False)
     good = all(row.fate in GOOD for row in in_order)
     return EXIT_CONFORMING if good else EXIT_NOT_CONFORMING
 
@@ -65,13 +66,13 @@ def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
     its trial, and a server computes.
     """
     for name in REFERENCE:
-        yield name, lambda it=name: trials.judge_reference(it)  # type: ignore[misc]
+        yield name, lambda it=name: judge.judge_reference(it)  # type: ignore[misc]
     sides = [[it for it in variations() if it.side == side] for side in SIDES]
     in_turn = itertools.chain.from_iterable(itertools.zip_longest(*sides))
     for variation in filter(None, in_turn):
-        yield variation.name, lambda it=variation: trials.judge_variation(it, profile)  # type: ignore[misc]
+        yield variation.name, lambda it=variation: judge.judge_variation(it, profile)  # type: ignore[misc]
     for mutant in mutants():
-        yield mutant.name, lambda it=mutant: trials.judge_mutant(it)  # type: ignore[misc]
+        yield mutant.name, lambda it=mutant: judge.judge_mutant(it)  # type: ignore[misc]
 
 
 def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:

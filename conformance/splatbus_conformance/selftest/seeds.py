@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from rich.console import Console
 
-from splatbus_conformance.selftest import harnesses
-from splatbus_conformance.selftest.trials import FULL_RUN_SECONDS, REFERENCE, run_harness
+from splatbus_conformance.selftest.judge import FULL_RUN_SECONDS, REFERENCE, run_harness
+from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING
 
 WORKERS = 4

@@ -15,9 +15,9 @@ from typing import TypeVar
 from rich.console import Console
 from rich.text import Text
 
-from splatbus_conformance.coverage import check_functions
+from splatbus_conformance.checks.registry import check_functions
 from splatbus_conformance.selection import RULE
-from splatbus_conformance.selftest import harnesses
+from splatbus_conformance.selftest.judge import run_harness
 from splatbus_conformance.selftest.machine import lines, modules, specimens
 from splatbus_conformance.selftest.machine.lines import Watched
 from splatbus_conformance.selftest.machine.testing import FOLDERS, ROOT, ByTests, watch_tests
@@ -31,7 +31,7 @@ from splatbus_conformance.selftest.machine.trials import (
     judge,
     judging,
 )
-from splatbus_conformance.selftest.trials import run_harness
+from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
     EXIT_NOT_CONFORMING,

@@ -163,7 +163,7 @@ def told(path: Path) -> str:
 
 def tell(path: str) -> None:
     """Have the harness that runs in this process tell in a file which check it runs."""
-    from splatbus_conformance.gathering import Gathering
+    from splatbus_conformance.run.collector import Gathering
 
     original = Gathering.pytest_runtest_logstart
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import cast
 
 from splatbus_conformance.plan import Side
+from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.machine.importing import change_on_import
 from splatbus_conformance.selftest.machine.lines import watch
-from splatbus_conformance.selftest.patching import Patch
 
 CHANGED, WATCHED = "machine", "lines"
 MAKES: dict[str, Callable[[str], None]] = {CHANGED: change_on_import, WATCHED: watch}

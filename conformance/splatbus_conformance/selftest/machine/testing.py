@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from splatbus_conformance.selftest import harnesses
 from splatbus_conformance.selftest.machine.changes import Change
 from splatbus_conformance.selftest.machine.importing import change_on_import
 from splatbus_conformance.selftest.machine.lines import START, Watched, trace
 from splatbus_conformance.selftest.machine.modules import OWN, WIRE, source
+from splatbus_conformance.selftest.processes import harnesses
 
 ROOT = Path(__file__).parents[4]
 FOLDERS = ("wire", "client", "server", "pair")

@@ -9,15 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from splatbus_conformance import running
 from splatbus_conformance.plan import Side
+from splatbus_conformance.run import running
 from splatbus_conformance.selection import RULE
-from splatbus_conformance.selftest import harnesses
+from splatbus_conformance.selftest.judge import Cell, cells_of, run_harness
 from splatbus_conformance.selftest.machine import lines, specimens
 from splatbus_conformance.selftest.machine.lines import Watched
 from splatbus_conformance.selftest.machine.modules import Drawn
 from splatbus_conformance.selftest.machine.testing import ByTests, by_tests
-from splatbus_conformance.selftest.trials import Cell, cells_of, run_harness
+from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.verdicts import EXIT_NO_VERDICT, Verdict
 
 RUN_SECONDS = 400.0

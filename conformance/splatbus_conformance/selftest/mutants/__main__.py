@@ -5,8 +5,8 @@ What follows NAME is for the command of the reference client, its adapter or ser
 
 import sys
 
-from splatbus_conformance.selftest.running import altered
-from splatbus_conformance.selftest.zoo import specimen_named
+from splatbus_conformance.selftest.processes.program import altered
+from splatbus_conformance.selftest.registry import specimen_named
 
 specimen = specimen_named(sys.argv[1]) if len(sys.argv) > 1 else None
 if specimen is None:

@@ -15,22 +15,22 @@ from splatbus_client.settings import TOKEN_VARIABLE
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
 
-from splatbus_conformance.selftest.mutants.client.channels import speaks_1_0 as say_no_hello
-from splatbus_conformance.selftest.mutants.client.frames import subscribes
-from splatbus_conformance.selftest.mutants.client.framing import in_two_writes
-from splatbus_conformance.selftest.mutants.client.negotiation import without
-from splatbus_conformance.selftest.mutants.client.replies import asks_once
-from splatbus_conformance.selftest.mutants.client.steering import says
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.respelling import (
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.respelling import (
     add_members,
     escape_letters,
     reverse_members,
     space_out,
     write_fractions,
 )
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import variation
+from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0 as say_no_hello
+from splatbus_conformance.selftest.mutants.v1_0.frm.clients import in_two_writes
+from splatbus_conformance.selftest.mutants.v1_0.req.clients import asks_once
+from splatbus_conformance.selftest.mutants.v1_1.img.clients import subscribes
+from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
+from splatbus_conformance.selftest.mutants.v1_1.neg.granted import says
 
 
 @variation()

@@ -11,9 +11,9 @@ from splatbus_wire.conventions import Engine
 from splatbus_wire.messages import CameraPose, ObjectPose, encode
 from splatbus_wire.poses import Pose
 
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
 
 DIGITS = 60
 

@@ -4,10 +4,10 @@ from typing import Any
 
 from splatbus_client.channel import Channel
 
-from splatbus_conformance.selftest.mutants.client.channels import all_channels
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
+from splatbus_conformance.selftest.mutants.v1_0.chn.clients import all_channels
 
 
 @variation()

@@ -7,9 +7,9 @@ from splatbus_client.host_memory import HostImages
 from splatbus_client.lease import FrameLease
 from splatbus_client.mirror import Mirror
 
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
 
 LOADING_SECONDS = 4.0
 PERIOD_SECONDS = 0.25

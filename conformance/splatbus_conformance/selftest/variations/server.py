@@ -12,18 +12,18 @@ from splatbus_wire import from_client
 from splatbus_wire.messages import GetViewportSize, Placement, ViewportSize
 from splatbus_wire.poses import IDENTITY, Pose
 
-from splatbus_conformance.messages import init_packet_1_0
-from splatbus_conformance.selftest.legacy import announces_at_once
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.respelling import (
+from splatbus_conformance.selftest.faults.legacy import announces_at_once
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.respelling import (
     add_members,
     escape_letters,
     reverse_members,
     space_out,
     write_fractions,
 )
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
+from splatbus_conformance.wire.messages import init_packet_1_0
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
 

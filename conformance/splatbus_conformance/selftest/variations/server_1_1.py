@@ -14,13 +14,13 @@ from splatbus_server.memory import Memory
 from splatbus_server.session import Session
 from splatbus_wire.init_packet import Ring as Layout
 
-from splatbus_conformance.selftest.mutants.server.negotiation import (
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import variation
+from splatbus_conformance.selftest.mutants.v1_1.neg.servers import (
     announces_cuda_memory,
     at_once,
 )
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
 
 NEEDLESS = (
     *("malformed_packet", "packet_too_large", "malformed_json", "not_an_object"),

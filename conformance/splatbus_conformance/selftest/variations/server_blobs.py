@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from splatbus_server.raycast import Raycaster, Stats
 from splatbus_server.scene import Camera, Scene
 
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
 
 Reals = NDArray[np.float64]
 COVERED = 1.0 / 255.0

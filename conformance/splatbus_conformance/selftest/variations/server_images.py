@@ -12,10 +12,10 @@ from splatbus_server.view import Intrinsics
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.poses import Pose
 
-from splatbus_conformance.selftest.mutants.server.images import stored
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
+from splatbus_conformance.selftest.mutants.v1_0.buf import stored
 
 ELSEWHERE = Pose((-0.8, -0.6, -1.2), (-0.1, 0.12, 0.03, 0.987319604))
 

@@ -13,11 +13,11 @@ from splatbus_server.service import Peer, Service
 from splatbus_server.viewport import Change
 from splatbus_wire.messages import SceneObject
 
-from splatbus_conformance.packets import CROWD_BYTES
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.variations.server_images import serving
+from splatbus_conformance.wire.packets import CROWD_BYTES
 
 
 def grants(patch: Patch, *capabilities: str) -> None:

@@ -8,9 +8,9 @@ from splatbus_server import cli, demo
 from splatbus_server.raycast import Raycaster
 from splatbus_server.scene import Scene, Sphere, default_scene
 
-from splatbus_conformance.selftest.patching import Patch
-from splatbus_conformance.selftest.specimen import variation
-from splatbus_conformance.selftest.surgery import wrap
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.variations.server_images import serving
 
 FIRST_SECONDS = 2.5

@@ -1,0 +1,1 @@
+"""Messages that break no rule and are hard to take, or unusual."""

@@ -1,1 +1,0 @@
-"""Checks on clients: the harness plays the server."""

@@ -1,1 +1,0 @@
-"""Checks on servers: the harness plays their clients."""

@@ -1,0 +1,1 @@
+"""Checks of specification 1.0, by clause."""

@@ -1,0 +1,1 @@
+"""Accuracy: ACC (spec 1.0 section 5.4)."""

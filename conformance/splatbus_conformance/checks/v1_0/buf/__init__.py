@@ -1,0 +1,1 @@
+"""What buffers hold: BUF (spec 1.0 chapter 4)."""

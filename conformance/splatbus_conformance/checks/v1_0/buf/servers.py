@@ -1,0 +1,314 @@
+"""Checks on what a server stores in its images, and when (spec 1.0 chapter 5, 1.1 chapter 5)."""
+
+import random
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.cases.valid.poses import Pose
+from splatbus_conformance.checks import check
+from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.known_scene import COLOR_BUDGET, render
+from splatbus_conformance.trials.moves.frame_capture import AT_REST, Photographer
+from splatbus_conformance.trials.moves.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    asked_again,
+    other_sizes,
+    resizing,
+    size_of,
+)
+from splatbus_conformance.trials.moves.survey import anywhere, first_view, likeness, moves
+from splatbus_conformance.trials.server import ServerTrial
+
+PIXELS = ("1.1", "frames", "pixels")
+SUBSCRIBES = (*PIXELS, "capability:subscribe")
+COVERED_ALPHA = 1.0 / 255.0
+SENTINEL = 0.9
+"""The share of transparent pixels that hold one value, from which it was meant to say "empty"."""
+WHOLE = 0.99
+"""The share of pixels that must be right in an image that is whole."""
+GLANCE_SECONDS = 0.06
+"""Time enough for a write that was under way to end."""
+STEP_SECONDS = 0.01
+STRAGGLERS = 2
+"""So many images may still come of what the camera did before it came to rest."""
+ROUNDS, MOST_STEPS = 3, 200
+"""How often the camera is moved while an image is held: so many times as the ring has slots; more
+often for a server that is slow, but at most so often."""
+
+Mask = NDArray[np.bool_]
+
+
+def scanned(trial: ServerTrial) -> Iterator[Photograph]:
+    """The first image, some from around it, and one of another size, where there is one."""
+    first = first_view(trial)
+    yield first
+    photographer, around = Photographer(trial), moves(first)
+    for pose in around if trial.thorough else around[::3]:
+        yield photographer.take(pose)
+    yield from resized(trial, around[0])
+
+
+def resized(trial: ServerTrial, camera: Pose) -> list[Photograph]:
+    """An image of another size from there, if the server has one; then it is as it was."""
+    if any(map(trial.facts.lacks, RESIZES)):
+        return []
+    trial.peer.close_all()
+    size = other_sizes(trial)[1]
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        if asked_again(trial, client, size, "busy") != "viewport_size":
+            return []
+        packets = photographer.dealings.init_packets
+        trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
+        return [photographer.take(camera)]
+
+
+# What is stored
+
+
+@check("BUF-2", observable="whether the numbers make sense byte by byte in reverse", needs=PIXELS)
+def check_numbers_are_little_endian(trial: ServerTrial) -> None:
+    """Colours that are from 0 to 1 only if their bytes are read from the other end."""
+    for image in scanned(trial):
+        swapped = image.color.byteswap()
+        trial.expect(
+            _is_colour(image.color) or not _is_colour(swapped) or not swapped.any(),
+            f"image {image.frame['seq']} holds colours from 0 to 1 if they are read as big-endian",
+        )
+
+
+@check("BUF-3", observable="every colour of some images", needs=PIXELS)
+def check_colours_are_from_0_to_1(trial: ServerTrial) -> None:
+    """Every number of every pixel, of images from around the first view."""
+    for image in scanned(trial):
+        with np.errstate(invalid="ignore"):
+            wrong = ~((image.color >= 0.0) & (image.color <= 1.0))
+        if wrong.any():
+            row, column, channel = np.argwhere(wrong)[0]
+            name, value = "red green blue alpha".split()[channel], image.color[wrong][0]
+            trial.violated(
+                f"{wrong.sum()} numbers of image {image.frame['seq']} are not from 0 to 1:"
+                f" {name} of row {row}, column {column} is {value}"
+            )
+
+
+@check("BUF-5", observable="alpha where something is seen", needs=PIXELS)
+def check_alpha_is_1_where_there_is_none(trial: ServerTrial) -> None:
+    """Alpha that is the same everywhere, whatever is seen, was not rendered: then it is 1."""
+    images = list(scanned(trial))
+    alphas = {float(alpha) for image in images for alpha in np.unique(image.color[..., 3])[:2]}
+    if len(alphas) == 1 and alphas != {1.0}:
+        trial.violated(
+            f"alpha is {alphas.pop()} in every pixel of {len(images)} images, empty or not: a"
+            " renderer that gives none has to store 1"
+        )
+
+
+@check("BUF-7", observable="depths where alpha is 0, and those that are no depth", needs=PIXELS)
+def check_empty_pixels_are_infinitely_far(trial: ServerTrial) -> None:
+    """Every depth is one of a surface, or +∞, 100.0 or what the init packet announces."""
+    transparent = 0
+    for image in scanned(trial):
+        seq, depth, clear = image.frame["seq"], image.depth, _transparent(image)
+        with np.errstate(invalid="ignore"):
+            senseless = ~(depth > 0) & ~np.isin(depth, image.empties())
+        if senseless.any():
+            row, column = np.argwhere(senseless)[0]
+            trial.violated(
+                f"{senseless.sum()} depths of image {seq} are neither positive nor what is empty:"
+                f" {depth[row, column]} at row {row}, column {column}"
+            )
+        transparent += int(clear.sum())
+        if value := _sentinel(image, clear):
+            trial.violated(f"image {seq} stores {value} where nothing is seen, not +∞ or 100.0")
+    if not transparent:
+        trial.not_observable("no pixel of these images is transparent")
+
+
+@check("ACC-9", observable="depths where alpha is less than 1/255", needs=PIXELS)
+def check_transparent_pixels_are_empty(trial: ServerTrial) -> None:
+    """A pixel whose alpha is less than 1/255 holds no surface."""
+    transparent = 0
+    for image in scanned(trial):
+        clear = _transparent(image)
+        transparent += int(clear.sum())
+        wrong = clear & image.covered()
+        if wrong.any() and not _sentinel(image, clear):
+            row, column = np.argwhere(wrong)[0]
+            trial.violated(
+                f"{wrong.sum()} pixels of image {image.frame['seq']} have an alpha below 1/255 and"
+                f" yet a depth: {image.color[row, column, 3]} and {image.depth[row, column]} at row"
+                f" {row}, column {column}"
+            )
+    if not transparent:
+        trial.not_observable("no pixel of these images is transparent")
+
+
+def _is_colour(color: NDArray[np.float32]) -> bool:
+    with np.errstate(invalid="ignore"):
+        return bool(((color >= 0.0) & (color <= 1.0)).all())
+
+
+def _transparent(image: Photograph) -> Mask:
+    """(h, w): alpha is below 1/255, in an image that is not transparent where something is."""
+    clear: Mask = image.color[..., 3] < COVERED_ALPHA
+    return clear if not clear.all() else np.zeros_like(clear)
+
+
+def _sentinel(image: Photograph, clear: Mask) -> float | None:
+    """The one value that nearly all transparent pixels hold, if that is no permitted one."""
+    wrong = clear & image.covered()
+    if wrong.sum() < SENTINEL * max(clear.sum(), 1):
+        return None
+    values, counts = np.unique(image.depth[wrong], return_counts=True)
+    return float(values[counts.argmax()]) if counts.max() > SENTINEL * wrong.sum() else None
+
+
+# When it is stored
+
+
+@check(
+    "IMG-4", observable="the bytes of an image that is held, while others are made", needs=PIXELS
+)
+def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
+    """An image is held while the camera moves on and the ring goes round, more than once."""
+    first, rng = first_view(trial, 0.0), random.Random(trial.seed)
+    photographer = Photographer(trial)
+    steps = ROUNDS * photographer.slots
+    for _ in trial.each(range(100 if trial.thorough else 2)):
+        photographer.go(anywhere(first, rng))
+        held = photographer.hold()
+        trial.rest(GLANCE_SECONDS)
+        held = photographer.again(held)
+        for _ in range(steps):
+            photographer.go(anywhere(first, rng))
+            trial.rest(STEP_SECONDS)
+        changed = _changed(held, photographer.again(held))
+        photographer.give_back(held)
+        trial.expect(not changed, f"image {held.frame['seq']} was lent, and {changed} meanwhile")
+        following = photographer.hold()
+        photographer.give_back(following)
+        if following.frame["seq"] - held.frame["seq"] > photographer.slots:
+            trial.delivered += 1
+        else:
+            steps = min(2 * steps, MOST_STEPS)
+    if not trial.delivered:
+        trial.not_observable("while an image is held, the server publishes too few others")
+
+
+@check("IMG-6", observable="the bytes of an image when its frame comes, and later", needs=PIXELS)
+def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
+    """An image is read the moment that its frame comes, and again while the camera rests."""
+    first, rng = first_view(trial, 0.0), random.Random(trial.seed)
+    photographer = Photographer(trial)
+    for _ in trial.each(range(500 if trial.thorough else 8)):
+        photographer.go(anywhere(first, rng))
+        held = photographer.hold()
+        trial.rest(GLANCE_SECONDS)
+        changed = _changed(held, photographer.again(held))
+        photographer.give_back(held)
+        trial.delivered += 1
+        trial.expect(not changed, f"after the frame of image {held.frame['seq']} came, {changed}")
+
+
+@check(
+    "IMG-5", observable="images of a camera that moves, against those of it at rest", needs=PIXELS
+)
+def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
+    """The camera moves all the time; then it goes back to where each image says it was."""
+    first, rng = first_view(trial), random.Random(trial.seed)
+    photographer, images = Photographer(trial), list[Photograph]()
+    photographer.take(anywhere(first, rng))
+    photographer.go(anywhere(first, rng))
+    for _ in range(200 if trial.thorough else 12):
+        images.append(photographer.hold())
+        photographer.go(anywhere(first, rng))
+        trial.rest(STEP_SECONDS)
+        photographer.go(anywhere(first, rng))
+        photographer.give_back(images[-1])
+    for image in images:
+        _expect_right(trial, photographer, image, ("color", "depth"), "while the camera moved")
+        trial.delivered += 1
+
+
+@check("IMG-20", observable="the channels that were asked for, of every frame", needs=SUBSCRIBES)
+def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
+    """Colour and depth are asked for in turns, while an image is held and the camera moves."""
+    first, rng = first_view(trial), random.Random(trial.seed)
+    photographer, found = Photographer(trial), list[tuple[Photograph, Sequence[str]]]()
+    photographer.take(anywhere(first, rng))
+    photographer.go(anywhere(first, rng))
+    held = photographer.hold()
+    turns = (["color"], ["depth"], ["depth", "color"], ["depth"], ["color"], ["color", "depth"])
+    for asked in turns * (20 if trial.thorough else 1):
+        photographer.go(anywhere(first, rng))
+        trial.rest(GLANCE_SECONDS)
+        trial.viewer.say(photographer.reader, {"type": "subscribe", "channels": asked})
+        photographer.give_back(held)
+        held = photographer.hold()
+        found.append((held, asked))
+    photographer.give_back(held)
+    for image, channels in found:
+        why = f"after a subscription to {' and '.join(channels)}"
+        _expect_right(trial, photographer, image, channels, why)
+        trial.delivered += 1
+
+
+def _changed(before: Photograph, after: Photograph) -> str:
+    """How two copies of a slot differ, NaN being like NaN; nothing if they do not."""
+    color = (before.color.view(np.uint32) != after.color.view(np.uint32)).any(axis=-1)
+    depth = before.depth.view(np.uint32) != after.depth.view(np.uint32)
+    if not (color.any() or depth.any()):
+        return ""
+    return f"{color.mean():.0%} of its colour and {depth.mean():.0%} of its depth changed"
+
+
+def _expect_right(
+    trial: ServerTrial,
+    photographer: Photographer,
+    image: Photograph,
+    channels: Sequence[str],
+    when: str,
+) -> None:
+    """These channels are what the camera of the image sees: by the scene, where that is known, or
+    by a further image of a camera that is put there.
+    """
+    for channel, right in zip(("color", "depth"), _right(trial, photographer, image), strict=True):
+        if channel not in channels or right >= WHOLE:
+            continue
+        _expect_still(trial, photographer, image)
+        trial.violated(
+            f"{1 - right:.0%} of the {channel} of image {image.frame['seq']}, rendered {when}, is"
+            f" not of the camera that its frame names, {image.pose}",
+        )
+
+
+def _expect_still(trial: ServerTrial, photographer: Photographer, image: Photograph) -> None:
+    """The positive control: the camera at rest, put there once more, sees what it should, and the
+    same for as long as the check has lasted.
+    """
+    lasted = time.monotonic() - photographer.began
+    again = [photographer.take(image.pose, AT_REST), *photographer.stay(GLANCE_SECONDS)][-1]
+    # Either suffices: a server may take the other from another image.
+    still = max(_right(trial, photographer, again)) >= WHOLE
+    settled = photographer.stay(lasted)[STRAGGLERS:]
+    if not still or any(likeness(settled[0], it) < WHOLE for it in settled):
+        trial.not_observable("the scene moves by itself, or is another than it was")
+
+
+def _right(
+    trial: ServerTrial, photographer: Photographer, image: Photograph
+) -> tuple[float, float]:
+    """The share of the colours that are right, and that of the depths."""
+    if trial.facts.scene_known:
+        exact = render(image.camera, trial.facts.setting(image.frame))
+        color = (exact.color_error(image.color) <= COLOR_BUDGET)[exact.certain]
+        return float(color.mean()), float(exact.depth_is_right(image.planar()).mean())
+    again = photographer.take(image.pose, AT_REST)
+    same = np.isclose(image.color, again.color, rtol=0, atol=2 * COLOR_BUDGET).all(axis=-1)
+    near = np.isclose(image.planar(), again.planar(), rtol=1e-3, atol=0)
+    return float(same.mean()), float(near.mean())

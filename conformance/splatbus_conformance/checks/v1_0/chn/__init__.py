@@ -1,0 +1,1 @@
+"""Connections: CHN (spec 1.0 chapter 3)."""

@@ -1,0 +1,338 @@
+"""Checks on when a client connects again (spec 1.0 section 3.3, spec 1.1 section 2.5)."""
+
+import random
+import time
+from collections.abc import Sequence
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.cases.malformed.init_packets import changed
+from splatbus_conformance.checks import check
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.returning import PROBES
+from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
+from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS, OTHER_ERRORS
+from splatbus_conformance.wire.messages import error
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import Connection
+
+LEAST: float = LIMITS["reconnect_min_seconds"]
+MOST: float = LIMITS["reconnect_max_seconds"]
+ENDS = ("close", "reset", "end")
+"""How a connection is lost; `end` is a half-close."""
+BAD_LENGTH = "a length that no packet may have"
+SLOW_SECONDS = 10 * LEAST
+"""Whoever was away for so long needs no second look: each costs as long."""
+TOMORROW = "a_code_of_tomorrow"
+CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, TOMORROW)
+LOST = (*ENDS, BAD_LENGTH, *CLOSING_ERRORS)
+NOWHERE = "splatbus-check-never-was"
+IN_A_ROW = 6
+"""Connections one after the other: of each, what the testee does until it closes takes time."""
+TIMES = 8
+"""That a hot loop is there at once when a channel accepts again."""
+AT_ONCE_SECONDS = LEAST / 5
+"""Whoever leaves LEAST between attempts is there so soon one time of five."""
+LONG_SECONDS = 4.0
+"""For which a channel refuses, so that attempts in a row fail; more fail the sooner they come."""
+LONGEST_SECONDS = 9.0
+LATE_SECONDS = 1.0
+"""By how much more than MOST a testee comes late, whose attempts the harness cannot see."""
+
+
+def lose(trial: ClientTrial, connection: Connection, how: str) -> float:
+    """End a connection in one of the ENDS, by a BAD_LENGTH, or by an `error` of this code; when it
+    began.
+
+    After an error whose code does not close the testee may go on.
+    """
+    trial.rest(0.0)
+    began = time.monotonic()
+    if how == "close":
+        connection.close()
+    elif how == "reset":
+        connection.reset()
+    elif how == BAD_LENGTH:
+        connection.send(bytes(4))
+        trial.ends(connection)
+        connection.close()
+    elif how in OTHER_ERRORS or how == TOMORROW:
+        trial.role.say(connection, error(how))
+        trial.ends(connection, REACTION_SECONDS)
+    else:
+        if how != "end":
+            trial.role.say(connection, error(how))
+        connection.end_stream()
+        trial.ends(connection)
+        connection.close()
+    return began
+
+
+def kind_of_code(code: str) -> str:
+    """Whether an `error` of this code closes; that of tomorrow is of a kind of its own."""
+    return code if code == TOMORROW else "closes" if code in CLOSING_ERRORS else "stays"
+
+
+def after(trial: ClientTrial, channel: Channel, lost: float) -> Connection:
+    """The next connection of this testee that it made after one was lost."""
+    connection = _later(trial, channel, lost)
+    if connection is None:
+        trial.not_observable(f"the testee did not come back to the {channel} channel")
+    return connection
+
+
+def _later(trial: ClientTrial, channel: Channel, lost: float) -> Connection | None:
+    connection = trial.next_connection(channel)
+    while connection is not None and connection.opened < lost:
+        connection = trial.next_connection(channel)
+    return connection
+
+
+def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: str) -> None:
+    """Every channel is lost, and lost again at once: attempts may not begin within LEAST.
+
+    The first of two attempts begins after a connection was lost, and the second before it is
+    accepted, however late the harness looks.
+    """
+    met = [trial.connection(channel) for channel in channels]
+    trial.rest(SETTLE_SECONDS)
+    trial.role.welcomes = how in (*ENDS, BAD_LENGTH)
+    lost = [lose(trial, connection, how) for connection in met]
+    again = []
+    for connection, begun in zip(met, lost, strict=True):
+        if not connection.gone:
+            connection.close()
+            continue
+        back = after(trial, connection.channel, begun)
+        if back.opened - begun < SLOW_SECONDS:
+            again.append((back, begun))
+        else:
+            trial.delivered += 1
+    for connection, _ in again:
+        if not trial.role.welcomes and not trial.says_hello(connection):
+            trial.not_observable("the testee said no hello when it came back")
+    second = [lose(trial, connection, how) for connection, _ in again]
+    trial.role.welcomes = True
+    for (connection, begun), once_more in zip(again, second, strict=True):
+        if not connection.gone:
+            connection.close()
+            continue
+        apart = after(trial, connection.channel, once_more).opened - begun
+        trial.expect(
+            apart >= LEAST,
+            f"{what}, on the {connection.channel} channel: two attempts began at most "
+            f"{1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
+        )
+        trial.delivered += 1
+    for channel in channels:
+        trial.reassure(channel)
+
+
+@check(
+    "CHN-21",
+    observable="the time between the connections that the testee makes",
+)
+def check_paces_its_attempts(trial: ClientTrial) -> None:
+    """Connections are closed, reset, half-closed, and sent a length on which the testee closes
+    them, each way twice, on each channel; in 1.1, an `error` comes in place of `welcome`, twice.
+    """
+    back = coming_back(trial)
+    spoken = [it for it in back if trial.facts.speaks_1_1(it)]
+    for how in trial.each(LOST if spoken else LOST[:4], kind=way_of_losing, spare=0):
+        channels, what = (spoken, "an error ") if how in CLOSING_ERRORS else (back, "")
+        judge_pace(trial, channels, how, f"after {what}{how}")
+
+
+def way_of_losing(how: str) -> str:
+    """Every way but that of an `error` is one of its own, whose code does not matter."""
+    return "error" if how in CLOSING_ERRORS else how
+
+
+@check(
+    "CHN-21",
+    observable="the time between the connections that the testee makes",
+    needs=("reconnects:ipc",),
+)
+def check_paces_attempts_without_images(trial: ClientTrial) -> None:
+    """Every connection is sent an init packet of memory that cannot be opened. A testee that closes
+    it, and comes back for more, must still pause, however many come in a row.
+    """
+    trial.role.offers_memory = False
+    trial.role.speaks = "1.1" if trial.facts.opens else "1.0"
+    connection: Connection | None = trial.connection("ipc")
+    sent: list[float] = []
+    while connection is not None and len(sent) < IN_A_ROW:
+        for attempts, first in enumerate(reversed(sent[:-1]), 2):
+            within = connection.opened - first  # they began after what was sent first
+            trial.expect(
+                within >= (attempts - 1) * LEAST,
+                f"given memory that it cannot open, it made {attempts} attempts within "
+                f"{1000 * within:.0f} ms; {1000 * LEAST:.0f} are asked for between two",
+            )
+            trial.delivered += 1
+        sent.append(time.monotonic())
+        closes = _closes_on_what_it_cannot_open(trial, connection)
+        connection = _later(trial, "ipc", sent[-1]) if closes else None
+    if trial.fate():
+        trial.end_testee()  # that it goes on is another sentence, with checks of its own
+    if not trial.delivered:
+        trial.not_observable("the testee does not come back for memory that it cannot open")
+
+
+def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -> bool:
+    before, dealings = len(trial.calls()), trial.role.with_(connection)
+    packet = trial.role.legacy_init_packet()
+    if trial.role.speaks == "1.1":
+        trial.says_hello(connection)
+        packet = changed(trial.role.init_packet(connection), {"memory/name": NOWHERE})
+    trial.role.offer(connection, packet)
+
+    def has_tried() -> bool:
+        return bool(dealings.failed) or any(not call.ok for call in trial.calls()[before:])
+
+    trial.wait(lambda: has_tried() or connection.ended)
+    return trial.ends(connection, REACTION_SECONDS)
+
+
+@check(
+    "CHN-21",
+    observable="how soon after the harness listens again the testee connects, each time",
+)
+def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
+    """A channel refuses for a while, of another length each time, then accepts; a testee that is
+    there at once each time tries all the time.
+    """
+    lengths = random.Random(trial.seed)
+    for channel in coming_back(trial):
+        lost = lose(trial, trial.connection(channel), "close")
+        usual = after(trial, channel, lost).opened - lost
+        for _ in range(TIMES):
+            trial.peer.refuse(channel)
+            trial.next_connection(channel, 0.0)  # closes the one before
+            trial.rest(usual + lengths.uniform(0.2, 0.4))
+            listening = time.monotonic()
+            trial.peer.listen(channel)
+            if after(trial, channel, listening).opened - listening > AT_ONCE_SECONDS:
+                break
+        else:
+            trial.violated(
+                f"each of {TIMES} times that the {channel} channel accepted again, an attempt came "
+                f"within {1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused"
+            )
+        trial.delivered += 1
+
+
+@check(
+    "CHN-21",
+    observable="the time between the connections that follow when the harness listens again",
+    profile="quick",
+)
+def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
+    """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
+    end of its table; they then accept, and each connection is closed as soon as it is made.
+    """
+    channels = coming_back(trial)
+    refuse(trial, channels)
+    trial.rest(LONG_SECONDS)
+    listening = time.monotonic()
+    for channel in channels:
+        trial.peer.listen(channel)
+    for channel in channels:
+        first = after(trial, channel, listening)
+        first.close()
+        again = after(trial, channel, first.opened)
+        apart = again.opened - listening
+        trial.expect(
+            apart >= LEAST,
+            f"after {LONG_SECONDS:g} s in which the {channel} channel refused, two attempts began "
+            f"at most {1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
+        )
+        trial.delivered += 1
+
+
+def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
+    """Refuse on these channels from now on, and lose the connections that there are."""
+    for channel in channels:
+        trial.connection(channel)
+    for channel in channels:
+        trial.peer.refuse(channel)
+    trial.peer.clear()
+
+
+@check(
+    "NEG-24",
+    observable="the time between the connections that the testee makes",
+)
+def check_pauses_after_errors(trial: ClientTrial) -> None:
+    """An `error` in place of `welcome`, twice in a row, with codes that close and others."""
+    channels = [it for it in coming_back(trial) if trial.facts.speaks_1_1(it)]
+    if not channels:
+        trial.not_observable("the testee says no hello where it comes back")
+    for code in trial.each(CODES, kind=kind_of_code, spare=1):
+        judge_pace(trial, channels, code, f"after an error {code}")
+
+
+@check(
+    "CHN-22",
+    observable="how long after it could connect again the testee does",
+)
+def check_comes_back_soon(trial: ClientTrial) -> None:
+    """Connections are refused until a pause that doubles each time would be too long (for a second
+    in the brief profile), then accepted; and lost, in 1.1 by an `error`.
+    """
+    channels = coming_back(trial)
+    lost = lose(trial, trial.connection(channels[0]), "close")
+    usual = after(trial, channels[0], lost).opened - lost
+    refuse(trial, channels)
+    trial.rest(1.0 if trial.profile == "brief" else until_too_long(usual))
+    for channel in channels:
+        trial.peer.listen(channel)
+    for channel in channels:
+        _expect_soon(trial, channel, 0, "it accepts again")
+    for channel in channels:
+        how = CLOSING_ERRORS[trial.seed % len(CLOSING_ERRORS)]
+        how = how if trial.facts.speaks_1_1(channel) else ENDS[trial.seed % len(ENDS)]
+        trial.connection(channel)
+        trial.reassure(channel)
+        connection = _kept(trial, channel)
+        before = sum(c.channel == channel for c in trial.peer.connections)
+        lose(trial, connection, how)
+        _expect_soon(trial, channel, before, f"it was lost ({how})")
+
+
+def until_too_long(first: float) -> float:
+    """When, of pauses of which each is twice the one before, one has just begun that is too long.
+
+    Args:
+        first: of the pauses, in seconds.
+    """
+    pause, began = max(first, LEAST), 0.0
+    while pause < MOST + 1.2 * LATE_SECONDS:
+        began, pause = began + pause, 2 * pause
+    return min(began + LEAST, LONGEST_SECONDS)
+
+
+def _kept(trial: ClientTrial, channel: Channel) -> Connection:
+    """A connection that is no mere look at whether the server is there."""
+    for _ in range(PROBES):
+        connection = trial.connection(channel)
+        if trial.facts.speaks_1_1(channel):
+            trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)  # noqa: B023
+        else:
+            trial.rest(SETTLE_SECONDS)
+        if not connection.ended:
+            return connection
+    return trial.connection(channel)
+
+
+def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:
+    came = trial.arrives(channel, MOST + LATE_SECONDS, before)
+    trial.expect(came, f"no attempt on the {channel} channel within {MOST} s after {when}")
+    trial.delivered += 1
+
+
+def coming_back(trial: ClientTrial) -> list[Channel]:
+    """The channels whose attempts can be seen."""
+    if not trial.facts.returns:
+        trial.not_observable("the testee does not connect again")
+    return sorted(trial.facts.returns)

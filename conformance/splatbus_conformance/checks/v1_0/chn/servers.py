@@ -1,0 +1,333 @@
+"""Checks on the channels of servers and their life (spec 1.0 chapter 3)."""
+
+import itertools
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.cases.malformed.text import broken_texts
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.req.servers import every_request
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.bad_neighbours import (
+    CROWD,
+    HARMLESS,
+    MISDEEDS,
+    MISDEEDS_OF_READERS,
+    Misdeed,
+    crowd,
+)
+from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
+from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
+from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import CHANNELS, Connection
+
+BURST = 200
+SPARE = 12
+FURTHER = 12
+"""More connections than most servers keep on a channel."""
+UNKNOWN = {"type": "weather_report", "sunny": True}
+NOBODYS: tuple[tuple[object, bytes], ...] = (
+    ("unknown", encode(UNKNOWN)),
+    ("release", encode({"type": "release", "generation": 1, "seq": 1})),
+    ("subscribe", encode({"type": "subscribe", "channels": ["color"]})),
+    ("request", encode(VIEWPORT_REQUEST)),
+    ("no type", encode({"hello": "there"})),
+    ("longest", b" " * LIMITS["max_payload_bytes"]),
+    *((text.kind, text.payload) for text in broken_texts(UNKNOWN)),
+)
+"""Payloads on the IPC channel of 1.0, where no client says anything, by their kind."""
+
+
+@check("CHN-1", observable="both ports accept connections, and the message channel answers")
+def check_offers_both_channels(trial: ServerTrial) -> None:
+    """A connection to each channel, the one beside the other."""
+    for channel in CHANNELS:
+        trial.expect(
+            trial.facts.listens[channel],
+            f"nothing listens on port {trial.peer.ports[channel]}, the {channel} channel",
+        )
+    ipc, msg = trial.dial("ipc"), trial.dial("msg")
+    trial.expect(trial.answers(msg), "no reply on the message channel")
+    trial.expect(not ipc.ended, "the IPC connection was ended")
+
+
+@check(
+    "CHN-4",
+    observable="every IPC connection is sent an init packet",
+    needs=("cuda",),
+)
+def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
+    """Client after client, on the IPC channel, which say nothing."""
+    for number in range(1, 6):
+        connection = trial.dial("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
+        trial.expect(dealings.init_packets, f"the IPC client number {number} got no init packet")
+        connection.close()
+        trial.delivered += 1
+
+
+@check(
+    "CHN-7",
+    observable="the IPC connection stays open, and says welcome to the hello that follows",
+    may_crash=True,
+)
+def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
+    """Messages that no client of 1.0 sends there, broken text, and the longest packet."""
+    connection = trial.dial("ipc")
+    for _, payload in trial.each(NOBODYS, kind=lambda it: it[0], spare=SPARE):
+        connection.send(packet(payload))
+        closed = trial.ends(connection, REACTION_SECONDS / 40)
+        outcome = trial.fate() or ("closes" if closed else "ignores")
+        trial.judge(outcome, f"{payload[:60]!r} on the IPC channel")
+    closed = trial.ends(connection, REACTION_SECONDS)
+    trial.judge(trial.fate() or ("closes" if closed else "ignores"), "all these on the IPC channel")
+    connection.close()
+    if not trial.serves():
+        trial.not_observable("the connection stayed open, and the server serves nobody")
+    trial.delivered += len(trial.went_through[-1])
+
+
+@check(
+    "CHN-7",
+    observable="the IPC connection stays open for as long as one on which nothing is said",
+    profile="full",
+)
+def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
+    """A whole packet, and then silence, for longer than a packet may take to be complete."""
+    silent, spoken = trial.dial("ipc"), trial.dial("ipc")
+    spoken.send(packet(NOBODYS[0][1]))
+    trial.ends(spoken, LIMITS["packet_completion_seconds"] + 5 * REACTION_SECONDS)
+    if trial.ends(silent, REACTION_SECONDS):
+        trial.not_observable("the server ends an IPC connection on which nothing is said, too")
+    outcome = trial.fate() or ("closes" if spoken.ended else "ignores")
+    trial.judge(outcome, f"{NOBODYS[0][1][:60]!r} on the IPC channel, and then nothing")
+    trial.peer.close_all()
+    if not trial.serves():
+        trial.not_observable("the connection stayed open, and the server serves nobody")
+    trial.delivered += 1
+
+
+@check("CHN-12", observable="a client on each channel is served while the other is there")
+def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
+    """Either channel first; then requests, and frames where there are any."""
+    orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
+    for first, second in orders:
+        trial.peer.close_all()
+        open_on = {"msg": trial.dial, "ipc": trial.before_hello}
+        connections = {channel: open_on[channel](channel) for channel in (first, second)}
+        what = f"beside a client on the {second} channel that came after one on the {first} channel"
+        trial.expect(trial.answers(connections["msg"]), f"no reply {what}")
+        if trial.facts.welcome["ipc"] is not None:
+            trial.viewer.greet(connections["ipc"])
+            dealings = trial.viewer.with_(connections["ipc"])
+            trial.wait(lambda: dealings.welcome or connections["ipc"].ended)  # noqa: B023
+            trial.expect(dealings.welcome, f"no welcome on the IPC channel {what}")
+            if trial.facts.init_packet is not None:
+                trial.wait(lambda: dealings.init_packets or connections["ipc"].ended)  # noqa: B023
+            trial.expect(trial.answers(connections["msg"]), f"no further reply {what}")
+        for channel, connection in connections.items():
+            trial.expect(not connection.ended, f"the {channel} connection was ended {what}")
+
+
+@check("CHN-13", observable="each further connection is answered, or it or another is closed")
+def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
+    """Twelve clients on the message channel, which ask at once, and none of which goes."""
+    numbers = list(trial.each(range(1, FURTHER + 1)))
+    came: list[Connection | None] = []
+    while len(came) < len(numbers) and None not in came:
+        came.append(trial.served("msg"))
+        if came[-1] is not None:
+            trial.viewer.say(came[-1], VIEWPORT_REQUEST)
+    for number, client in enumerate(came, 1):
+        served = client is not None and trial.wait(lambda: trial.replies(client) or client.ended)  # noqa: B023
+        if trial.fate() or not served:
+            trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
+        trial.delivered += bool(client and trial.replies(client))
+
+
+@check(
+    "CHN-13",
+    observable="each further connection hears something, or it is closed",
+    needs=("1.1",),
+)
+def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
+    """Twelve clients on the IPC channel, which say hello, and none of which goes."""
+    trial.greeted("ipc")
+    for number in trial.each(range(2, FURTHER + 1)):
+        connection = trial.before_hello("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.viewer.greet(connection)
+        trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
+        if trial.fate() or not (dealings.heard or connection.ended):
+            trial.judge(trial.fate() or "waits", f"client number {number} on the IPC channel")
+        trial.delivered += 1
+
+
+@check(
+    "CHN-14",
+    observable="another client is answered and sees a new image; the next client is served",
+    may_crash=True,
+)
+def check_others_are_served_whatever_one_does(trial: ServerTrial) -> None:
+    """One client on the message channel sends what it should not, or too little, does not read,
+    resets or vanishes.
+    """
+    judge_misdeeds(trial, "msg", MISDEEDS)
+
+
+@check(
+    "CHN-14",
+    observable="another client is answered and sees a new image; the next client is served",
+    may_crash=True,
+)
+def check_others_are_served_whatever_one_does_on_ipc(trial: ServerTrial) -> None:
+    """The same on the IPC channel, and what only a reader of images can do: hold a lease, or reset
+    while it does.
+    """
+    readers = MISDEEDS_OF_READERS if trial.facts.renders else ()
+    judge_misdeeds(trial, "ipc", (*MISDEEDS, *readers))
+
+
+@check(
+    "CHN-14",
+    observable="a client that was there is answered; after the crowd has gone, so is the next",
+    may_crash=True,
+)
+def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
+    """Eight clients on a channel that say nothing, and forty that come and go at once."""
+    for channel in CHANNELS:
+        witness = trial.dial("msg")
+        trial.expect(trial.answers(witness), "no reply on the message channel")
+        crowd(trial, channel)
+        trial.expect(
+            witness.ended or trial.answers(witness),
+            f"no reply beside {CROWD} idle clients on the {channel} channel",
+        )
+        trial.peer.close_all()
+        trial.expect(
+            trial.serves(), f"no reply after {CROWD} idle clients on the {channel} channel"
+        )
+
+
+@check("CHN-16", observable="every reply comes, and then the end of the stream")
+def check_answers_before_the_end(trial: ServerTrial) -> None:
+    """Requests of every kind in one write, and then the client's end of stream: none, one, three,
+    and two hundred; the same where one was answered before, and after `hello`.
+    """
+    cases = [(agreed, earlier, n) for agreed, earlier in WHO_ENDS for n in (0, 1, 3, BURST)]
+    speaks = trial.facts.welcome["msg"] is not None
+    for agreed, earlier, count in trial.each([it for it in cases if speaks or not it[0]]):
+        connection = trial.greeted("msg") if agreed else trial.dial("msg")
+        if earlier:
+            trial.expect(trial.answers(connection), "no reply on the message channel")
+        heard = trial.viewer.with_(connection).heard
+        before = len(heard)
+        asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
+        connection.send(b"".join(packet(encode(each)) for each in asked))
+        connection.end_stream()
+        closed = trial.ends(connection)
+        replies = len(heard) - before
+        what = f"{count} requests and the end of the stream"
+        what += " after hello" * agreed + " after one that was answered" * earlier
+        trial.expect(replies == count, f"{replies} replies to {what}")
+        trial.expect(closed, f"the server kept the connection open after {what}")
+        trial.expect(connection.ended == "eof", f"the server reset the connection after {what}")
+        connection.close()
+        trial.delivered += 1
+
+
+WHO_ENDS = ((False, False), (True, False), (False, True))
+"""Has said hello; has asked before, and been answered."""
+
+
+def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed, ...]) -> None:
+    """Let one client misbehave, and see how the others fare, and whoever comes next.
+
+    A server may end one client on a channel in favour of another (CHN-13). So one that is ended
+    tells something only if the same one stays beside a client that does nothing wrong.
+    """
+    others = Others(trial, channel)
+    for misdeed in trial.each(misdeeds):
+        what = f"a client that {misdeed.what}, on the {channel} channel"
+        if others.can_stay and not others.stay(misdeed, what):
+            others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
+            if others.can_stay:
+                stayed = any(others.stay(misdeed, what) for _ in range(AGAIN))
+                trial.expect(stayed, f"the connection of another is ended beside {what}")
+        if not others.can_stay:
+            trial.peer.close_all()
+            commit(trial, channel, misdeed).close()
+        if trial.facts.alone["msg"]:
+            trial.peer.close_all()
+        if not trial.serves():
+            trial.wait(trial.fate, ENDING_SECONDS)
+            trial.violated(f"no reply after {what}")
+        trial.delivered += 1
+    trial.peer.close_all()
+    trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
+
+
+def commit(trial: ServerTrial, channel: Channel, misdeed: Misdeed) -> Connection:
+    """Let somebody new do this; on which connection."""
+    culprit = misdeed.begins(trial, channel)
+    misdeed.commit(trial, culprit)
+    return culprit
+
+
+class Others:
+    """Who does nothing wrong: one that asks, and one that reads images where there are some."""
+
+    def __init__(self, trial: ServerTrial, channel: Channel) -> None:
+        self.can_stay = not (channel == "msg" and trial.facts.alone["msg"])
+        """Somebody else may be on that channel, and is not ended for it."""
+        self._trial, self._channel = trial, channel
+        self._witness: Connection | None = None
+        self._steering: Steering | None = None
+
+    def stay(self, misdeed: Misdeed, what: str) -> bool:
+        """Let somebody do this beside them: whether they stay. Violated if they do, unserved."""
+        trial = self._trial
+        steering = self._reading()
+        witness = self._asking(steering)
+        culprit = commit(trial, self._channel, misdeed)
+        answered = trial.answers(witness)
+        trial.expect(not trial.fate(), f"no reply beside {what}")
+        trial.expect(answered or witness.ended, f"no reply beside {what}")
+        if answered and steering is not None:
+            seen = steering.renders_for(witness)
+            ended = witness.ended or steering.reader.ended
+            trial.expect(seen or ended, f"no new image beside {what}")
+            answered = seen
+        culprit.close()
+        return answered
+
+    def _asking(self, steering: Steering | None) -> Connection:
+        if self._witness is None or self._witness.gone:
+            if self._witness is not None:
+                self._witness.close()
+            self._trial.rest(GONE_SECONDS)
+            self._witness = self._trial.dial("msg")
+            answered = self._trial.answers(self._witness)
+            self._trial.expect(answered, "no reply on the message channel")
+            if steering is not None:  # it is to have control, whoever poses after it
+                seen = steering.renders_for(self._witness) or steering.reader.ended
+                self._trial.expect(seen, "no new image after a pose")
+        return self._witness
+
+    def _reading(self) -> Steering | None:
+        facts = self._trial.facts
+        if not facts.renders or (self._channel == "ipc" and facts.alone["ipc"]):
+            return None
+        if self._steering is None or self._steering.reader.gone:
+            if self._steering is not None:
+                self._steering.reader.close()
+            self._steering = Steering(self._trial)
+        return self._steering
+
+
+AGAIN = 2

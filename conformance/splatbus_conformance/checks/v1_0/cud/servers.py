@@ -1,0 +1,224 @@
+"""Checks on what a server does with device memory (spec 1.0 sections 5.4 and 5.5).
+
+The stand-in CUDA runtime tells what the server called; the harness plays clients of 1.0.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.images.memory.cuda_stand_in import publishing
+from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, JITTER_SECONDS
+from splatbus_conformance.wire.json_values import texts, within
+from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.sockets import Connection
+
+SHOWN = ("cuda", "stand-in")
+EVENT_FLAGS = {4: "cudaEventInterprocess", 2: "cudaEventDisableTiming"}
+MOVES, MOVE_SECONDS = 10, 0.05
+LEFT_OPEN = 0.9
+"""The share of the time from which an event is held to be recorded before the image, not after."""
+SURE = 20
+"""Writes and records from which that share can be told."""
+
+
+class Announced(NamedTuple):
+    """An IPC connection that was sent an init packet."""
+
+    connection: Connection
+    packet: Json
+    names: dict[str, str]
+    """What its handles name, by their place."""
+    process: int
+    """That exported them."""
+
+
+def announced(trial: ServerTrial, connection: Connection | None = None) -> Announced:
+    """A new IPC connection, or this one, once its init packet has come."""
+    connection = connection or trial.dial("ipc")
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.init_packets or connection.ended)
+    if not dealings.init_packets:
+        trial.not_observable("the server sent no init packet")
+    packet = dealings.init_packets[0]
+    ring = texts(within(packet, "ring", "events"))
+    handles = {name: packet.get(name) for name in ("mem_color", "mem_depth", "evt_done")}
+    handles |= {"memory.handle": within(packet, "memory", "handle")}
+    handles |= {f"ring.events[{i}]": event for i, event in enumerate(ring)}
+    known = {place: publishing.named(handle) for place, handle in handles.items()}
+    processes = {of.process for of in known.values() if of}
+    names = {place: of.name for place, of in known.items() if of}
+    return Announced(connection, packet, names, max(processes, default=0))
+
+
+def calls_of(trial: ServerTrial, process: int | None = None) -> list[Call]:
+    """What the server has called since it was launched, in that process or all."""
+    assert trial.stand_in is not None, "a check of device memory needs the stand-in"
+    return [call for call in trial.stand_in.calls() if process in (None, call.process)]
+
+
+def watch(trial: ServerTrial) -> None:
+    """Have the server render for some time."""
+    for _ in range(MOVES):
+        trial.move()
+        trial.rest(MOVE_SECONDS)
+
+
+@check("BUF-10", observable="the calls that write an image, and those that record", needs=SHOWN)
+def check_records_the_event_after_the_image(trial: ServerTrial) -> None:
+    """The camera is moved, and left alone. The last write to each plane must come to have a record
+    behind it, on its stream or one that is ordered after it, within 5 seconds; and while images
+    follow each other, not only when the next is about to be written.
+    """
+    shown = announced(trial)
+    planes, event = publishing.legacy_planes(shown.packet), shown.names.get("evt_done", "")
+    if len(planes) < len(publishing.OFFSETS) or not event:
+        trial.not_observable("its handles are none of the stand-in")
+
+    def found() -> list[publishing.Moment]:
+        return publishing.moments(calls_of(trial, shown.process), event, planes)
+
+    watch(trial)
+    seen = found()
+    if not any(moment.written for moment in seen):
+        trial.not_observable("no call of the runtime wrote to its images")
+    first = next((moment for moment in seen if moment.recorded and moment.written), None)
+    if first and first.written != planes.keys():
+        what = " and ".join(sorted(first.written))
+        trial.violated(f"it called {first.call} when it had written the {what} only")
+    share = publishing.share_left_open(seen, planes)
+    if share >= LEFT_OPEN and len(seen) >= SURE:
+        trial.violated(
+            f"for {share:.0%} of the time an image lay there without the event recorded behind it;"
+            f" {last_record(seen)}"
+        )
+    known = len(seen) - 1
+    if not trial.wait(lambda: any(not moment.open for moment in found()[known:])):
+        seen = found()
+        last = next(moment.call for moment in reversed(seen) if not moment.recorded)
+        trial.violated(
+            f"in {EFFECT_SECONDS:g} s the event was not once seen recorded behind the last write of"
+            f" the {' and '.join(sorted(seen[-1].open))}, {last}; {last_record(seen)}"
+        )
+    trial.delivered += 1
+
+
+def last_record(seen: list[publishing.Moment]) -> str:
+    """The last record of the event, in words."""
+    calls = [moment.call for moment in seen if moment.recorded]
+    return f"its last record is {calls[-1]}" if calls else "it was never recorded"
+
+
+@check("CUD-1", observable="which bytes of the memory it shows the server uses", needs=SHOWN)
+def check_exports_nothing_but_buffers(trial: ServerTrial) -> None:
+    """Copies into and out of exported memory that are of no image; handles that were refused, as
+    those of memory are that cudaMalloc did not make.
+    """
+    shown = announced(trial)
+    watch(trial)
+    if "mem_color" not in shown.names or "mem_depth" not in shown.names:
+        refuse(trial, "cudaIpcGetMemHandle", "memory that cannot be exported")
+    calls = calls_of(trial, shown.process)
+    for call in publishing.beside(calls, publishing.planes_of(shown.packet)):
+        trial.violated(f"the memory that it shows holds something else than images: {call}")
+    trial.delivered += 1
+
+
+@check("CUD-3", observable="the flags with which events are created", needs=SHOWN)
+def check_creates_the_event_with_its_flags(trial: ServerTrial) -> None:
+    """Every event of which the server asked for a handle, whether or not it got one."""
+    shown = announced(trial)
+    flags: dict[str, int] = {}
+    for call in calls_of(trial):
+        if call.function == "cudaEventCreate":
+            flags[call.event] = call.flags
+            for bit, name in EVENT_FLAGS.items():
+                if not call.ok and call.flags & 4:
+                    trial.expect(call.flags & bit, f"without {name} it called {call}")
+        elif call.function == "cudaIpcGetEventHandle":
+            for bit, name in EVENT_FLAGS.items():
+                known = call.event in flags
+                told = f"without {name} it created the event of {call}"
+                trial.expect(not known or flags[call.event] & bit, told)
+            trial.delivered += call.ok
+    if "evt_done" not in shown.names:
+        refuse(trial, "cudaIpcGetEventHandle", "an event that cannot be exported")
+
+
+def refuse(trial: ServerTrial, function: str, what: str) -> None:
+    """The handle is not the runtime's: violated if it refused one, else nothing can be said."""
+    for call in calls_of(trial):
+        if call.function == function and not call.ok:
+            trial.violated(f"it asked for the handle of {what}: {call}")
+    trial.not_observable("its handles are none of the stand-in")
+
+
+@check("CUD-4", observable="the calls that free, while a connection is open", needs=SHOWN)
+def check_keeps_memory_while_a_connection_is_open(trial: ServerTrial) -> None:
+    """One client stays on the IPC channel. Others come and go beside it, on both channels: close,
+    are reset, ask, pose, leave a packet unfinished.
+    """
+    shown = announced(trial)
+    if not shown.names:
+        trial.not_observable("its handles are none of the stand-in")
+    for visit in trial.each(VISITS):
+        if shown.connection.ended:
+            shown = announced(trial)
+        visit(trial)
+        trial.rest(MOVE_SECONDS)
+        expect_kept(trial, shown)
+        trial.delivered += 1
+
+
+def asks(trial: ServerTrial) -> None:
+    """Poses the camera and asks, then leaves."""
+    trial.move()
+    connection = trial.dial("msg")
+    trial.answers(connection)
+    trial.peer.pump()
+    for each in trial.peer.connections:
+        if each.channel == "msg":
+            each.close()
+
+
+def closes(trial: ServerTrial) -> None:
+    """Takes an init packet, and closes."""
+    announced(trial).connection.close()
+
+
+def resets(trial: ServerTrial) -> None:
+    """Takes an init packet, and resets the connection."""
+    announced(trial).connection.reset()
+
+
+def half(trial: ServerTrial) -> None:
+    """Leaves in the middle of a packet."""
+    connection = trial.dial("ipc")
+    connection.send(b"\x05\0\0\0{")
+    connection.close()
+
+
+def twice(trial: ServerTrial) -> None:
+    """Two at a time; the first is the last to go."""
+    first, second = trial.dial("ipc"), trial.dial("ipc")
+    announced(trial, second)
+    second.close()
+    trial.rest(MOVE_SECONDS)
+    first.close()
+
+
+VISITS = (asks, closes, resets, half, twice)
+
+
+def expect_kept(trial: ServerTrial, shown: Announced, places: Iterable[str] = ()) -> None:
+    """Nothing of what the handles in these places name, or in all, was freed."""
+    names = [name for place, name in shown.names.items() if not places or place in places]
+    call = publishing.freed(calls_of(trial), names, shown.process)
+    if call is None:
+        return
+    trial.rest(JITTER_SECONDS)
+    if shown.connection.ended and not trial.fate():
+        trial.not_observable("the server ends a connection in favour of a later one")
+    trial.violated(f"while an IPC connection was open that was sent the handles it called {call}")

@@ -1,0 +1,1 @@
+"""Packets: FRM (spec 1.0 chapter 2)."""

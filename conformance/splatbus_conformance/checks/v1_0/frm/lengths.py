@@ -1,0 +1,62 @@
+"""Checks on how servers take packets of the greatest length (spec 1.0 section 2.1)."""
+
+import itertools
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.frm.servers import LONGEST, REQUEST, send_in_pieces
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.messages import camera_pose, encode, hello
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import CHANNELS
+
+
+@check("FRM-4", observable="the server answers a request of the greatest length")
+def check_the_longest_packet(trial: ServerTrial) -> None:
+    """A request made as long as a payload may be by white space, or by a member that nobody knows:
+    whole, in two pieces, and joined with the next; before hello, and after it.
+    """
+    blank = encode(VIEWPORT_REQUEST).ljust(LONGEST)
+    room = LONGEST - len(encode(VIEWPORT_REQUEST | {"": ""}))
+    filled = encode(VIEWPORT_REQUEST | {"": "x" * room})
+    places = ((blank, LONGEST // 2), (filled, 3), (filled, LONGEST + 2))
+    versions = (False, True) if trial.facts.welcome["msg"] is not None else (False,)
+    for greets, (payload, place) in trial.each(list(itertools.product(versions, places))):
+        connection = trial.greeted("msg") if greets else trial.dial("msg")
+        told = send_in_pieces(trial, connection, packet(payload) + REQUEST, ([place], 0.0005))
+        answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)  # noqa: B023
+        trial.expect(
+            answered and not connection.ended,
+            f"a request of {LONGEST:,} bytes and another one, {told}, were not answered",
+        )
+        trial.delivered += 1
+        connection.close()
+
+
+@check("FRM-4", observable="the server answers a hello of the greatest length", needs=("1.1",))
+def check_the_longest_hello(trial: ServerTrial) -> None:
+    """The same of `hello`, on both channels."""
+    for channel in trial.each(CHANNELS):
+        said = encode(hello(trial.viewer.capabilities[channel], trial.viewer.token))
+        connection = trial.before_hello(channel)
+        dealings = trial.viewer.with_(connection)
+        connection.send(packet(said.ljust(LONGEST)))
+        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+        trial.expect(dealings.welcome, f"{channel}: a hello of {LONGEST:,} bytes has no welcome")
+        trial.delivered += 1
+        connection.close()
+
+
+@check("FRM-4", observable="a frame shows a pose of the greatest length", needs=("frames",))
+def check_the_longest_pose(trial: ServerTrial) -> None:
+    """The same of poses, of a client of 1.0 and of one of 1.1."""
+    steering = Steering(trial)
+    poser = trial.dial("msg")
+    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    for x, greets in enumerate((False, True) if trial.facts.welcome["msg"] else (False,), 2):
+        poser.close()
+        poser = trial.greeted("msg") if greets else trial.dial("msg")
+        pose = camera_pose((float(x), 0.0, 0.0))
+        taken = steering.takes(poser, pose, encode(pose).ljust(LONGEST))
+        trial.judge(taken, f"a pose of {LONGEST:,} bytes")

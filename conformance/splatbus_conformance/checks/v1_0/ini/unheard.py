@@ -1,0 +1,169 @@
+"""Checks on clients that say nothing on the IPC channel: those of 1.0, by their connections alone.
+
+What they did with a packet is not to be seen there, but that they close, live and come back is.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+from splatbus_conformance.cases.malformed.init_packets import breaches_of_1_0, changed
+from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.frm.clients import BAD_HEADERS, ENDS, closed_by, inside
+from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
+from splatbus_conformance.wire.messages import encode, init_packet_1_0
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import Connection
+
+HANDLES = ("", "A" * 88, "A" * 87, "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88])
+ON_A_CONNECTION = 8
+PAUSE_SECONDS = 0.003
+"""Between payloads of a row, so that a close is seen before the next is sent."""
+
+
+def silent_connection(trial: ClientTrial) -> Connection:
+    """A new IPC connection of a testee that says nothing on it; nothing is sent on it yet."""
+    if trial.facts.speaks_1_1("ipc"):
+        trial.not_observable("the testee speaks on the IPC channel: another check sees more")
+    trial.role.offers_memory = False
+    newest = next((it for it in reversed(trial.peer.connections) if it.channel == "ipc"), None)
+    if newest and newest.open and not newest.ended and not newest.sent:
+        return newest
+    return trial.connection("ipc")
+
+
+def outcome_at_the_end(trial: ClientTrial, connection: Connection) -> str:
+    """What the testee does when this connection ends: `lives`, `dies`, `exits` or `hangs`.
+
+    One that is known to return has to. Of others it shows that they listen if they close a
+    connection whose stream the harness ends; then they may exit, too.
+    """
+    if connection.ended:
+        trial.wait(trial.fate, SETTLE_SECONDS)
+    if fate := trial.fate():
+        return fate
+    if "ipc" in trial.facts.returns:
+        connection.close()
+        return "lives" if trial.comes_back("ipc") else trial.fate() or "hangs"
+    connection.end_stream()
+    noticed = trial.uses(lambda: connection.ended)  # some load CUDA for what came last
+    trial.wait(trial.fate, SETTLE_SECONDS)
+    if trial.fate() == "dies":
+        return "dies"
+    trial.delivered += noticed or bool(connection.ended)
+    return "lives" if noticed or connection.ended else "hangs"
+
+
+@check(
+    "FRM-3",
+    observable="the testee closes the connection",
+    needs=("ipc",),
+    may_crash=True,
+)
+def check_bad_length_closes_unheard(trial: ClientTrial) -> None:
+    """A header that announces nothing, or more than the limit, comes first on the connection."""
+    for script in trial.each(BAD_HEADERS, kind=lambda it: it.kind):
+        connection = silent_connection(trial)
+        connection.send(script.data)
+        outcome = closed_by(trial, connection)
+        trial.judge(outcome, script.what)
+        trial.delivered += 1
+
+
+@check(
+    "FRM-6",
+    observable="the testee connects again after half an init packet",
+    needs=("ipc", "reconnects:ipc"),
+    may_crash=True,
+)
+def check_half_packet_is_discarded_unheard(trial: ClientTrial) -> None:
+    """The connection ends inside an init packet: at the first byte, in the header and later."""
+    whole = packet(encode(init_packet_1_0(trial.role.width, trial.role.height)))
+    for kept, end in trial.each(ENDS, kind=inside):
+        connection = silent_connection(trial)
+        connection.send(whole[:kept])
+        trial.rest(REACTION_SECONDS / 10)
+        getattr(connection, end)()
+        outcome = outcome_at_the_end(trial, connection)
+        outcome = "reconnects" if outcome == "lives" else outcome
+        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet, by {end}")
+
+
+@check(
+    "INI-11",
+    observable="the connection stays open, and the testee still notices its end",
+    needs=("ipc",),
+    may_crash=True,
+)
+def check_ignores_what_is_no_init_packet_unheard(trial: ClientTrial) -> None:
+    """JSON objects of other shapes before an init packet, each on a connection on which nothing
+    else comes, and all of them on one. That the testee notices the end of the connection shows
+    that it has read what came before.
+    """
+    good = init_packet_1_0(trial.role.width, trial.role.height)
+    typed = [good | {"type": kind} for kind in TYPES]
+    rows = [[other] for other in (*typed, *OTHERS)]
+    for row in trial.each([[*typed, *OTHERS], *rows], kind=len):
+        connection = silent_connection(trial)
+        connection.send(b"".join(packet(encode(other)) for other in row))
+        shown = encode(row[0])[:60].decode("ascii", "replace")
+        what = f"{len(row)} objects that are no init packets, the first {shown}"
+        if trial.ends(connection, REACTION_SECONDS):
+            trial.judge(trial.fate() or "closes", what)
+        outcome = outcome_at_the_end(trial, connection)
+        trial.judge("ignores" if outcome == "lives" else outcome, what)
+
+
+@check(
+    "JSN-10",
+    observable="the process lives, and the testee connects again when the harness closes",
+    needs=("ipc",),
+    may_crash=True,
+)
+def check_survives_broken_payloads_unheard(trial: ClientTrial) -> None:
+    """Broken texts and broken 1.0 init packets, a few to a connection, and a good packet after
+    them, for a testee that says nothing on the IPC channel. That it connects again, or notices the
+    end of the connection, shows that what listens there is alive.
+    """
+    payloads = trial.each(_broken(trial), kind=lambda it: it.kind)
+    while row := list(itertools.islice(payloads, ON_A_CONNECTION)):
+        outcome = _outcome_of(trial, row)
+        if outcome not in trial.requirement.acceptable:
+            for broken in row:
+                alone = _outcome_of(trial, [broken])
+                trial.judge(alone, f"{broken.what} ({broken.requirement}) on the ipc channel")
+        words = " and ".join(f"{broken.what} ({broken.requirement})" for broken in row)
+        trial.judge(outcome, f"on the ipc channel {words}")
+
+
+def _outcome_of(trial: ClientTrial, row: Sequence[BrokenText]) -> str:
+    connection = silent_connection(trial)
+    for broken in row:
+        if connection.ended:
+            outcome = outcome_at_the_end(trial, connection)
+            if outcome != "lives":
+                return outcome
+            connection = silent_connection(trial)
+        connection.send(packet(broken.payload))
+        trial.ends(connection, PAUSE_SECONDS)
+    connection.send(packet(encode(trial.role.legacy_init_packet())))
+    closed = trial.ends(connection, SETTLE_SECONDS)
+    outcome = outcome_at_the_end(trial, connection)
+    return ("closes" if closed else "ignores") if outcome == "lives" else outcome
+
+
+def _broken(trial: ClientTrial) -> list[BrokenText]:
+    good = init_packet_1_0(trial.role.width, trial.role.height)
+    texts = broken_texts(good)
+    for member in ("mem_color", "mem_depth", "evt_done"):
+        for handle in HANDLES:
+            payload = encode(good | {member: handle})
+            texts.append(BrokenText("INI-7", f"{member} {handle!r}", payload, "INI-7"))
+    for breach in breaches_of_1_0():
+        sized = init_packet_1_0(breach.width, breach.height)
+        kind = " ".join(map(str, breach.kind))
+        payload = encode(changed(sized, breach.changes))
+        texts.append(BrokenText(breach.requirement, breach.what, payload, kind))
+    return texts

@@ -1,0 +1,159 @@
+"""Checks on the limits of servers, and on who can reach them (spec 1.0 chapter 9)."""
+
+import ipaddress
+import socket
+import time
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.trials.controls import CAMERA_REQUEST
+from splatbus_conformance.trials.moves.bad_neighbours import PACE_SECONDS
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import CHANNELS, Connection
+
+MANY = 300
+"""Connections that no server of viewers has a use for."""
+DIAL_SECONDS = 10.0
+"""A server that accepts no more lets a client wait; one on a busy machine only seems to."""
+BUFFERS = 5 << 20
+"""More bytes than the systems of both ends keep for a connection that is narrow at this one:
+replies beyond wait in the server."""
+STALL_SECONDS: float = LIMITS["stalled_reader_seconds"] + LIMITS["close_seconds"]
+LOOKS = 3
+"""For whether it serves others: it may still have before it what it had read of the flood."""
+FLOOD_SECONDS = 120.0
+"""For which a flood is poured at most; a server on a busy machine reads it slowly."""
+PACE_REQUESTS = 100
+"""So many show how long a server takes for each."""
+ON_THEIR_WAY = 10_000
+"""Requests that the systems hold for a server that reads slowly."""
+CHUNK = 1 << 16
+PROBE_SECONDS = 0.1
+"""Between requests that only find out whether the connection is still there."""
+ELSEWHERE = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
+"""Addresses for documentation: the way to them begins at this machine's own address, and nothing is
+sent there."""
+EVERYWHERE = ("0.0.0.0", "::")
+
+
+@check("LIM-1", observable="some of very many connections on a channel are refused or closed")
+def check_connections_are_limited(trial: ServerTrial) -> None:
+    """Three hundred clients on a channel, none of which goes."""
+    for channel in trial.each(CHANNELS):
+        connections: list[Connection] = []
+        refused = False
+        while len(connections) < MANY and not refused:
+            try:
+                connections.append(trial.peer.dial(channel, DIAL_SECONDS))
+            except OSError:
+                refused = True
+            refused = refused or any(c.ended for c in connections)
+            trial.rest(PACE_SECONDS)
+        limited = refused or trial.wait(lambda: any(c.ended for c in connections))  # noqa: B023
+        if fate := trial.fate():
+            trial.judge(fate, f"{len(connections)} connections on the {channel} channel")
+        trial.expect(limited, f"{MANY} connections on the {channel} channel are all kept open")
+        trial.delivered += len(connections)
+        for connection in connections:
+            connection.close()
+
+
+@check("LIM-2", observable="the connection is closed", may_crash=True)
+def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
+    """A client that asks and asks and reads no reply, until the server has more of them than it may
+    keep, or has waited for longer than it may.
+    """
+    connection = trial.dial_narrowly("msg")
+    trial.expect(trial.ask(connection, CAMERA_REQUEST), "no reply on the message channel")
+    reply = 4 + len(connection.packets[-1].payload)
+    began = time.monotonic()
+    connection.send(PACE_REQUESTS * packet(encode(CAMERA_REQUEST)))
+    trial.wait(lambda: len(trial.replies(connection)) > PACE_REQUESTS or connection.ended)
+    pace = (time.monotonic() - began) / PACE_REQUESTS
+    most = (BUFFERS + LIMITS["max_unsent_bytes"]) // reply
+    outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, pace)
+    trial.judge(outcome, "a client that reads no replies")
+    served = any(trial.serves() for _ in range(LOOKS))
+    trial.expect(served, "the server answers nobody after a client that read no replies")
+
+
+@check(
+    "SEC-1",
+    observable="no port of the server can be reached at another address of this machine",
+)
+def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
+    """The server was told a loopback address; its ports are tried at the machine's others."""
+    if not ipaddress.ip_address(socket.gethostbyname(trial.peer.host)).is_loopback:
+        trial.not_observable("the server was asked to listen on an address that is not loopback")
+    if not trial.testee.expendable:
+        trial.not_observable("whoever started the server may have asked for another address")
+    others = addresses()
+    if not others:
+        trial.not_observable("this machine has no address but loopback")
+    if asked := [each for each in (*EVERYWHERE, *others) if each in trial.testee.name.split()]:
+        trial.not_observable(f"the command that starts the server asks for {asked[0]}")
+    trial.dial("msg")
+    for address in trial.each(others):
+        for channel in CHANNELS:
+            port = trial.peer.ports[channel]
+            reached = accepts(address, port)
+            trial.expect(not reached, f"the {channel} channel can be reached at {address}:{port}")
+            trial.delivered += 1
+
+
+def flood(
+    trial: ServerTrial, connection: Connection, request: bytes, most: int, pace: float
+) -> str:
+    """Send so many requests, then one now and then, and read nothing; what becomes of it.
+
+    A server that takes so long for each, or longer now, may answer for a while what it was given
+    before TCP gives it more.
+
+    Returns `closes`, `exits`, `dies`, or `hangs` if the connection is still there when the server
+    has been given all, or has taken nothing, for longer than it may wait.
+    """
+    connection.stop_reading()
+    many = request * (CHUNK // len(request))
+    sent, began = 0, time.monotonic()
+    moved = began
+    while (now := time.monotonic()) < moved + STALL_SECONDS + ON_THEIR_WAY * pace:
+        flooded = sent >= most * len(request)
+        if not flooded and now > began + FLOOD_SECONDS:
+            trial.not_observable(
+                f"the server takes requests too slowly: {sent} bytes of them so far"
+            )
+        begun = sent % len(request)
+        taken = connection.push((request if flooded else many)[begun:])
+        if taken is None or trial.fate():
+            return trial.fate() or "closes"
+        sent += taken
+        if taken and not flooded:
+            moved, pace = now, max(pace, (now - began) * len(request) / sent)
+        trial.rest(PROBE_SECONDS if flooded or not taken else 0.0)
+    return "hangs"
+
+
+def addresses() -> list[str]:
+    """This machine's own addresses on the way to others, without loopback."""
+    found = []
+    for family, elsewhere in ELSEWHERE.items():
+        try:
+            with socket.socket(family, socket.SOCK_DGRAM) as sock:
+                sock.connect((elsewhere, 9))
+                found.append(str(sock.getsockname()[0]))
+        except OSError:
+            continue
+    return [each for each in found if not ipaddress.ip_address(each).is_loopback]
+
+
+def accepts(address: str, port: int) -> bool:
+    """Whether something accepts a connection there."""
+    try:
+        socket.create_connection((address, port), EFFECT_SECONDS).close()
+    except OSError:
+        return False
+    return True

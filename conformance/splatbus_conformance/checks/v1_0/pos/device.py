@@ -1,0 +1,243 @@
+"""Checks on how a server of 1.0 takes poses, by its images of the scene of SCENE.md.
+
+Spec 1.0 section 6.1, chapters 5 and 7. 1.0 names no camera of an image. A scene that is known tells
+which it was; where nobody knows it, other images of the same pose tell whether it is one of that.
+"""
+
+import contextlib
+import random
+from collections.abc import Iterator
+
+import numpy as np
+from hypothesis import strategies as st
+
+from splatbus_conformance.cases.malformed.poses import broken_poses
+from splatbus_conformance.cases.valid.poses import Pose
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.acc.device import (
+    UNKNOWN_SCENE,
+    LegacyPhotographer,
+    lens_of,
+)
+from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, Stored, reading
+from splatbus_conformance.checks.v1_0.pos.same_pose import ASKEW, NOWHERE, PosePhotographer
+from splatbus_conformance.images.captured import LEGACY_EMPTY, shows_the_scene
+from splatbus_conformance.images.hard_views import Stage, turned_about
+from splatbus_conformance.images.known_scene import Setting
+from splatbus_conformance.images.memory.reading import Pixels
+from splatbus_conformance.images.pinhole import STILL, Placed
+from splatbus_conformance.images.reprojection import POSES, QUATERNIONS, Reading
+from splatbus_conformance.trials.moves.frame_capture import AT_REST
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.messages import Json, camera_pose, encode
+from splatbus_conformance.wire.packets import packet
+
+BY_IMAGES = "of which camera the images of a known scene in CUDA memory are"
+BY_LIKENESS = "of which pose the images in CUDA memory are: by the scene, or others of that pose"
+MOVED = Pose((0.03, 0.02, 0.01), turned_about(AT_REST.rotation, (0.3, 0.5, 0.8), 0.02))
+NUDGE = camera_pose(*MOVED, kind="point_cloud_pose")
+"""By this the Gaussians move a little, so that there is a new image."""
+OVER: dict[str, tuple[slice, ...]] = {
+    "rows stored top-down": np.s_[::-1, :],
+    "columns stored from right to left": np.s_[:, ::-1],
+    "images turned by 180 degrees": np.s_[::-1, ::-1],
+}
+TURN = 0.2
+"""By how much cameras are turned, in radians, so that each number of a rotation counts."""
+ORDERS = st.tuples(st.permutations("xyz"), st.permutations("xyzw"), st.booleans())
+
+
+@contextlib.contextmanager
+def photographing(trial: ServerTrial) -> Iterator[LegacyPhotographer]:
+    """Who moves the camera, and reads what comes of it."""
+    with reading(trial) as read:
+        yield LegacyPhotographer(trial, read)
+
+
+@contextlib.contextmanager
+def comparing(trial: ServerTrial) -> Iterator[PosePhotographer]:
+    """The same, of a scene that nobody knows, too."""
+    with reading(trial) as read:
+        yield PosePhotographer(trial, read)
+
+
+def turned(pose: Pose, rng: random.Random) -> Pose:
+    """The same place, looking a little aside."""
+    axis = [rng.choice((-1, 1)) * rng.uniform(0.5, 1.0) for _ in range(3)]
+    return Pose(pose.position, turned_about(pose.rotation, axis, TURN))
+
+
+def expect_shown(it: PosePhotographer, camera: Pose, what: str, *spelled: Json) -> None:
+    """The image that comes of this shows the scene from that camera."""
+    shown = it.comes_to_show(camera, AT_REST, *spelled)
+    it.trial.expect(shown, f"{what}: the image is none of the camera at {camera}")
+
+
+@check("BUF-1", observable="which way up images of a known scene lie", needs=SHOWN)
+def check_rows_in_device_memory_are_bottom_up(trial: ServerTrial) -> None:
+    """The image of a camera at the origin: as it lies it shows the scene, and not turned over."""
+    with reading(trial) as read:
+        stored = LegacyPhotographer(trial, read, NOWHERE).at_origin()
+    if lens_of(stored) is None:
+        for words, over in OVER.items():
+            turned_over = Stored(stored.color[over], stored.depth[over])
+            trial.expect(lens_of(turned_over) is None, f"the images fit {words}")
+        trial.not_observable(UNKNOWN_SCENE)
+
+
+@check("BUF-6", observable="by which depths images show a known scene", needs=SHOWN)
+def check_depth_in_device_memory_is_planar(trial: ServerTrial) -> None:
+    """The image of a camera at the origin: as they are, its depths are those of the scene."""
+    with reading(trial) as read:
+        stored = LegacyPhotographer(trial, read, NOWHERE).at_origin()
+    if lens_of(stored) is None:
+        for words, depth in other_depths(stored.depth):
+            trial.expect(lens_of(Stored(stored.color, depth)) is None, f"the images fit {words}")
+        trial.not_observable(UNKNOWN_SCENE)
+
+
+def other_depths(depth: Pixels) -> Iterator[tuple[str, Pixels]]:
+    """What may have been stored in place of planar depths, made planar."""
+    seen = np.isfinite(depth) & (depth > 0) & (depth != LEGACY_EMPTY)
+    with np.errstate(divide="ignore"):
+        yield "inverse depths", np.where(seen, 1.0 / depth, np.inf).astype(np.float32)
+    for factor in (1e-3, 1e-2, 1e2, 1e3):
+        scaled = np.where(seen, depth * factor, np.inf).astype(np.float32)
+        yield f"depths of which {1 / factor:g} make a scene unit", scaled
+
+
+@check("CNV-1", observable=BY_IMAGES, needs=SHOWN)
+def check_poses_in_device_memory_are_camera_to_world(trial: ServerTrial) -> None:
+    """The camera of an image is where and turned as the pose said."""
+    judge_readings(trial, POSES)
+
+
+@check("CNV-3", observable=BY_IMAGES, needs=SHOWN)
+def check_rotations_in_device_memory_have_w_last(trial: ServerTrial) -> None:
+    """The rotation of the camera of an image has its scalar last, and its sign."""
+    judge_readings(trial, QUATERNIONS)
+
+
+def judge_readings(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
+    """An image that fits one of these readings of its pose, and not the pose, is a violation.
+
+    The pose of the Gaussians may have been read so, too.
+    """
+    with photographing(trial) as it:
+        photograph = it.take(ASKEW, AT_REST)
+        if it.shows(photograph):
+            return
+        view, rest = photograph.view(), it.seen_from(AT_REST, photograph).view()
+        for each in wrong:
+            read = photograph._replace(camera=it.lens._replace(pose=each.pose(view)))
+            for scene in (STILL, Placed(each.pose(rest))):
+                fits = shows_the_scene(read, Setting(scene))
+                trial.expect(not fits, f"the images fit {each.words}")
+        trial.not_observable(f"the image of a camera at {ASKEW} is none of it, and fits nothing")
+
+
+@check("POS-5", observable=BY_LIKENESS, needs=SHOWN)
+def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
+    """Poses with the members of position and rotation in every order, and rotation before
+    position.
+    """
+    reverse, rng = ("zyx", "wzyx", True), random.Random(trial.seed)
+    with comparing(trial) as it:
+        for number, order in enumerate(trial.each([reverse], ORDERS, quick=4, full=48)):
+            camera = turned((it.left, it.right)[number % 2], rng)
+            pose, (places, turns, swapped) = camera_pose(*camera), order
+            written = pose | {
+                "position": {name: pose["position"][name] for name in places},
+                "rotation": {name: pose["rotation"][name] for name in turns},
+            }
+            if swapped:
+                written["position"] = written.pop("position")
+            names = f"position {', '.join(places)} and rotation {', '.join(turns)}"
+            expect_shown(it, camera, f"a pose with {names}", written)
+
+
+@check("POS-6", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
+def check_keeps_the_former_pose_in_device_memory(trial: ServerTrial) -> None:
+    """Poses that miss or mistype members, lie beyond single precision, or have no unit quaternion;
+    after each the Gaussians are moved, so that a new image shows where the camera is.
+    """
+    with comparing(trial) as it:
+        it.learn(Stage(it.left, MOVED))
+        broken = broken_poses(camera_pose(*it.askew))
+        for each in trial.each(broken, kind=lambda it: it.kind, spare=0):
+            expect_shown(it, it.left, "a good pose")
+            outcome = trial.outcome_on_msg(trial.mover(), packet(each.payload))
+            what = f"a pose with {each.what} ({each.requirement})"
+            if outcome in ("ignores", "reports", "replies"):
+                outcome = "keeps" if it.comes_to_show(it.left, MOVED, NUDGE) else "applies"
+            elif outcome == "closes":
+                it.take(it.askew, AT_REST)
+            trial.judge(outcome, what)
+
+
+@check("POS-7", observable=BY_LIKENESS, needs=SHOWN)
+def check_the_newest_camera_is_shown_in_device_memory(trial: ServerTrial) -> None:
+    """Several poses at once, of which the last has to be shown."""
+    rng = random.Random(trial.seed)
+    with comparing(trial) as it:
+        around = it.left, it.right
+        for number in trial.each(range(100 if trial.thorough else 6)):
+            others = [turned(rng.choice(around), rng) for _ in range(rng.randrange(1, 6))]
+            last = turned(around[number % 2], rng)
+            row = [camera_pose(*each) for each in (*others, last)]
+            expect_shown(it, last, f"{len(row)} poses at once", *row)
+
+
+@check("POS-11", observable=BY_LIKENESS, needs=SHOWN)
+def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> None:
+    """Two connections send poses; the first has control until it closes, and then the second."""
+    if trial.facts.alone["msg"]:
+        trial.not_observable("the server serves one connection at a time on the message channel")
+    with comparing(trial) as it:
+        it.learn(Stage(it.right, AT_REST), Stage(it.left, MOVED))
+        expect_shown(it, it.left, "a good pose")
+        second = trial.dial("msg")
+        first = trial.mover()
+        trial.answers(second)
+        trial.require_all(first, second)
+        trial.viewer.say(second, camera_pose(*it.right))
+        trial.answers(second)
+        kept = it.comes_to_show(it.left, MOVED, NUDGE)
+        trial.expect(kept, "the camera went where a connection has put it that has no control")
+        trial.pass_control(second)
+        expect_shown(it, it.right, "a pose of the next, once the connection in control has closed")
+
+
+@check("POS-13", observable=BY_LIKENESS, needs=SHOWN)
+def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> None:
+    """A server that was just started is told of cameras, and nothing of the Gaussians."""
+    if not trial.testee.expendable:
+        trial.not_observable("a server that others have used may have been told otherwise")
+    with comparing(trial) as before:
+        before.learn(Stage(before.left, AT_REST))
+    trial.end_testee()
+    with reading(trial) as read:
+        it = PosePhotographer(trial, read, before)
+        trial.pass_control(trial.dial("msg"))
+        if it.comes_to_show(it.left, AT_REST, camera_pose(*it.left)):
+            return
+        expect_shown(it, it.right, "with the Gaussians at rest")
+        trial.violated("the Gaussians were not at rest before any pose of theirs had come")
+
+
+@check("JSN-11", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
+def check_takes_strings_for_numbers_or_not_in_device_memory(trial: ServerTrial) -> None:
+    """A pose of a 1.0 client, with every number as a string: taken whole, or not at all."""
+    with comparing(trial) as it:
+        pose, there, here = camera_pose(*it.askew), Stage(it.askew, MOVED), Stage(it.left, MOVED)
+        texts = {
+            part: {n: repr(v) for n, v in pose[part].items()} for part in ("position", "rotation")
+        }
+        it.learn(there, here)
+        for written in trial.each([pose | texts]):
+            expect_shown(it, it.left, "a good pose")
+            outcome = trial.outcome_on_msg(trial.mover(), packet(encode(written)))
+            if outcome in ("ignores", "replies", "reports"):
+                shown = it.comes_to_show_one(here, there, by=NUDGE)
+                outcome = {here: "keeps", there: "accepts", None: "applies"}[shown]
+            trial.judge(outcome, "a pose whose numbers are strings")

@@ -1,0 +1,1 @@
+"""Cameras of frames, lenses and tags: CAM."""

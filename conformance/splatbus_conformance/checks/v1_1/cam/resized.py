@@ -1,0 +1,171 @@
+"""Checks on what holds after images have changed their size, as it did before (spec 1.1).
+
+What was computed once, for the first size, and kept, is right until then.
+"""
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_1.cam.lenses import lens_of, same_shape
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
+from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.trials.moves.frame_readers import fell_silent, frames_of
+from splatbus_conformance.trials.moves.image_session import answers, elsewhere, further
+from splatbus_conformance.trials.moves.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    Size,
+    changed,
+    dealings_of,
+    other_sizes,
+    resizing,
+    size_of,
+)
+from splatbus_conformance.trials.moves.survey import first_view
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.json_values import show, whole, within
+from splatbus_conformance.wire.messages import Json, camera_pose, encode
+from splatbus_conformance.wire.packets import packet
+
+LENSES = ("1.1", "capability:viewport", "capability:intrinsics")
+TAG = "of the former size"
+BEHIND = 40
+"""Requests in one write."""
+
+
+@check("CAM-6", observable="the errors for intrinsics of either shape", needs=LENSES)
+def check_compares_shapes_with_the_size_now(trial: ServerTrial) -> None:
+    """Images become of another shape; then intrinsics of the shape that they had are refused, and
+    those of their own are not.
+    """
+    first, former = first_view(trial, 0.0), trial.facts.size
+    with resizing(trial) as client:
+        heard = trial.viewer.with_(client).heard
+        for size in trial.each(_other_shapes(trial)):
+            changed(trial, client, size)
+            for shape, code in ((former, "invalid_message"), (size, None)):
+                before = len(heard)
+                lens = lens_of(first, *shape, 1.25, 1.25, 0.0, 0.0)
+                trial.viewer.say(client, camera_pose(*elsewhere(trial)) | {"intrinsics": lens})
+                trial.expect(answers(trial, client), "the request behind a pose was not answered")
+                codes = [it.get("code") for it in heard[before:] if it.get("type") == "error"]
+                trial.expect(
+                    codes == ([code] if code else []),
+                    f"images became {size[0]}×{size[1]}, and intrinsics for {shape[0]}×{shape[1]}"
+                    f" were answered by {show(codes) if codes else 'no error'}",
+                )
+            trial.delivered += 1
+
+
+@check("CAM-8", observable="the size in replies to get_camera_pose", needs=LENSES)
+def check_tells_lenses_for_the_size_now(trial: ServerTrial) -> None:
+    """A camera is asked for whenever images have become of another size."""
+    with resizing(trial) as client:
+        for size in trial.each(other_sizes(trial)[:3]):
+            changed(trial, client, size)
+            reply = trial.ask(client, {"type": "get_camera_pose", "cam_idx": 0, "id": 3}) or {}
+            told = tuple(within(reply, "intrinsics", name) for name in ("width", "height"))
+            trial.expect(
+                told == size,
+                f"images became {size[0]}×{size[1]}, and a camera is told with intrinsics for"
+                f" {show(told[0])}×{show(told[1])}",
+            )
+            trial.delivered += 1
+
+
+@check("CAM-3", observable="the tags of frames of either size", needs=RESIZES)
+def check_no_tag_comes_again_in_another_size(trial: ServerTrial) -> None:
+    """An image of a pose with a tag is shown; then images become of another size, and are of that
+    pose still.
+    """
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        for number, size in enumerate(trial.each(other_sizes(trial)[:3])):
+            tag = f"{TAG}, {number}"
+            photographer.take(elsewhere(trial), None, tag=tag)
+            changed(trial, client, size)
+            packets = dealings_of(trial, photographer.reader).init_packets
+            trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
+            frames = frames_of(trial, photographer.reader)
+            now = whole(packets[-1].get("generation"))
+            trial.wait(lambda: frames[-1].get("generation") == now)  # noqa: B023
+            photographer.take(elsewhere(trial), None)
+            tags = [within(frame, "camera", "tag") for frame in frames]
+            trial.expect(
+                tags.count(tag) <= 1,
+                f"the tag {tag!r} came {tags.count(tag)} times, since images became of another"
+                " size",
+            )
+            trial.delivered += 1
+
+
+@check("POS-7", observable="the camera of the first frame of another size", needs=RESIZES)
+def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
+    """The camera is moved; then images become of another size, and nothing else is said."""
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        for size in trial.each(other_sizes(trial)[:3]):
+            wanted = elsewhere(trial)
+            photographer.take(wanted, None)
+            frames = frames_of(trial, photographer.reader)
+            before, former = len(frames), frames[-1]["generation"]
+            changed(trial, client, size)
+            trial.wait(lambda: frames[-1]["generation"] != former)  # noqa: B023
+            later = [frame for frame in frames[before:] if frame["generation"] != former]
+            if not later:
+                fell_silent(trial, photographer.reader, "the server sent no image of the new size")
+            camera = camera_in(later[0])
+            shown = camera and camera.shows(camera_of(camera_pose(*wanted)))
+            trial.expect(
+                shown,
+                f"the camera was put at {wanted}; then images became {size[0]}×{size[1]}, and the"
+                f" first of them is of one at {camera}",
+            )
+            photographer.new()
+            trial.delivered += 1
+
+
+@check("REQ-4", observable="the size that all are told", needs=RESIZES)
+def check_tells_everybody_of_the_newest_size(trial: ServerTrial) -> None:
+    """Clients of 1.0 and 1.1 ask for the size before images get another, and again afterwards."""
+    with resizing(trial) as client:
+        others = [further(trial, client), trial.dial("msg")]
+        trial.require_all(client, *others)
+        for size in trial.each(other_sizes(trial)[:2]):
+            changed(trial, client, size)
+            for other in others:
+                told: Json = trial.ask(other, VIEWPORT_REQUEST) or {}
+                now = told.get("viewport_size")
+                what = f"images have {size[0]}×{size[1]} now, and who asked before is told"
+                trial.expect(now in (list(size), [0, 0]), f"{what} {show(now)}")
+            trial.delivered += 1
+
+
+@check("CHN-16", observable="every answer, and then the end of the stream", needs=RESIZES)
+def check_answers_behind_another_size_before_the_end(trial: ServerTrial) -> None:
+    """A `set_viewport`, whose reply takes a server time, many requests behind it in the same write,
+    and then the client's end of stream.
+    """
+    with resizing(trial):
+        for size in trial.each(other_sizes(trial)[:2]):
+            trial.peer.close_all()
+            client = trial.greeted("msg")
+            heard = dealings_of(trial, client).heard
+            before = len(heard)
+            request = {"type": "set_viewport", "width": size[0], "height": size[1], "id": 0}
+            asked = [request, *(VIEWPORT_REQUEST | {"id": n} for n in range(1, BEHIND))]
+            client.send(b"".join(packet(encode(each)) for each in asked))
+            client.end_stream()
+            closed = trial.ends(client, 2 * REINIT_SECONDS)
+            told = [it["id"] for it in heard[before:] if "id" in it]
+            what = f"{BEHIND} requests, of which the first is for another size, and the end"
+            trial.expect(told == list(range(BEHIND)), f"{len(told)} answers to {what}")
+            trial.expect(closed, f"the server kept the connection open after {what}")
+            trial.delivered += 1
+
+
+def _other_shapes(trial: ServerTrial) -> list[Size]:
+    """Sizes of another shape than images have."""
+    found = [size for size in other_sizes(trial) if not same_shape(*trial.facts.size, size)]
+    if not found:
+        trial.not_observable("no other size has another shape than its images")
+    return found[:2]

@@ -1,0 +1,207 @@
+"""Checks on `tag`, by which a client learns which image shows its pose (spec 1.1 section 6.1)."""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.moves.frame_readers import LENDS, frames_of, gave_way
+from splatbus_conformance.trials.server import STEP, ServerTrial
+from splatbus_conformance.wire.json_values import numbers, show, whole, within
+from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.sockets import Connection
+
+LONGEST: int = LIMITS["max_tag_chars"]
+PADDING = ("", "-", '"\\/', "\x00\x1f", "é\u202e中", "🙂" * LONGEST, "t" * LONGEST, " ", "null")
+"""What follows the number of a tag, cut at its greatest length."""
+HEIGHT, DEPTH = -1.5, -2.5
+USUAL = ("tagged", "scene", "join", "burst", "scene", "again", "plain", "again", "tagged", "join")
+ACTIONS = tuple(dict.fromkeys(USUAL))
+BURST = 5
+MOST_READERS = 3
+_tags = itertools.count()
+"""No two tags are the same: the server may show an image of a pose from long ago."""
+
+
+class Sent(NamedTuple):
+    """A pose that was sent: the number of its place, and its tag."""
+
+    place: int
+    tag: str | None
+
+
+class Story:
+    """Poses of one client, and what frames say of them to several readers."""
+
+    def __init__(self, trial: ServerTrial) -> None:
+        self.trial = trial
+        self.steering = Steering(trial)
+        self.poser = trial.commanding()
+        self.readers = [self.steering.reader]
+        self.sent: list[Sent] = []
+        shown = self.steering.shows(self.poser, _pose(0))
+        trial.expect(shown, "no frame shows a good pose")
+        self._begun = {self.steering.reader: self.steering.count}
+
+    def go_through(self, actions: Iterable[str]) -> None:
+        """Take each step, and wait until every reader has seen what came of it."""
+        for action in actions:
+            if action == "join":
+                self._join()
+            elif action == "scene":
+                self.steering.nudged(self.poser)
+            elif action == "again" and self.sent:
+                self._send(self.sent[-1].place, tagged=True)
+                self.steering.nudged(self.poser)
+            else:
+                for _ in range(BURST if action == "burst" else 1):
+                    self._send(len(self.sent) + 1, tagged=action != "plain")
+            self._settle()
+
+    def told(self, reader: Connection) -> list[tuple[int | None, object]]:
+        """For each frame to a reader, the place of its camera, and its tag; None without one."""
+        found = []
+        for frame in frames_of(self.trial, reader)[self._begun.get(reader, 0) :]:
+            camera = frame.get("camera")
+            tag = camera.get("tag") if isinstance(camera, dict) else None
+            found.append((_place(frame), tag))
+        return found
+
+    def _send(self, place: int, *, tagged: bool) -> None:
+        padding = PADDING[len(self.sent) % len(PADDING)]
+        tag = f"{next(_tags)}{padding}"[:LONGEST] if tagged else None
+        self.sent.append(Sent(place, tag))
+        added: Json = {"tag": tag} if tagged else {}
+        self.trial.viewer.say(self.poser, _pose(place) | added)
+
+    def _join(self) -> None:
+        if len(self.readers) == MOST_READERS:
+            self.readers.pop().close()
+        connection, _ = self.trial.answered("ipc")
+        dealings = self.trial.viewer.with_(connection)
+        self.trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)
+        if dealings.memory is not None:
+            self.readers.append(connection)
+
+    def _settle(self) -> None:
+        """Every reader has a frame of the newest camera, and the newest of all frames."""
+        if ended := [reader for reader in self.readers if reader.ended]:
+            later = all(gave_way(self.trial, reader) for reader in ended)
+            self.trial.expect(later, "a reader was closed, and no other had come after it")
+            self.trial.not_observable("the server ends a connection in favour of a later one")
+        place = self.sent[-1].place if self.sent else 0
+
+        def shown(reader: Connection) -> bool:
+            frames = frames_of(self.trial, reader)
+            return bool(frames) and _place(frames[-1]) == place and _seq(frames[-1]) == newest()
+
+        def newest() -> float:
+            came = [frames_of(self.trial, reader)[-1:] for reader in self.readers]
+            return max((_seq(frame) for last in came for frame in last), default=0.0)
+
+        if not self.trial.wait(lambda: all(map(shown, self.readers))):
+            last = [frames_of(self.trial, reader)[-1:] for reader in self.readers]
+            late = any(_place(frame) != place for frames in last for frame in frames)
+            self.trial.expect(not late, "a reader is shown no image of the newest camera")
+            self.trial.not_observable("its readers are never shown the same image")
+
+
+def stories(trial: ServerTrial) -> Iterator[Story]:
+    """One story whose steps are always the same, then some that are drawn."""
+    drawn = st.lists(st.sampled_from(ACTIONS), min_size=1, max_size=8)
+    for actions in trial.each([USUAL], drawn, quick=2, full=60):
+        trial.peer.close_all()
+        story = Story(trial)
+        story.go_through(actions)
+        yield story
+        trial.delivered += 1
+
+
+@check("CAM-2", observable="the tags of frames, on several connections", needs=LENDS)
+def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
+    """Poses with tags and without, some overtaken, some the same again; readers come at any time,
+    and the first frame of each that shows a pose has its tag.
+    """
+    for story in stories(trial):
+        for number, reader in enumerate(story.readers, 1):
+            told = story.told(reader)
+            for place in dict.fromkeys(at for at, _ in told):
+                poses = [it for it in story.sent if it.place == place]
+                tags = [tag for at, tag in told if at == place]
+                if not poses or poses[-1].tag is None:
+                    continue
+                what = f"pose {place} of {len(story.sent)}, with tag {show(poses[-1].tag)},"
+                if len(poses) == 1:
+                    trial.expect(
+                        tags[0] == poses[0].tag,
+                        f"the first frame to reader {number} of {what} has {_named(tags[0])}",
+                    )
+                trial.expect(
+                    poses[-1].tag in tags,
+                    f"no frame to reader {number} has the tag of {what} which has the values of the"
+                    " pose before it",
+                )
+
+
+@check("CAM-2", observable="the tags of frames after poses that share one", needs=LENDS)
+def check_a_tag_that_was_used_comes_again(trial: ServerTrial) -> None:
+    """Poses of different places with the same tag, each sent when the one before was shown."""
+    story, tag = Story(trial), f"{next(_tags)} again"
+    frames = frames_of(trial, story.steering.reader)
+    for place in trial.each(range(1, 4)):
+        before, pose = len(frames), _pose(place) | {"tag": tag}
+        trial.viewer.say(story.poser, pose)
+        shown = trial.wait(lambda: any(_place(it) == place for it in frames[before:]))  # noqa: B023
+        trial.expect(shown, "no frame shows a good pose")
+        first = next(it for it in frames[before:] if _place(it) == place)
+        came = within(first, "camera", "tag")
+        trial.expect(
+            came == tag,
+            f"pose {place} has the tag of the pose before, and the first "
+            f"frame of it has {_named(came)}",
+        )
+        trial.delivered += 1
+
+
+@check("CAM-3", observable="the tags of frames, on several connections", needs=LENDS)
+def check_no_other_tags_come(trial: ServerTrial) -> None:
+    """The same: no tag comes twice on a connection, with another pose, or that no pose had."""
+    for story in stories(trial):
+        places: dict[object, int] = {it.tag: it.place for it in story.sent if it.tag is not None}
+        for number, reader in enumerate(story.readers, 1):
+            came: list[object] = []
+            for place, tag in story.told(reader):
+                if tag is None:
+                    continue
+                what = f"a frame to reader {number} has {_named(tag)}, which"
+                trial.expect(tag in places if isinstance(tag, str) else 0, f"{what} no pose had")
+                trial.expect(tag not in came, f"{what} had come on that connection already")
+                trial.expect(
+                    place == places[tag],
+                    f"{what} belongs to pose {places[tag]}, and the image is of pose {place}",
+                )
+                came.append(tag)
+
+
+def _pose(place: int) -> Json:
+    return camera_pose((STEP * place, HEIGHT, DEPTH))
+
+
+def _named(tag: object) -> str:
+    return "no tag" if tag is None else f"tag {show(tag)}"
+
+
+def _place(frame: Json) -> int | None:
+    camera = frame.get("camera")
+    position = camera.get("position") if isinstance(camera, dict) else None
+    if not isinstance(position, list) or not numbers(position, 3):
+        return None
+    return round(float(position[0]) / STEP)
+
+
+def _seq(frame: Json) -> float:
+    return float(whole(frame.get("seq")) or 0)

@@ -1,0 +1,234 @@
+"""Checks on what a client reads of images, and when (spec 1.1 chapter 5, 1.0 chapter 3).
+
+Whatever is not lent is spoilt: a client that reads it shows it.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.jsn.clients import odd_spelling, spellings
+from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.frame_lender import Lending
+from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.wire.json_reading import shorten
+from splatbus_conformance.wire.json_values import texts, within
+from splatbus_conformance.wire.messages import Json, encode
+
+READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
+CHANNELS = ("color", "depth")
+SMALL = 1 << 18
+"""Pixels of an image that is written and digested in no time."""
+READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
+    ("", lambda image: image),
+    (", rows top-down", lambda image: image[::-1]),
+    (", blue for red", lambda image: image[..., [2, 1, 0, 3]] if image.ndim == 3 else image),
+    (", rounded to 8 bits", lambda image: np.round(np.clip(image, 0, 1) * 255) / np.float32(255)),
+    (
+        ", opaque",
+        lambda image: np.where([0, 0, 0, 1], np.float32(1), image) if image.ndim == 3 else image,
+    ),
+)
+"""Ways in which an image is misread."""
+LINGER_SECONDS = 0.1
+"""A client that reads late has done so after this time, or twice what it takes to read."""
+
+
+def parts(answer: Json, image: Painting) -> list[str]:
+    """Which of colour and depth, as the client shows them, are not of this image."""
+    color, depth = image.digests()
+    pairs = (("color", color), ("depth", depth))
+    return [name for name, right in pairs if answer[name] not in (None, right)]
+
+
+def described(answer: Json, names: list[str], lending: Lending) -> str:
+    """What is known of wrong colour or depth."""
+    bad = spoilt(*lending.size)
+    for name in names:
+        if answer[name] == sha256(getattr(bad, name)):
+            return f"its {name} is what the slot held only while nobody was to read it"
+        for seq, other in lending.shown.items():
+            for words, read in READINGS:
+                if answer[name] == sha256(read(getattr(other, name))):
+                    return f"its {name} is that of image {seq}{words}"
+    return f"its {' and '.join(names)} is of no image whole"
+
+
+@check(
+    "IMG-13",
+    observable="digests of what the client read, while a slot is spoilt as soon as it is released",
+    needs=READS,
+)
+def check_releases_when_it_has_read(trial: ClientTrial) -> None:
+    """Images are lent one after the other, as fast as they come back; each slot is written over in
+    the moment in which it is released, and the client's image compared with the one that was lent.
+    """
+    lending = Lending(trial)
+    many = trial.thorough and trial.role.width * trial.role.height <= SMALL
+    for number in range(400 if many else 30):
+        lending.show(coordinates(number, *lending.size))
+        _judge(trial, lending, "was released before it was read")
+
+
+@check(
+    "IMG-14",
+    observable="digests of what the client shows, while every slot changes and none is lent",
+    needs=READS,
+)
+def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
+    """After an image was given back, every slot is written over, with images that are not lent and
+    with what nobody may show; the client shows the one that it read, or none.
+    """
+    lending = Lending(trial)
+    for number in range(20 if trial.thorough else 3):
+        began = time.monotonic()
+        seq = lending.show(coordinates(number, *lending.size))
+        linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
+        for slot in range(trial.role.slots):
+            lending.paint(coordinates(1000 + number, *lending.size), slot)
+        trial.rest(linger)
+        _judge(trial, lending, f"was shown after the client had given image {seq} back")
+        lending.spoil_everything()
+        trial.rest(linger)
+        _judge(trial, lending, f"was shown after the client had given image {seq} back")
+
+
+@check(
+    "JSN-6",
+    observable="the client's newest image is the one whose frame was spelled so",
+    needs=READS,
+)
+def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
+    """Frames with members in any order, white space, escapes, and numbers in any form: who cannot
+    read one gives its slot back all the same. A frame that is spelled plainly is read after each.
+    """
+    lending = Lending(trial)
+
+    def listing_none(message: Json) -> Json:
+        return {name: it for name, it in message.items() if name != "objects"}
+
+    def plainly(message: Json) -> bytes:
+        return encode(listing_none(message))
+
+    trial.role.encode["ipc"] = plainly
+    lending.show(coordinates(0, *lending.size))
+    for number, case in enumerate(spellings(trial, quick=8, full=200), 1):
+        write = odd_spelling(case)
+        said: list[str] = []
+
+        def oddly(message: Json) -> bytes:
+            said.append(write(listing_none(message)).decode())  # noqa: B023 - ends with the round
+            return said[-1].encode()  # noqa: B023
+
+        trial.role.encode["ipc"] = oddly
+        seq = lending.lend(coordinates(number, *lending.size))
+        given_back = trial.releases(lending.connection, seq)
+        trial.role.encode["ipc"] = plainly
+        shown = lending.newest()["seq"]
+        lending.show(coordinates(0, *lending.size))
+        what = f"frame {shorten(said[0])}: its slot was given back, and it was not read"
+        trial.expect(not given_back or shown == seq, what)
+        trial.delivered += 1
+
+
+def _judge(trial: ClientTrial, lending: Lending, otherwise: str) -> None:
+    answer = trial.ask("digest")
+    if answer["seq"] is None:
+        return
+    if answer["seq"] not in lending.shown:
+        trial.violated(f"the client shows image {answer['seq']}, which was never lent")
+    if wrong := parts(answer, lending.shown[answer["seq"]]):
+        trial.violated(f"image {answer['seq']} {otherwise}: {described(answer, wrong, lending)}")
+    trial.delivered += 1
+
+
+@check(
+    "IMG-22",
+    observable="the channel that was not subscribed to, which holds what nobody may show",
+    needs=(*READS, "capability:subscribe", "adapter:subscribe"),
+)
+def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
+    """The client subscribes to one channel and to the other, in turn. A channel that it had not
+    subscribed to when it gave the image before back holds what nobody may show.
+    """
+    try:
+        _judge_subscriptions(trial, Lending(trial))
+    finally:
+        if not trial.fate():  # checks that follow find it as this one did
+            trial.ask("subscribe", channels=list(CHANNELS))
+
+
+def _judge_subscriptions(trial: ClientTrial, lending: Lending) -> None:
+    bad = spoilt(*lending.size)._asdict()
+    written = set(CHANNELS)
+    for number, channel in enumerate(CHANNELS * 2):
+        _subscribe(trial, lending, [channel])
+        for step in range(2):
+            image = coordinates(2 * number + step, *lending.size)
+            lending.show(image._replace(**{n: bad[n] for n in bad.keys() - written}))
+            answer = trial.ask("digest")
+            for name in bad.keys() - written:
+                if answer[name] == sha256(bad[name]):
+                    trial.violated(f"it read {name} with {', '.join(written)} subscribed to")
+            written = {channel}
+        if answer[channel] is None:
+            trial.not_observable(f"subscribed to {channel} alone, the client did not read it")
+        trial.delivered += 1
+    _judge_what_is_subscribed_again(trial)
+
+
+def _judge_what_is_subscribed_again(trial: ClientTrial) -> None:
+    """On a new connection, what it has subscribed to before it says that it has opened."""
+    if "ipc" not in trial.facts.returns:
+        return
+    lending = Lending(trial)
+    heard = trial.role.with_(lending.connection).heard
+    kinds = [message.get("type") for message in heard]
+    wishes = [m for m in heard[: kinds.index("opened")] if m.get("type") == "subscribe"]
+    wanted = texts(within(wishes[-1], "channels")) if wishes else CHANNELS
+    bad = spoilt(*lending.size)._asdict()
+    unwritten = [name for name in CHANNELS if name not in wanted]
+    lending.show(coordinates(0, *lending.size)._replace(**{n: bad[n] for n in unwritten}))
+    answer = trial.ask("digest")
+    for name in unwritten:
+        if answer[name] == sha256(bad[name]):
+            trial.violated(f"on a new connection it read {name} with {wanted} subscribed to")
+
+
+def _subscribe(trial: ClientTrial, lending: Lending, channels: list[str]) -> None:
+    dealings = trial.role.with_(lending.connection)
+    before = dealings.count("subscribe")
+    trial.ask("subscribe", channels=channels)
+    if not trial.wait(lambda: dealings.count("subscribe") > before):
+        trial.not_observable("the client was told to subscribe, and sent no subscribe")
+
+
+@check(
+    "CHN-18",
+    observable="digests of what the client shows after the connection ended and the memory changed",
+    needs=(*READS, "returns:ipc"),
+)
+def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> None:
+    """The IPC connection ends, while an image is lent and while none is, and every slot is written
+    over; the client may keep a picture that it has copied, and shows nothing of what came later.
+    """
+    lending = Lending(trial)
+    for lent in (False, True):
+        began = time.monotonic()
+        lending.show(coordinates(1 + lent, *lending.size))
+        linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
+        trial.peer.refuse("ipc")
+        if lent:
+            lending.lend(coordinates(5, *lending.size))
+        lending.connection.close()
+        trial.rest(REACTION_SECONDS)
+        lending.spoil_everything()
+        trial.rest(linger)
+        _judge(trial, lending, "is not what the client read while it was connected")
+        trial.peer.listen("ipc")
+        lending = Lending(trial)

@@ -1,0 +1,168 @@
+"""Checks on `frame` and `release` (spec 1.1 chapter 5)."""
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.cases.malformed.frames import broken_frames
+from splatbus_conformance.checks import check
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.frame_lender import reading
+from splatbus_conformance.trials.trial import SETTLE_SECONDS
+from splatbus_conformance.wire.sockets import Connection
+
+LAST_NUMBER: int = LIMITS["max_safe_integer"]
+
+
+@check(
+    "IMG-12",
+    observable="one release for each frame, with its generation and number",
+    needs=("capability:frames",),
+)
+def check_releases_each_frame_once(trial: ClientTrial) -> None:
+    """Frames are lent one after the other, in slots of any order, with numbers from the first to
+    the last that there is and times before and after 0; each must be released once.
+    """
+    connection = reading(trial)
+    dealings = trial.role.with_(connection)
+    many = 1000 if trial.thorough else 60
+    for number in range(many):
+        if number in (0, many - 1):
+            seq = LAST_NUMBER if number else 0
+            dealings.coming = trial.role.coming(connection)._replace(seq=seq)
+        seq = trial.role.lend(connection, time=(number - 5) / 4)
+        trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
+        trial.delivered += 1
+    trial.rest(0.1)
+    twice = {seq for seq in dealings.released if dealings.released.count(seq) > 1}
+    trial.expect(not twice, f"frame {min(twice, default=0)} was released more than once")
+    unknown = set(dealings.released) - set(dealings.frames)
+    trial.expect(not unknown, f"it released {unknown}, which were never lent")
+
+
+@check(
+    "IMG-12",
+    observable="one release for each frame that the testee cannot use",
+    needs=("capability:frames", "returns:ipc"),
+    may_crash=True,
+)
+def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
+    """Frames of slots that exist, whose camera, tag, objects or time is missing, of another type or
+    impossible; a testee that closes the connection instead gives the slot back with it.
+    """
+    connection = reading(trial)
+    cases = list(broken_frames(trial.role.width, trial.role.height))
+    for broken in trial.each(cases, kind=lambda case: case.kind):
+        connection = reading(trial) if connection.ended else connection
+        released = trial.role.with_(connection).released
+        frame = broken.of(trial.role.next_frame(connection))
+        trial.role.say(connection, frame)
+        given_back = trial.releases(connection, frame["seq"])
+        what = f"a frame with {broken}"
+        expect_alive(trial, connection, what)
+        if not connection.ended:
+            trial.expect(given_back, f"{what}: its slot was not released within 5 s")
+            once = released.count(frame["seq"]) == 1
+            trial.expect(once, f"{what}: its slot was released more than once")
+        elif not given_back:
+            trial.expect(trial.comes_back("ipc"), f"{what}: the testee closed, for good")
+        trial.delivered += 1
+    if not connection.ended:
+        seq = trial.role.lend(connection)
+        trial.expect(trial.releases(connection, seq), "the good frame after them was not released")
+
+
+@check(
+    "IMG-12",
+    observable="of each generation, release of its frame before closed",
+    needs=("capability:frames", "capability:reinit", "opens"),
+)
+def check_releases_before_it_closes(trial: ClientTrial) -> None:
+    """Frames that are followed at once by the init packet of other images, several times over."""
+    connection = reading(trial)
+    dealings = trial.role.with_(connection)
+    widths = trial.role.width, max(1, trial.role.width // 2)
+    for number in range(1, 100 if trial.thorough else 12):
+        former, seq = dealings.generation, trial.role.lend(connection)
+        trial.role.width = widths[number % 2]
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        closes = trial.wait(lambda: former in dealings.closed or connection.ended)  # noqa: B023
+        expect_alive(trial, connection, "a further init packet while a frame is lent")
+        if not closes or connection.ended:
+            trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
+        said = [(m.get("type"), m.get("generation"), m.get("seq")) for m in dealings.heard]
+        before = said[: said.index(("closed", former, None))]
+        what = f"it closed generation {former}, and had not released its frame {seq}"
+        trial.expect(("release", former, seq) in before, what)
+        trial.delivered += 1
+    trial.expect(trial.opens(connection), "the last memory was not opened")
+
+
+@check(
+    "IMG-15",
+    observable="no release for a frame of memory that is not there; the next good one is released",
+    needs=("capability:frames", "returns:ipc"),
+    may_crash=True,
+)
+def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
+    """Frames of generations that were never announced, and of slots beyond the ring; some of them
+    look right in 32 bits.
+    """
+    wrap, slots = 1 << 32, trial.role.slots
+    bad_slots = (slots, slots + 1, -1, -slots, 0.5, *(wrap + slot for slot in range(slots)))
+    wrong = [("slot", slot) for slot in bad_slots]
+    wrong += [("generation", number) for number in (0, -1, LAST_NUMBER)]
+    wrong += [("generation after", number) for number in (-1, 1, 76, wrap)]
+    connection = reading(trial)
+    for name, value in trial.each(wrong):
+        connection = reading(trial) if connection.ended else connection
+        member, _, after = name.partition(" ")
+        since = trial.role.with_(connection).generation if after else 0
+        changes = {member: since + value}
+        judge_bad_frame(trial, connection, f"a frame with {changes}", **changes)
+
+
+@check(
+    "IMG-15",
+    observable="no release for a frame of memory that was closed; the next good one is released",
+    needs=("capability:frames", "capability:reinit", "returns:ipc"),
+    may_crash=True,
+)
+def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
+    """Further memory is announced, and when the former is closed, a frame of that still comes."""
+    connection = reading(trial)
+    for _ in range(3):
+        connection = reading(trial) if connection.ended else connection
+        dealings = trial.role.with_(connection)
+        former = dealings.generation
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        if not trial.wait(lambda: former in dealings.closed or connection.ended):  # noqa: B023
+            expect_alive(trial, connection, "a further init packet")
+            trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
+        judge_bad_frame(trial, connection, "a frame of closed memory", generation=former)
+
+
+def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
+    """A testee that has ended violates the requirement, also if that shows only a moment later."""
+    if connection.ended:
+        trial.wait(trial.fate, SETTLE_SECONDS)
+    if fate := trial.fate():
+        trial.judge(fate, what)
+
+
+def judge_bad_frame(
+    trial: ClientTrial, connection: Connection, what: str, **changes: object
+) -> None:
+    """Lend a frame with members changed as named, then a good one, and judge what came of them."""
+    dealings = trial.role.with_(connection)
+    bad = trial.role.lend(connection, **changes)
+    good = trial.role.lend(connection)
+    trial.releases(connection, good)
+    if bad in dealings.released:
+        outcome = "accepts"
+    elif good in dealings.released:
+        outcome = "ignores"
+    elif connection.ended and not trial.fate():
+        outcome = "closes" if trial.comes_back("ipc") else "hangs"
+    else:
+        outcome = trial.fate() or "hangs"
+    trial.judge(outcome, what)
+    trial.delivered += 1

@@ -1,0 +1,280 @@
+"""Checks on leases: what readers do with them, and what a server may make of it (section 5.2)."""
+
+import time
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.cases.malformed.text import broken_texts
+from splatbus_conformance.checks import check
+from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.trials.moves.frame_readers import (
+    LENDS,
+    beside,
+    following,
+    frames_of,
+    holding,
+    pause_for_an_image,
+    pinning,
+)
+from splatbus_conformance.trials.moves.survey import alike, first_view, likeness, moves
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import Connection
+
+SAFE: int = LIMITS["max_safe_integer"]
+GLANCE_SECONDS = 0.05
+SPARE = 6
+"""Broken texts that the quick profile delivers beside one of each kind."""
+MOST_READERS = 24
+"""Readers that a check connects at most, where a server takes them all."""
+MOST_LEASES = 64
+"""Connections that a check ends at most while they hold a lease."""
+
+
+@check("IMG-9", observable="a reader sees the camera move while others hold frames", needs=LENDS)
+def check_waits_for_no_reader(trial: ServerTrial) -> None:
+    """One reader never answers the init packet, one or two hold a frame, and one reads on."""
+    trial.viewer.opens = False
+    silent = trial.greeted("ipc")
+    trial.viewer.opens = True
+    first, held = holding(trial)
+    others = [silent, first]
+    second, _ = trial.answered("ipc")
+    dealings = trial.viewer.with_(second)
+    dealings.holds = True
+    trial.wait(lambda: dealings.frames or second.ended)
+    others += [] if second.ended else [second]
+    reader = beside(trial, *others)
+    for place in trial.each(range(20)):
+        pose = trial.move()
+        seen = trial.sees(reader, pose)
+        trial.expect(seen, f"move {place + 1} was not seen while {len(others)} others stalled")
+        trial.delivered += 1
+    trial.viewer.release(first, held)
+    trial.expect(trial.sees(first, pose), "a reader that goes on after a pause is sent nothing")
+
+
+@check(
+    "IMG-4", observable="the bytes of the images that two readers hold", needs=(*LENDS, "pixels")
+)
+def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
+    """Two readers hold an image each, and not the same, while a third is shown others until the
+    ring has gone round.
+    """
+    holders = [first := trial.reading(), beside(trial, first)]
+    if not all(pinning(trial, it) for it in holders):
+        trial.not_observable("a reader was sent no frame of the newest pose")
+    reader = beside(trial, *holders)
+    memory = trial.viewer.with_(reader).memory
+    assert memory is not None
+    before = [_held(trial, it) for it in holders]
+    for _ in trial.each(range(3 * min(memory.layout.slots, MOST_READERS))):
+        if trial.sees(reader, trial.move()) is None:
+            trial.not_observable("no frame of the newest pose came beside two that are held")
+        trial.delivered += 1
+    for number, it in enumerate(holders):
+        told = f"two readers hold an image each, and that of the {('first', 'second')[number]}"
+        trial.expect(_held(trial, it) == before[number], f"{told} was written meanwhile")
+
+
+@check("IMG-5", observable="images of one pose, in every slot", needs=(*LENDS, "pixels"))
+def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
+    """Readers hold an image each, one after the other, so that images come to lie in slots that are
+    seldom used; in each of them a pose looks as it did.
+    """
+    photographer, around = Photographer(trial), moves(first_view(trial, 0.0))
+    here, there = around[0], around[-1]
+    seen: dict[int, list[Photograph]] = {}
+    for _ in trial.each(range(min(photographer.slots, MOST_READERS))):
+        for _ in range(2):
+            photographer.take(there)
+            image = photographer.take(here)
+            seen.setdefault(int(image.frame["slot"]), []).append(image)
+            trial.delivered += 1
+        further, _ = trial.answered("ipc")
+        dealings = trial.viewer.with_(further)
+        trial.wait(lambda: dealings.held or dealings.errors() or further.ended)  # noqa: B023
+        if dealings.held is None or photographer.reader.ended:
+            break
+    first, *others = (images[0] for images in seen.values())
+    if not all(alike(images[0], it) for images in seen.values() for it in images[1:]):
+        trial.not_observable("the scene moves by itself")
+    for other in others:
+        slots = other.frame["slot"], first.frame["slot"]
+        trial.expect(
+            alike(first, other),
+            f"{1 - likeness(first, other):.0%} of the pixels in slot {slots[0]} are others than in"
+            f" slot {slots[1]}, though both show a camera at {here}",
+        )
+
+
+def _held(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:
+    """Colour and depth of the image that a reader holds."""
+    dealings = trial.viewer.with_(reader)
+    assert dealings.memory is not None
+    assert dealings.held is not None
+    slot = int(dealings.held["slot"])
+    return dealings.memory.color(slot).tobytes(), dealings.memory.depth(slot).tobytes()
+
+
+@check("IMG-16", observable="what becomes of the lease that is held", needs=LENDS)
+def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
+    """Releases of other images, of other generations, and of what has been released already."""
+    numbers = st.tuples(st.sampled_from(("seq", "generation", "twice")), st.integers(1, SAFE))
+    pause = pause_for_an_image(trial, GLANCE_SECONDS)
+    connection, held = holding(trial)
+    for kind, number in trial.each(drawn=numbers, quick=10, full=500):
+        if connection.ended:
+            connection, held = holding(trial)
+        frames, errors = frames_of(trial, connection), trial.viewer.with_(connection).errors()
+        wrong = dict(held)
+        if kind == "twice":
+            pose = trial.move()
+            trial.rest(pause)
+            trial.viewer.release(connection, held)
+            held = following(trial, connection, pose) or trial.violated("no frame after release")
+        elif number != held[kind]:
+            wrong[kind] = number
+        else:
+            continue
+        what = f"release of image {wrong['seq']} of generation {wrong['generation']}"
+        told = f"{what} while {held['seq']} of {held['generation']} is held"
+        before = len(frames)
+        trial.viewer.release(connection, wrong)
+        pose = trial.move()
+        trial.rest(pause)
+        trial.expect(len(frames) == before, f"{told}: another frame came")
+        trial.viewer.release(connection, held)
+        seen = following(trial, connection, pose)
+        if seen is None:
+            trial.judge(trial.fate() or ("closes" if connection.ended else "hangs"), told)
+        else:
+            reported = len(trial.viewer.with_(connection).errors()) > len(errors)
+            trial.judge("reports" if reported else "ignores", told)
+            held = seen
+        trial.delivered += 1
+
+
+@check("IMG-17", observable="images go on after many readers left with a lease", needs=LENDS)
+def check_ends_leases_with_the_connection(trial: ServerTrial) -> None:
+    """More readers than there are slots hold an image each and leave, in three ways."""
+    dealings = trial.viewer.with_(trial.reading())
+    assert dealings.memory is not None
+    slots = dealings.memory.layout.slots
+    trial.peer.close_all()
+    for number in trial.each(range(min(slots, MOST_LEASES) + 2)):
+        reader = patient_reader(trial, number)
+        seen = pinning(trial, reader)
+        trial.expect(seen, f"{number} readers left with a lease; the next saw no move")
+        leave(trial, reader, number)
+        trial.delivered += 1
+
+
+def patient_reader(trial: ServerTrial, former: int) -> Connection:
+    """A reader that tries again while it is refused: its server may not know yet who has left."""
+    readers: list[Connection] = []
+
+    def welcome() -> bool:
+        connection, _ = trial.answered("ipc")
+        dealings = trial.viewer.with_(connection)
+        trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)
+        readers.append(connection)
+        return dealings.memory is not None
+
+    welcomed = trial.peer.until(welcome, EFFECT_SECONDS)
+    trial.expect(welcomed, f"{former} readers left with a lease; the next was refused")
+    return readers[-1]
+
+
+def leave(trial: ServerTrial, connection: Connection, way: int) -> None:
+    """End a connection, by a close, a reset or a half-close."""
+    if way % 3 == 0:
+        connection.close()
+    elif way % 3 == 1:
+        connection.reset()
+    else:
+        connection.end_stream()
+        trial.wait(lambda: connection.ended)
+        connection.close()
+
+
+@check("IMG-18", observable="the error, and the end, of the reader that is too many", needs=LENDS)
+def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
+    """Readers connect, and each holds an image of its own, until one is refused."""
+    readers: list[Connection] = []
+    for number in range(MOST_READERS):
+        connection, answer = trial.answered("ipc")
+        dealings = trial.viewer.with_(connection)
+        if any(reader.ended for reader in readers):
+            trial.not_observable("the server ends a connection in favour of a later one")
+        if answer is None:
+            trial.expect(connection.ended, f"beside {number} readers a hello is not answered")
+            trial.not_observable(f"it takes no connection beside {number} readers")
+        trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)  # noqa: B023
+        told = f"reader {number + 1}, while {number} hold an image each,"
+        if dealings.frames:
+            trial.expect(pinning(trial, connection), f"{told} was lent none of its own")
+            readers.append(connection)
+            continue
+        trial.expect(dealings.welcome, f"{told} was given no welcome")
+        codes = dealings.errors()
+        trial.expect(
+            "too_many_clients" in codes, f"{told} was told {', '.join(codes) or 'nothing'}"
+        )
+        trial.judge("closes" if trial.ends(connection) else "waits", told)
+        seen = following(trial, readers[-1], trial.move())
+        trial.expect(seen, f"after {told[:-1]} was refused, another saw no move")
+        trial.delivered += 1
+        return
+    trial.not_observable(f"it serves {MOST_READERS} readers at a time")
+
+
+@check(
+    "JSN-8",
+    observable="that no frame follows such a release, and one follows a good one",
+    needs=LENDS,
+    may_crash=True,
+)
+def check_does_not_release_by_broken_text(trial: ServerTrial) -> None:
+    """A `release` whose text breaks JSN-1 to JSN-5, while a newer image is to be had."""
+    connection, held, pace = _taking_turns(trial)
+    kinds = [text.kind for text in broken_texts(_receipt(held))]
+    for place in trial.each(range(len(kinds)), kind=kinds.__getitem__, spare=SPARE):
+        if connection.ended:
+            connection, held, pace = _taking_turns(trial)
+        frames, text = frames_of(trial, connection), broken_texts(_receipt(held))[place]
+        before, pose = len(frames), trial.move()
+        connection.send(packet(text.payload))
+        trial.rest(GLANCE_SECONDS + 2 * pace)
+        told = f"a release with {text.what} ({text.requirement})"
+        trial.expect(len(frames) == before, f"{told}: another frame came")
+        if connection.ended:
+            continue  # as it may be
+        trial.viewer.release(connection, held)
+        seen = following(trial, connection, pose)
+        if seen is None:
+            trial.judge(trial.fate() or ("closes" if connection.ended else "hangs"), told)
+            continue
+        held = seen
+        trial.delivered += 1
+
+
+def _taking_turns(trial: ServerTrial) -> tuple[Connection, Json, float]:
+    """A new reader, the frame that it holds, and the seconds that passed from the release of the
+    one before to it.
+    """
+    connection, held = holding(trial)
+    pose, began = trial.move(), time.monotonic()
+    trial.viewer.release(connection, held)
+    newer = following(trial, connection, pose)
+    if newer is None:
+        trial.not_observable("no frame follows a release")
+    return connection, newer, time.monotonic() - began
+
+
+def _receipt(held: Json) -> Json:
+    return {"type": "release", "generation": held["generation"], "seq": held["seq"]}

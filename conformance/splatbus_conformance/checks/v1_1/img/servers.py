@@ -1,0 +1,303 @@
+"""Checks on how servers lend images (spec 1.1 chapter 5)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.images.memory.reading import Opened, Pixels
+from splatbus_conformance.trials.moves.frame_readers import (
+    LENDS,
+    beside,
+    fell_silent,
+    frames_of,
+    holding,
+    pause_for_an_image,
+    pinning,
+)
+from splatbus_conformance.trials.moves.image_session import refused_poses
+from splatbus_conformance.trials.server import ServerTrial, shows
+from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.wire.json_values import show, whole
+from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.sockets import Connection
+
+FRAME_SECONDS: float = LIMITS["frame_seconds"]
+QUIET_SECONDS = 0.4
+"""A server that sends no frame for so long, to a reader that waits, has none to send."""
+PACES = 4
+"""So many times as long as it took for an image that was due, where that is longer."""
+RENDER_SECONDS = 0.05
+"""Time for an image that nobody is shown yet: more cases find it ready than not."""
+RESENT = 25
+"""How often the same pose is sent: half a second of a viewer."""
+SAME_IMAGES = 5
+"""As many images that show the same show a scene that does not move."""
+
+
+@check("IMG-2", observable="frames come after opened, and one at a time", needs=LENDS)
+def check_lends_one_at_a_time(trial: ServerTrial) -> None:
+    """Memory is announced and not answered, then frames are held, while the camera moves on."""
+    pause = pause_for_an_image(trial, REACTION_SECONDS)
+    trial.viewer.opens = trial.viewer.releases = False
+    connection = trial.greeted("ipc")
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.init_packets or connection.ended)
+    if not dealings.init_packets:
+        trial.not_observable("the server announced no memory")
+    trial.move()
+    trial.rest(pause)
+    trial.expect(not dealings.frames, "a frame came before opened")
+    trial.viewer.open(connection, dealings.init_packets[0])
+    for count in (1, 2, 3):
+        came = trial.wait(lambda: len(dealings.frames) >= count)  # noqa: B023
+        trial.expect(came, f"frame {count} did not come after {count - 1} were released")
+        for _ in range(3):
+            trial.move()
+            trial.rest(REACTION_SECONDS / 3)
+        trial.rest(pause)
+        more = len(dealings.frames) - count
+        trial.expect(not more, f"{more} frames came while one was held")
+        trial.viewer.release(connection, dealings.frames[-1])
+        trial.delivered += 1
+
+
+@check("IMG-2", observable="that no frame comes after closed or open_failed", needs=LENDS)
+def check_lends_nothing_after_closed(trial: ServerTrial) -> None:
+    """A reader that holds a frame says that it has closed the memory, or that it could not open it
+    after all; another one sees the camera move.
+    """
+    answers = {"type": "closed"}, {"type": "open_failed", "reason": "to see what comes then"}
+    for answer in trial.each(answers):
+        holder, held = holding(trial)
+        other = beside(trial, holder)
+        frames = frames_of(trial, holder)
+        before = len(frames)
+        trial.viewer.say(holder, answer | {"generation": held["generation"]})
+        for _ in range(3):
+            if not trial.sees(other, trial.move()):
+                fell_silent(trial, other, "the server sent no frame of the newest pose")
+        came = len(frames) - before
+        trial.expect(not came, f"{came} frames came after {answer['type']}, and no opened")
+        trial.delivered += 1
+        holder.close()
+        other.close()
+
+
+@check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
+def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
+    """A reader that does not declare `frames` opens the memory, and the camera moves."""
+    pause = pause_for_an_image(trial, REACTION_SECONDS)
+    connection = trial.ready("ipc", capabilities=["host_shm"])
+    for _ in range(3):
+        trial.move()
+        trial.rest(REACTION_SECONDS / 3)
+    trial.rest(pause)
+    frames = frames_of(trial, connection)
+    trial.expect(not frames, f"{len(frames)} frames came, although welcome lists no frames")
+    connection.close()
+    seen = trial.sees(trial.reading(), trial.move())
+    trial.expect(seen, "a reader that declares frames is sent none")
+    trial.delivered += 1
+
+
+@check("IMG-3", observable="the camera of the frame that follows a long lease", needs=LENDS)
+def check_announces_the_newest(trial: ServerTrial) -> None:
+    """One reader holds a frame while another is shown newer images; then it releases."""
+    holder, held = holding(trial)
+    watcher = beside(trial, holder)
+    frames = frames_of(trial, holder)
+    for moves in trial.each(drawn=st.lists(st.booleans(), min_size=1), quick=8, full=200):
+        for waits in moves:
+            pose = trial.move()
+            if waits and not trial.sees(watcher, pose):
+                fell_silent(trial, watcher, "the server sent no frame of the newest pose")
+        if not trial.sees(watcher, pose):
+            fell_silent(trial, watcher, "the server sent no frame of the newest pose")
+        before = len(frames)
+        trial.viewer.release(holder, held)
+        came = trial.wait(lambda: len(frames) > before)  # noqa: B023
+        trial.expect(came, "no frame came after release, although there was a newer image")
+        held = frames[before]
+        trial.expect(
+            shows(held, pose),
+            f"after release came the image of a camera at {held['camera']['position']}, although "
+            f"that of {list(pose['position'].values())} was whole: another reader had it",
+        )
+        trial.delivered += 1
+
+
+@check("IMG-10", observable="how many frames come while nothing changes", needs=LENDS)
+def check_publishes_what_changed_only(trial: ServerTrial) -> None:
+    """Nothing moves; then the pose that holds is sent again and again, spelled otherwise too."""
+    connection = trial.reading()
+    frames = frames_of(trial, connection)
+    pose, began = trial.move(), trial.peer.clock()
+    trial.expect(trial.sees(connection, pose), "a pose gave no new image")
+    pace = trial.peer.clock() - began
+    if not quiet(trial, frames):
+        expect_different_images(trial)
+        trial.not_observable("the scene moves by itself")
+    before = len(frames)
+    for number in range(RESENT):
+        trial.move(pose | {"timestamp": number / 50})
+        trial.rest(0.005)
+    trial.move(pose | {name: round_numbers(pose[name]) for name in ("position", "rotation")})
+    trial.rest(max(QUIET_SECONDS, PACES * pace))
+    another = trial.sees(connection, trial.move())
+    came = (frames.index(another) if another else len(frames)) - before
+    trial.expect(not came, f"{came} images were published after a pose that changed nothing")
+    trial.expect(another, "another pose gave no new image")
+    trial.delivered += RESENT + 1
+
+
+@check(
+    "IMG-10",
+    observable="how many frames come of what is refused, or changes nothing",
+    needs=LENDS,
+)
+def check_publishes_nothing_for_what_changes_nothing(trial: ServerTrial) -> None:
+    """Nothing moves; then come poses that are refused, and the time and the objects as they are."""
+    client, connection = trial.commanding(), trial.reading()
+    frames = frames_of(trial, connection)
+    pose = camera_pose((0.0625, 0.125, -1.0), (0.0, 0.6, 0.0, 0.8))
+    at_rest = camera_pose(kind="point_cloud_pose")
+    same: list[Json] = [at_rest]
+    if trial.facts.lacks("capability:time") is None:
+        same.append({"type": "set_time", "time": 0.5})
+    if trial.facts.lacks("capability:objects") is None:
+        same.append(at_rest | {"type": "object_pose", "object": "default", "scale": 1.0})
+    for message in (*same, pose):
+        trial.viewer.say(client, message)
+    trial.expect(trial.sees(connection, pose), "a pose gave no new image")
+    if not quiet(trial, frames):
+        trial.not_observable("the scene moves by itself")
+    for message in trial.each([*refused_poses(trial), *same, pose]):
+        before = len(frames)
+        for _ in range(SAME_IMAGES):
+            trial.viewer.say(client, message)
+        if not trial.answers(client):
+            trial.not_observable("the server ends the connection of who sends a broken pose")
+        trial.rest(QUIET_SECONDS)
+        came = len(frames) - before
+        trial.expect(not came, f"{came} images came of {show(message)}, which changes nothing")
+    trial.viewer.say(client, moved := camera_pose((1.0, 0.125, -1.0)))
+    trial.expect(trial.sees(connection, moved), "another pose gave no new image")
+
+
+def round_numbers(value: Json) -> Json:
+    """Integers where a number is one."""
+    return {name: int(each) if each == int(each) else each for name, each in value.items()}
+
+
+def quiet(trial: ServerTrial, frames: list[Json]) -> bool:
+    """Whether no frame comes for a while, after those that are on their way."""
+    trial.rest(REACTION_SECONDS)
+    before = len(frames)
+    trial.rest(QUIET_SECONDS)
+    return len(frames) == before
+
+
+def expect_different_images(trial: ServerTrial) -> None:
+    """Of a server that goes on sending frames while nothing is sent to it: that they differ."""
+    watcher, _ = holding(trial)
+    images = [image_of(trial, watcher, after) for after in range(SAME_IMAGES)]
+    trial.expect(
+        any(not alike(images[0], image) for image in images[1:]),
+        f"nothing moved, and {SAME_IMAGES} images were published that show the same",
+    )
+
+
+class Image(NamedTuple):
+    """A frame that was lent, and a copy of what lay in its slot while it was."""
+
+    frame: Json
+    color: Pixels
+    """(h, w, 4) float32, rows top-down."""
+    depth: Pixels
+    """(h, w) float32, rows top-down."""
+
+
+def image_of(trial: ServerTrial, connection: Connection, after: int) -> Image:
+    """The next image past so many frames of this connection, copied before it is released.
+
+    Only with `viewer.releases` off; skips the check if none comes in time.
+    """
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: len(dealings.frames) > after or connection.ended)
+    if len(dealings.frames) <= after or dealings.memory is None:
+        trial.not_observable("the server sent no further frame")
+    frame = dealings.frames[after]
+    slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)
+    if slot is None:
+        trial.not_observable("the server sent a frame that names no slot of its ring")
+    image = Image(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
+    trial.viewer.release(connection, frame)
+    return image
+
+
+def alike(one: Image, other: Image) -> bool:
+    """Whether two images are of the same camera, and equal in every pixel."""
+    same = [np.array_equal(a, b, equal_nan=True) for a, b in zip(one[1:], other[1:], strict=True)]
+    return one.frame["camera"] == other.frame["camera"] and all(same)
+
+
+@check("IMG-11", observable="a frame comes in time when there is a newer image", needs=LENDS)
+def check_sends_what_is_new(trial: ServerTrial) -> None:
+    """The camera moves before a reader connects, while it waits and while it holds a frame."""
+    moments = st.lists(st.sampled_from(("waiting", "holding", "connecting")), min_size=1)
+    connection = trial.reading()
+    for script in trial.each(drawn=moments, quick=8, full=300):
+        for moment in script:
+            dealings = trial.viewer.with_(connection)
+            if moment == "holding":
+                held = pinning(trial, connection)
+                trial.expect(held, "no frame came when the camera moved, to a reader that waits")
+            pose = trial.move()
+            if moment == "holding":
+                trial.rest(RENDER_SECONDS)
+                dealings.holds = False
+                trial.viewer.release(connection, dealings.frames[-1])
+            elif moment == "connecting":
+                connection.close()
+                connection = trial.reading()
+            seen = trial.sees(connection, pose, FRAME_SECONDS)
+            trial.expect(seen, f"no frame came when the camera had moved while {moment}")
+        trial.delivered += 1
+
+
+@check(
+    "IMG-21",
+    observable="what nobody wants is not written to the slots",
+    needs=(*LENDS, "capability:subscribe"),
+)
+def check_writes_only_what_is_wanted(trial: ServerTrial) -> None:
+    """The only reader subscribes to colour, then to depth, and compares what it does not want."""
+    connection = trial.reading()
+    for wanted in trial.each(["color", "depth"]):
+        trial.viewer.say(connection, {"type": "subscribe", "channels": [wanted]})
+        for _ in range(3):  # one image may have been on its way when the subscription came
+            if not trial.sees(connection, trial.move()):
+                fell_silent(trial, connection, "the server sent no frame of the newest pose")
+        memory = trial.viewer.with_(connection).memory
+        assert memory is not None
+        before = unwanted(memory, wanted)
+        for _ in range(2 * memory.layout.slots):
+            trial.sees(connection, trial.move())
+        same = all(map(same_bits, before, unwanted(memory, wanted)))
+        other = "depth" if wanted == "color" else "color"
+        trial.expect(same, f"{other} was written, which no open connection wants")
+        trial.delivered += 1
+
+
+def unwanted(memory: Opened, wanted: str) -> list[Pixels]:
+    """What lies in every slot of the other channel."""
+    read = memory.depth if wanted == "color" else memory.color
+    return [read(slot).copy() for slot in range(memory.layout.slots)]
+
+
+def same_bits(one: Pixels, other: Pixels) -> bool:
+    """Whether nothing was written, as far as that changes anything."""
+    return one.tobytes() == other.tobytes()

@@ -1,0 +1,1 @@
+"""Negotiation, errors and tokens: NEG."""

@@ -1,0 +1,368 @@
+"""Checks on `hello`, `welcome` and `error` (spec 1.1 chapter 2)."""
+
+from itertools import product
+from random import Random
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
+from splatbus_conformance.checks.v1_0.req.clients import asking, requests
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.wire.json_values import strings
+from splatbus_conformance.wire.message_kinds import (
+    ADDED_MEMBERS,
+    CAPABILITIES,
+    CLIENT_1_0,
+    CLOSING_ERRORS,
+    NEEDS,
+    REQUESTS,
+)
+from splatbus_conformance.wire.messages import Json, encode, error, reply, welcome
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import CHANNELS, Connection
+
+CROSSING_SECONDS = 0.005
+"""In which what was sent before an answer arrives beside it: that is left to NEG-5."""
+LEGACY = set(CLIENT_1_0)
+LISTENING_SECONDS = 0.4
+WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
+UNKNOWN: list[list[str]] = [["A-Z 0-9", ODD_TEXT, ""], [f"later-{n}" for n in range(64)]]
+"""Capabilities that nobody knows: of any characters, and as many as a list may have."""
+WEATHER: Json = {"type": "weather_report", "sunny": True}
+
+
+def heard(trial: ClientTrial, connection: Connection) -> set[str]:
+    """The types of all that the testee said on a connection."""
+    return {str(message.get("type")) for message in trial.role.with_(connection).heard}
+
+
+def listen(trial: ClientTrial, *connections: Connection) -> None:
+    """Give what need not come several times as long as this testee took to say its first word."""
+    first = [it.packets[0].ended - it.opened for it in connections if it.packets]
+    trial.rest(max(LISTENING_SECONDS, *(4 * seconds for seconds in first), 0.0))
+
+
+def added(message: Json) -> set[str]:
+    """The members of a message of 1.0 that 1.1 adds."""
+    return message.keys() & set(ADDED_MEMBERS.get(str(message.get("type")), ()))
+
+
+def declared(trial: ClientTrial) -> list[str]:
+    """The capabilities that the testee declares on the message channel."""
+    return strings((trial.facts.hello["msg"] or {}).get("capabilities")) or []
+
+
+def among(unknown: list[str], real: list[str]) -> list[str]:
+    """Capabilities among those that nobody knows; each once, and no more than there may be."""
+    most: int = LIMITS["max_capabilities"]
+    return list(dict.fromkeys([*unknown[: max(0, most - len(real))], *real]))
+
+
+@check(
+    "NEG-4",
+    observable="memory is opened, a frame released, old memory closed, as declared",
+    needs=("hello:ipc",),
+)
+def check_can_do_what_it_declares(trial: ClientTrial) -> None:
+    """Uses each capability that the testee declares, as far as this machine can."""
+    declared = set(trial.facts.capabilities())
+    if "host_shm" not in declared:
+        trial.not_observable("the testee does not declare host_shm; its memory is not of this host")
+    connection = trial.greeted("ipc")
+    dealings = trial.role.with_(connection)
+    trial.expect(trial.opens(connection), "host_shm: the memory was not opened")
+    if "frames" in declared:
+        trial.expect(trial.wait(lambda: dealings.released), "frames: no frame was released")
+    if "reinit" in declared:
+        former = dealings.generation
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        closed = trial.wait(lambda: former in dealings.closed)
+        trial.expect(closed, "reinit: the first generation was not closed for the second")
+    trial.delivered += 1
+
+
+@check(
+    "NEG-5",
+    observable="what the testee sends before welcome, and after one that grants little",
+    needs=("hello:ipc",),
+)
+def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
+    """First no welcome for a while, then one that grants host_shm alone."""
+    trial.role.welcomes = False
+    connections = [trial.connection(channel) for channel in sorted(trial.facts.connects)]
+    for connection in connections:
+        trial.wait(lambda: connection.packets or not trial.facts.speaks_1_1(connection.channel))  # noqa: B023
+    listen(trial, *connections)
+    for connection in connections:
+        allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
+        early = heard(trial, connection) - allowed
+        early |= set().union(*map(added, trial.role.with_(connection).heard))
+        trial.expect(not early, f"it sent {', '.join(sorted(early))} before welcome")
+    connection = next(c for c in connections if c.channel == "ipc")
+    dealings = trial.role.with_(connection)
+    trial.role.welcome(connection, capabilities=["host_shm"])
+    answered = trial.wait(lambda: dealings.opened | dealings.failed)
+    listen(trial, connection)
+    more = heard(trial, connection) - {"hello", "opened", "open_failed"}
+    trial.expect(not more, f"it sent {', '.join(sorted(more))}, which welcome did not grant")
+    trial.delivered += answered
+
+
+@check(
+    "NEG-5",
+    observable="what the testee sends on the message channel after a welcome that grants little",
+    needs=("hello:msg", "returns:msg"),
+)
+def check_sends_only_what_was_granted_on_the_message_channel(trial: ClientTrial) -> None:
+    """A welcome that grants nothing, then one for each capability that the testee declares."""
+    alone = [[name] for name in declared(trial) if name in CAPABILITIES["msg"]]
+    trial.role.welcomes = False
+    for granted in trial.each([[], *alone]):
+        connection = trial.connection("msg")
+        trial.says_hello(connection)
+        said = len(connection.packets)
+        trial.role.welcome(connection, capabilities=granted)
+        listen(trial, connection)
+        for message in trial.role.with_(connection).heard:
+            needed = NEEDS.get(str(message.get("type")))
+            needed = "intrinsics" if "intrinsics" in added(message) else needed
+            what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
+            trial.expect(needed in (None, *granted), f"{what} lists {granted}")
+        trial.delivered += len(connection.packets) > said
+
+
+@check(
+    "NEG-8",
+    observable="the testee opens memory after a welcome with capabilities that nobody knows",
+    needs=OPENS_HOST_MEMORY,
+)
+def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
+    """`welcome` lists capabilities of another time beside the real ones."""
+    trial.role.welcomes = False
+    names = st.lists(WORDS, max_size=5, unique=True)
+    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
+        connection = trial.connection("ipc")
+        trial.says_hello(connection)
+        real = [name for name in trial.facts.capabilities() if name != "subscribe"]
+        trial.role.welcome(connection, capabilities=among(unknown, real))
+        trial.expect(
+            trial.opens(connection),
+            f"after a welcome that lists {unknown} the memory was not opened",
+        )
+        trial.delivered += 1
+
+
+@check(
+    "NEG-8",
+    observable="the testee goes on after a welcome with capabilities that nobody knows",
+    needs=("hello:msg", "returns:msg"),
+)
+def check_ignores_unknown_capabilities_of_the_message_channel(trial: ClientTrial) -> None:
+    """The same on the message channel, where `welcome` lists all that the testee declared, too."""
+    trial.role.welcomes = False
+    names = st.lists(WORDS, min_size=1, max_size=5, unique=True)
+    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
+        connection = trial.connection("msg")
+        trial.says_hello(connection)
+        trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
+        outcome = trial.outcome_on_msg(connection)
+        outcome = "accepts" if outcome == "ignores" else outcome
+        trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
+
+
+@check(
+    "NEG-9",
+    observable="the testee goes on after messages of unknown types",
+    needs=OPENS_HOST_MEMORY,
+)
+def check_ignores_unknown_types(trial: ClientTrial) -> None:
+    """Messages of types that nobody knows, before and between init packets, and unasked."""
+    names = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
+    values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)
+    messages = st.builds(lambda kind, rest: {**rest, "type": kind}, names, values)
+    trial.role.offers_memory = False
+    connection = trial.greeted("ipc")
+    for message in trial.each(drawn=messages, quick=10, full=100):
+        if connection.ended or "reinit" not in trial.facts.capabilities():
+            connection = trial.greeted("ipc")
+        outcome = trial.outcome_on_ipc(connection, packet(encode(message)))
+        trial.judge(outcome, f"a message of type {message['type']!r} on the IPC channel")
+
+
+@check(
+    "NEG-9",
+    observable="the testee goes on after messages of unknown types on the message channel",
+    needs=("hello:msg", "poses"),
+)
+def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> None:
+    """Messages of types that nobody knows, some with the members of replies; the first comes while
+    a request waits for its reply, and has its `id`.
+    """
+    values = st.none() | st.integers(0, 9) | WORDS
+    replies = [reply({"type": kind}, typed=True) or {} for kind in REQUESTS]
+    messages = st.builds(
+        lambda kind, like, rest: {**like, **rest, "type": f"later_{kind}"},
+        *(WORDS, st.sampled_from([{}, *replies]), st.dictionaries(WORDS, values, max_size=4)),
+    )
+    connection = asking(trial) if trial.facts.asks_again else trial.greeted("msg")
+    unanswered = requests(trial, connection) if trial.facts.asks_again else []
+    waiting = [request["id"] for request in unanswered if "id" in request]
+    for message in trial.each([WEATHER | {"id": (waiting or [0])[-1]}], messages, quick=5, full=50):
+        connection = trial.greeted("msg") if connection.ended else connection
+        before = len(connection.packets)
+        connection.send(packet(encode(message)))
+        while unanswered:  # nobody has to wait for a reply for long (CHN-15)
+            if answer := trial.role.answer(connection, unanswered.pop(0)):
+                trial.role.say(connection, answer)
+        trial.wait(lambda: len(connection.packets) > before or connection.ended)  # noqa: B023
+        outcome = "closes" if connection.ended else "ignores"
+        trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
+        trial.delivered += 1
+
+
+@check(
+    "NEG-13",
+    observable="what the testee sends on the message channel of a 1.0 server",
+    needs=("hello:msg",),
+)
+def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
+    """A server that knows no hello answers get_viewport_size; the testee is listened to, and again
+    when a `welcome` has come after all.
+    """
+    trial.role.speaks = "1.0"
+    connection = trial.connection("msg")
+    dealings = trial.role.with_(connection)
+    if not trial.wait(lambda: dealings.count("get_viewport_size")):
+        trial.not_observable("the testee does not ask for the size after hello")
+    trial.rest(CROSSING_SECONDS)
+    before = len(dealings.heard)
+    for moment in ("", " that said welcome too late"):
+        if moment:
+            trial.role.say(connection, welcome("msg", declared(trial)))
+        listen(trial, connection)
+        trial.expect(not connection.ended, f"it closed the connection to a 1.0 server{moment}")
+        said = dealings.heard[before:]
+        more = {str(it.get("type")) for it in said} - LEGACY - {"hello"}
+        more = more.union(*map(added, said))
+        trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}")
+    trial.delivered += 1
+
+
+@check(
+    "NEG-14",
+    observable="what the testee sends on the IPC channel of a 1.0 server",
+    needs=("hello:ipc",),
+)
+def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
+    """A server that knows no hello sends its init packet at once; the testee is listened to, and
+    again when `welcome` and memory of 1.1 have come after all.
+    """
+    trial.role.speaks = "1.0"
+    connection = trial.connection("ipc")
+    said_hello = trial.says_hello(connection)
+    for moment in ("", " that said welcome too late"):
+        if moment:
+            trial.role.welcome(connection)
+            trial.role.offer(connection, trial.role.init_packet(connection))
+        listen(trial, connection)
+        more = heard(trial, connection) - {"hello"}
+        trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}")
+        if connection.ended:
+            trial.not_observable("the testee closed the connection to a 1.0 server")
+    connection.end_stream()
+    read_all = trial.ends(connection)
+    more = heard(trial, connection) - {"hello"}
+    trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server that has gone")
+    trial.delivered += said_hello and read_all
+
+
+@check(
+    "NEG-16",
+    observable="the testee closes the connection",
+)
+def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
+    """`welcome` names a version that the testee's hello did not list."""
+    channels = [channel for channel in CHANNELS if trial.facts.speaks_1_1(channel)]
+    if not channels:
+        trial.not_observable("the testee says no hello: 1.1 is not claimed")
+    role = trial.role
+    for channel, version in trial.each(list(product(channels, ("9.9", "2.0", "1.10")))):
+        # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
+        trial.peer.close_all()
+        role.welcomes = role.offers_memory = role.replies = False
+        connection = trial.connection(channel)
+        if not trial.says_hello(connection):
+            trial.not_observable(f"the testee said no hello on the {channel} channel")
+        role.welcome(connection, version=version)
+        outcome = "closes" if trial.ends(connection) else "accepts"
+        role.welcomes = role.offers_memory = role.replies = True
+        trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
+        trial.expect(trial.comes_back(channel), "it did not come back afterwards")
+
+
+def wordy_error(trial: ClientTrial, code: str, pointer: str, **members: object) -> bytes:
+    """A packet with an `error` of the longest text, which has all that may be escaped, and is."""
+    longest: int = LIMITS["max_message_chars"]
+    text = (ODD_TEXT * longest)[:longest]
+    message = error(code, message=text, pointer=pointer, **members)
+    return packet(spell(message, Random(f"{code} {trial.seed}")).encode())
+
+
+def outcome_of_closing(trial: ClientTrial, connection: Connection, code: str) -> str:
+    """What the testee does after an `error` and the end that follows it (NEG-25)."""
+    lose(trial, connection, code)
+    if not connection.ended:
+        return trial.fate() or "hangs"
+    return "closes" if trial.comes_back(connection.channel) else trial.fate() or "hangs"
+
+
+@check(
+    "NEG-24",
+    observable="the process lives, and the testee goes on or comes back after a pause",
+    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
+    may_crash=True,
+)
+def check_survives_errors(trial: ClientTrial) -> None:
+    """An error of each code, and of one that nobody knows, on both channels."""
+    trial.role.offers_memory = False
+    for code in trial.each(CODES, kind=kind_of_code):
+        connection = trial.greeted("ipc")
+        if code in CLOSING_ERRORS:
+            outcome = outcome_of_closing(trial, connection, code)
+        else:
+            outcome = trial.outcome_on_ipc(connection, wordy_error(trial, code, "/"))
+        trial.judge(outcome, f"an error {code} on the IPC channel")
+    if trial.facts.asks and trial.facts.speaks_1_1("msg"):
+        trial.role.offers_memory = True
+        connection = asking(trial)
+        trial.role.say(connection, error("internal"))
+        trial.judge(trial.outcome_on_msg(connection), "an error in place of a reply")
+
+
+@check(
+    "NEG-24",
+    observable="the process lives, and the testee goes on or comes back after a pause",
+    needs=("hello:msg", "returns:msg"),
+    may_crash=True,
+)
+def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:
+    """An error of each code that nothing asked for, with an id that no request had; then one in
+    place of every reply, with the id of the request.
+    """
+    connection = trial.greeted("msg")
+    for code in trial.each(CODES, kind=kind_of_code):
+        gone = connection.ended or not connection.open
+        connection = trial.greeted("msg") if gone else connection
+        if code in CLOSING_ERRORS:
+            outcome = outcome_of_closing(trial, connection, code)
+        else:
+            number = LIMITS["max_safe_integer"]
+            connection.send(wordy_error(trial, code, "/position/x", id=number))
+            outcome = trial.outcome_on_msg(connection)
+        trial.judge(outcome, f"an error {code} on the message channel")
+    trial.role.spoil = lambda reply: error("busy", **{n: reply[n] for n in ("id",) if n in reply})
+    connection = trial.greeted("msg")
+    trial.judge(trial.outcome_on_msg(connection), "errors in place of all replies")

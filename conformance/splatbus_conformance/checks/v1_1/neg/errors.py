@@ -1,0 +1,394 @@
+"""Checks on `error`, and on requests after `hello` (spec 1.1 sections 2.5 and 2.6)."""
+
+from typing import Any, NamedTuple
+
+from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.cases.malformed.poses import broken_poses
+from splatbus_conformance.checks import check
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.bad_neighbours import work_off
+from splatbus_conformance.trials.moves.frame_capture import AT_REST
+from splatbus_conformance.trials.moves.image_session import placed
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.json_values import SAFE, show, whole
+from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS, NEEDS, OTHER_ERRORS, REPLY_TO
+from splatbus_conformance.wire.messages import Json, camera_pose, encode, hello
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import CHANNELS, Connection
+
+
+class Fault(NamedTuple):
+    """Something wrong to send."""
+
+    channel: Channel
+    what: str
+    script: bytes
+
+
+def said(channel: Channel, what: str, message: Json) -> Fault:
+    """A fault in a message."""
+    return Fault(channel, what, packet(encode(message)))
+
+
+GLANCE_SECONDS = 0.03
+"""How long an IPC connection is listened to, where nothing can be asked."""
+FOR_THE_HEADER = {
+    "a header that announces nothing": 0,
+    "a header beyond the limit": LIMITS["max_payload_bytes"] + 1,
+}
+IN_HEADERS = [
+    Fault(channel, what, length.to_bytes(4, "little"))
+    for channel in ("msg", "ipc")
+    for what, length in FOR_THE_HEADER.items()
+]
+IN_TEXT = [
+    Fault(channel, what, packet(payload))
+    for channel in ("msg", "ipc")
+    for what, payload in {
+        "a brace": b"{",
+        "an array": b"[1]",
+        "a number that is not finite": b'{"type":"camera_pose","timestamp":1e999}',
+        "such a number with an odd name": b'{"type":"camera_pose","~":{"a/b~":1e999}}',
+    }.items()
+]
+IN_MESSAGES = [
+    said("msg", "no type", {}),
+    said("msg", "an unknown type", {"type": "weather_report"}),
+    said("msg", "a pose without members", {"type": "camera_pose"}),
+    said("msg", "a rotation of norm 2", camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))),
+    said("msg", "a position beyond single precision", camera_pose((1e39, 0.0, 0.0))),
+    said("msg", "a subscription on the message channel", {"type": "subscribe", "channels": []}),
+    said("msg", "a request without cam_idx", {"type": "get_camera_pose", "id": 1}),
+    said("msg", "a second hello", hello([])),
+    said("msg", "a tag without characters", camera_pose() | {"tag": ""}),
+    said("msg", "intrinsics without members", camera_pose() | {"intrinsics": {}}),
+    said("msg", "an object that is not there", placed("no such object", AT_REST)),
+    said("msg", "an object of no size", placed("default", AT_REST, 0.0)),
+    said("msg", "a time that is no number", {"type": "set_time", "time": "now"}),
+    said("msg", "a viewport without width", {"type": "set_viewport", "height": 48, "id": 2}),
+    said("msg", "a ping without t", {"type": "ping", "id": 3}),
+    said("msg", "telemetry of everything", {"type": "subscribe_telemetry", "names": "all"}),
+    said("ipc", "an unknown type", {"type": "weather_report"}),
+    said("ipc", "opened without generation", {"type": "opened"}),
+    said("ipc", "opened of another generation", {"type": "opened", "generation": 2**40}),
+    said("ipc", "release of what is not held", {"type": "release", "generation": 1, "seq": 2**40}),
+    said("ipc", "subscribe to smells", {"type": "subscribe", "channels": ["smell"]}),
+    said("ipc", "a pose on the IPC channel", camera_pose()),
+    said("ipc", "a second hello", hello(["host_shm"])),
+]
+
+
+@check("NEG-22", observable="what a server says to faults before hello")
+def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
+    """Every fault that a server may report later, and a `hello` that nobody can read."""
+    broken = packet(encode(hello([]))[:-1])
+    faults = [*IN_TEXT, *IN_MESSAGES, *IN_HEADERS]
+    unread = [Fault("msg", "half a hello", broken), Fault("ipc", "half a hello", broken)]
+    for channel, what, script in trial.each(listed=[f for f in unread + faults if no_hello(f)]):
+        connection = trial.before_hello(channel)
+        dealings = trial.viewer.with_(connection)
+        connection.send(script)
+        if trial.facts.welcome[channel] is not None:  # its answer to hello comes after all else
+            trial.viewer.greet(connection, capabilities=[])
+            handled = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+        elif channel == "msg":
+            handled = trial.answers(connection) or connection.ended is not None
+        else:
+            handled = not trial.wait(lambda: dealings.errors(), GLANCE_SECONDS)  # noqa: B023
+        errors = dealings.errors()
+        trial.expect(not errors, f"{channel}: {what}: error {', '.join(errors)} before hello")
+        trial.delivered += handled
+        connection.close()
+    trial.expect(trial.serves(), "a new connection is not served")
+
+
+def no_hello(fault: Fault) -> bool:
+    """Whether a connection on which this was said has still said no hello."""
+    return fault.what != "a second hello"
+
+
+@check(
+    "NEG-25",
+    observable="the end of the connection after an error",
+    needs=("1.1",),
+    may_crash=True,
+)
+def check_closes_after_an_error_that_ends(trial: ServerTrial) -> None:
+    """Headers that break FRM-2, and a version that nobody speaks; judged where an error comes."""
+    errors = 0
+    for channel, what, script in trial.each(listed=IN_HEADERS):
+        connection = trial.greeted(channel)
+        dealings = trial.viewer.with_(connection)
+        connection.send(script)
+        trial.wait(lambda: dealings.errors() or connection.ended)  # noqa: B023
+        if codes := [code for code in dealings.errors() if code in CLOSING_ERRORS]:
+            outcome = "closes" if trial.ends(connection) else "waits"
+            trial.judge(outcome, f"{channel}: {what}, {codes[0]}")
+            errors += 1
+        connection.close()
+    for channel in ("msg", "ipc"):
+        connection, answer = trial.answered(channel, versions=["4000.0"])
+        if (answer or {}).get("type") == "error":
+            outcome = "closes" if trial.ends(connection) else "waits"
+            trial.judge(outcome, f"{channel}: unsupported_version")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error after which it closes")
+    trial.delivered += errors
+
+
+@check("NEG-34", observable="the error, the end after it, and no reset", needs=("1.1",))
+def check_ends_in_good_order(trial: ServerTrial) -> None:
+    """Clients send much after what an error answers that ends: all of them read the error, then the
+    end, and the server goes on reading; not for ever, though, where they do not end their side.
+    """
+    lingering: list[Connection] = []
+    for channel in trial.each(CHANNELS):
+        connection = trial.before_hello(channel)
+        dealings = trial.viewer.with_(connection)
+        wrong = hello(trial.viewer.capabilities[channel], trial.viewer.token)
+        connection.send(packet(encode(wrong | {"versions": ["4000.0"]})) + AFTERWARDS)
+        trial.wait(lambda: connection.ended)  # noqa: B023
+        codes = dealings.errors()
+        what = f"{channel}: a hello of another version, and {len(AFTERWARDS):,} bytes after it"
+        if not (codes or connection.ended == "reset"):
+            continue
+        trial.expect(connection.ended == "eof", f"{what}: the connection was {connection.ended}")
+        for _ in range(3):
+            taken = connection.push(b" " * 1024)
+            trial.rest(GLANCE_SECONDS)
+            told = f"{what}: after the error the server reads no more, and resets the connection"
+            trial.expect(taken is not None, told)
+        lingering.append(connection)
+    if not lingering:
+        trial.not_observable("the server sends no error after which it closes")
+    if trial.profile != "brief":
+        gone = trial.wait(
+            lambda: all(it.push(b" ") is None for it in lingering), LAST_WORDS_SECONDS
+        )
+        what = f"{LAST_WORDS_SECONDS:g} s after the error the server still reads what a client says"
+        trial.expect(gone, f"{what} that does not end its side")
+    trial.delivered += len(lingering)
+
+
+LAST_WORDS_SECONDS: float = LIMITS["last_words_seconds"] + LIMITS["close_seconds"]
+AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
+
+
+@check("NEG-35", observable="the error, and the end of the connection", needs=("1.1",))
+def check_refuses_broken_hellos(trial: ServerTrial) -> None:
+    """Objects of type `hello` that miss or mistype members."""
+    for channel in CHANNELS:
+        for changes in trial.each(BROKEN_HELLOS):
+            connection, answer = trial.answered(channel, **changes)
+            code = (answer or {}).get("code", (answer or {}).get("type"))
+            what = f"{channel}: a hello with {show(changes)}"
+            trial.expect(code == "invalid_message", f"{what} was answered by {show(code)}")
+            trial.judge("closes" if trial.ends(connection) else "waits", what)
+            connection.close()
+            trial.delivered += 1
+
+
+BAD_MEMBERS: dict[str, tuple[Any, ...]] = {
+    "versions": (
+        None,
+        [],
+        "1.1",
+        [1.1],
+        ["1.1"] * 17,
+        ["1.01"],
+        ["01.1"],
+        ["1.1", "v" * 65],
+        ["1.1\n"],
+        ["1.1 "],
+        ["١.١"],
+    ),
+    "client": (None, "me", {"name": "me"}, {"name": 1, "version": "1"}),
+    "capabilities": (None, {}, [1], ["a", "a"], ["c" * 65], "frames"),
+}
+BROKEN_HELLOS: tuple[Json, ...] = tuple(
+    {name: value} for name, values in BAD_MEMBERS.items() for value in values
+)
+"""Members that are wrong; None leaves one out."""
+
+
+@check("NEG-26", observable="the connection goes on after an error", needs=("1.1",))
+def check_goes_on_after_an_error(trial: ServerTrial) -> None:
+    """Faults in texts and messages; judged where an error comes."""
+    errors = 0
+    for channel, what, script in trial.each(listed=[*IN_TEXT, *IN_MESSAGES]):
+        connection = trial.ready(channel)
+        dealings = trial.viewer.with_(connection)
+        outcome = trial.outcome(connection, script)
+        codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
+        goes_on = outcome in ("ignores", "reports", "replies")
+        told = f"{channel}: {what}: error {', '.join(codes)}, then"
+        trial.expect(goes_on or not codes, f"{told} the connection did not go on")
+        errors += len(codes)
+        connection.close()
+    errors += one_too_many_poses(trial) + too_many_faults(trial)
+    if not errors:
+        trial.not_observable("the server sends no error after which a connection goes on")
+
+
+def one_too_many_poses(trial: ServerTrial) -> int:
+    """A second client poses: it may be told `busy`, and is answered none the less."""
+    trial.move()
+    second = trial.greeted("msg")
+    dealings = trial.viewer.with_(second)
+    outcome = trial.outcome(second, packet(encode(camera_pose())))
+    codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
+    goes_on = outcome in ("ignores", "reports", "replies")
+    trial.expect(goes_on or not codes, f"a second client: error {codes}, then nothing went on")
+    return len(codes)
+
+
+def too_many_faults(trial: ServerTrial) -> int:
+    """The same fault again and again on one connection of each channel."""
+    errors = 0
+    for channel in CHANNELS:
+        connection = trial.ready(channel)
+        dealings = trial.viewer.with_(connection)
+        outcome = trial.outcome(connection, packet(encode({"type": "weather_report"})) * MANY)
+        codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
+        goes_on = outcome in ("ignores", "reports", "replies")
+        told = f"{channel}: after {len(codes)} errors about {MANY} unknown types"
+        trial.expect(goes_on or not codes, f"{told} the connection did not go on")
+        errors += len(codes)
+        connection.close()
+    return errors
+
+
+MANY = 200
+"""Messages that are wrong, of a client that is of a later version, say."""
+
+
+@check("NEG-32", observable="the error that a rotation is answered with", needs=("1.1",))
+def check_reports_what_is_no_rotation(trial: ServerTrial) -> None:
+    """Poses whose quaternions have norms from 0 to 1e200, and none within 0.01 of 1."""
+    connection = trial.ready("msg")
+    for each in trial.each([it for it in broken_poses(camera_pose()) if it.requirement == "POS-3"]):
+        if connection.ended:
+            connection = trial.ready("msg")
+        before = len(trial.viewer.with_(connection).errors())
+        outcome = trial.outcome(connection, packet(each.payload))
+        codes = trial.viewer.with_(connection).errors()[before:]
+        told = f"a pose with {each.what}: {', '.join(codes) or 'no error'}"
+        trial.judge("reports" if codes == ["invalid_rotation"] else outcome_of(outcome), told)
+
+
+def outcome_of(outcome: str) -> str:
+    """The same, but of a server that did not report what it should have."""
+    return "ignores" if outcome == "reports" else outcome
+
+
+@check("NEG-29", observable="answers come in order, one each, after hello", needs=("1.1",))
+def check_answers_each_request_in_order(trial: ServerTrial) -> None:
+    """Requests of every kind, with and without ids, good and broken, many at a time, beside a
+    client that floods the server with poses; some on a connection that agreed on nothing.
+    """
+    requests = st.lists(st.sampled_from(GOOD) | st.sampled_from(BAD), min_size=1, max_size=20)
+    numbered = st.lists(st.none() | st.integers(0, SAFE), min_size=20, max_size=20)
+    cases = st.tuples(requests, numbered, st.booleans()).map(
+        lambda drawn: ([with_id(*each) for each in zip(*drawn[:2], strict=False)], drawn[2])
+    )
+    good, all_ = (
+        [with_id(each, number) for number, each in enumerate(some)] for some in (GOOD, GOOD + BAD)
+    )
+    listed = [(good, True), (list(GOOD), True), (all_, True), (all_, False)]
+    width, height = trial.facts.size
+    if width and height:  # a size that it has already changes nothing
+        same = {"type": "set_viewport", "width": width, "height": height}
+        listed += [([*GOOD, same, *GOOD], True), ([with_id(same, 7), VIEWPORT_REQUEST], True)]
+    flooder, flooded = trial.dial("msg"), 0
+    kept: dict[bool, Connection] = {}
+    for asked, agreed in trial.each(listed, cases, quick=18, full=1000):
+        connection = kept.get(agreed)
+        if connection is None or connection.ended:
+            offer: Json = {} if agreed else {"capabilities": []}
+            connection = kept[agreed] = trial.greeted("msg", **offer)
+        heard = trial.viewer.with_(connection).heard
+        before = len(heard)
+        flooded += flooder.push(FLOOD[flooded % len(POSE) :]) or 0
+        connection.send(b"".join(packet(encode(each)) for each in asked))
+        trial.wait(lambda: len(heard) - before >= len(asked) or connection.ended)  # noqa: B023
+        answers = heard[before:]
+        for number, each in enumerate(asked):
+            if len(answers) == number and connection.ended and not is_good(each):
+                break
+            trial.expect(len(answers) > number, f"{encode(each).decode()} was not answered")
+            expect_answer(trial, each, answers[number])
+        trial.delivered += 1
+    while flooded % len(POSE) and not flooder.ended and trial.fate() is None:
+        flooded += flooder.push(FLOOD[flooded % len(POSE) : len(POSE)]) or 0
+        trial.rest(REST_SECONDS)
+    work_off(trial, flooder)
+
+
+@check("NEG-23", observable="the id of errors that answer requests", needs=("1.1",))
+def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
+    """Requests that are broken, and good ones whose capability was not agreed upon, each with an
+    id: the least, the greatest and others. An error that comes of one has it.
+    """
+    connection = trial.greeted("msg", capabilities=[])
+    refused = [*BAD, *(each for each in GOOD if NEEDS.get(each["type"]))]
+    errors = 0
+    for number, request in enumerate(trial.each(refused)):
+        if connection.ended:
+            connection = trial.greeted("msg", capabilities=[])
+        heard, asked = (
+            trial.viewer.with_(connection).heard,
+            with_id(request, IDS[number % len(IDS)]),
+        )
+        before = len(heard)
+        trial.viewer.say(connection, asked)
+        trial.answers(connection)
+        for error in (it for it in heard[before:] if it.get("type") == "error"):
+            told = f"{encode(asked).decode()} was answered by the error {show(error)}"
+            trial.expect(whole(error.get("id")) == asked["id"], f"{told}, which lacks its id")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error in answer to a request")
+
+
+IDS = (0, SAFE, 1, 2**32, 2**53 - 2)
+GOOD: tuple[Json, ...] = (
+    VIEWPORT_REQUEST,
+    *({"type": "get_camera_pose", "cam_idx": index} for index in (0, 1, -(2**31), 2**31)),
+    {"type": "get_scene"},
+    {"type": "ping", "t": 12.5},
+)
+BAD: tuple[Json, ...] = (
+    *({"type": "get_camera_pose", "cam_idx": it} for it in ("0", 0.5, True, None, [0], 2**60)),
+    {"type": "ping"},
+    {"type": "ping", "t": "now"},
+    {"type": "ping", "t": []},
+    *({"type": "set_viewport", "width": 64, "height": it} for it in (0, -1, 1.5, 2**40, "48")),
+)
+POSE = packet(encode(camera_pose()))
+REST_SECONDS = 0.02
+FLOOD = POSE * 1000
+"""Of a client that keeps no measure."""
+
+
+def with_id(request: Json, id: int | None) -> Json:
+    """A request that may have an id."""
+    return request if id is None else request | {"id": id}
+
+
+def is_good(asked: Json) -> bool:
+    """Whether a request breaks no rule."""
+    plain = {name: value for name, value in asked.items() if name != "id"}
+    return plain in GOOD or (plain.get("type") == "set_viewport" and plain not in BAD)
+
+
+def expect_answer(trial: ServerTrial, asked: Json, answer: Json) -> None:
+    """The answer is a reply to this request, or an error that names it if it has an id."""
+    text, kind = encode(asked).decode(), answer.get("type")
+    reply = REPLY_TO[asked["type"]]
+    trial.expect(kind in (reply, "error"), f"{text} was answered by {kind}")
+    named = whole(answer.get("id"))
+    trial.expect(named in (None, asked.get("id")), f"{text} was answered by one with id {named}")

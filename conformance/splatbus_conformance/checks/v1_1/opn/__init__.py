@@ -1,0 +1,1 @@
+"""Opening of memory and its generations: OPN."""

@@ -1,0 +1,279 @@
+"""Checks on memory that was replaced when images changed their size (spec 1.1 chapters 4, 8)."""
+
+import time
+from pathlib import Path
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
+from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
+from splatbus_conformance.images.known_scene import render
+from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
+from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.trials.moves.frame_readers import beside, fell_silent, holding
+from splatbus_conformance.trials.moves.image_session import elsewhere
+from splatbus_conformance.trials.moves.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    changed,
+    dealings_of,
+    other_sizes,
+    readers,
+    resizing,
+    size_of,
+)
+from splatbus_conformance.trials.moves.survey import first_view, likeness
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.wire.json_values import whole
+from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.sockets import Connection
+
+FREE_SECONDS: float = LIMITS["free_seconds"]
+LET_GO_SECONDS: float = LIMITS["let_go_seconds"]
+SLOW_SECONDS = 0.4
+"""How long a reader takes that is slow to open memory."""
+SOON = 0.5
+"""A server that closes a client so much sooner than it may is not merely inexact."""
+
+
+def shared(trial: ServerTrial, memory: Opened) -> Path:
+    """The file that shared memory is; skips the check where that cannot be seen."""
+    path = LINUX_FOLDER / memory.name
+    if not path.exists():
+        trial.not_observable("its memory is not listed by the system")
+    return path
+
+
+def memory_of(trial: ServerTrial, connection: Connection) -> Opened:
+    """What a reader has open."""
+    memory = dealings_of(trial, connection).memory
+    if memory is None:
+        trial.not_observable("a reader has no memory open")
+    return memory
+
+
+@check("VPT-7", observable="when the name of former memory is gone", needs=(*RESIZES, "opens"))
+def check_frees_former_memory(trial: ServerTrial) -> None:
+    """Up to three readers open other memory; one closes what it had, one's connection ends, and
+    the last closes it too, or says that it could not open it.
+    """
+    with resizing(trial) as client:
+        for number, size in enumerate(trial.each(other_sizes(trial)[:2])):
+            everyone = readers(trial)
+            path = shared(trial, memory_of(trial, everyone[0]))
+            for reader in everyone:
+                dealings_of(trial, reader).keeps = True
+            changed(trial, client, size)
+            last, *others = everyone
+            trial.wait(
+                lambda: all(dealings_of(trial, it).kept for it in everyone),  # noqa: B023
+                REINIT_SECONDS,
+            )
+            told = all(dealings_of(trial, it).kept for it in everyone)
+            trial.expect(told, "a reader was sent no further init packet within 5 s (VPT-5)")
+            for other in others[::2]:
+                other.close()
+            for other in others[1::2]:
+                trial.viewer.let_go(other)
+            if number:
+                failed = {"generation": dealings_of(trial, last).kept[0].generation}
+                trial.viewer.say(last, {"type": "open_failed", "reason": "a test", **failed})
+            else:
+                trial.viewer.let_go(last)
+            gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)  # noqa: B023
+            trial.expect(gone, f"nobody has former memory open any more, and {path.name} is there")
+            trial.delivered += 1
+            for reader in everyone:
+                reader.close()
+
+
+@check(
+    "OPN-8",
+    observable="former memory, and an image in it, until its reader closes it",
+    needs=(*RESIZES, "opens"),
+)
+def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial) -> None:
+    """A reader holds an image while the size changes and others follow; nobody may touch what it
+    reads, and images of the new size are whole.
+    """
+    with resizing(trial) as client:
+        holder, frame = holding(trial)
+        dealings = dealings_of(trial, holder)
+        dealings.keeps = True
+        memory, other = memory_of(trial, holder), beside(trial, holder)
+        path, slot = shared(trial, memory), int(frame["slot"])
+        held = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
+        changed(trial, client, other_sizes(trial)[1])
+        trial.wait(lambda: dealings.kept or holder.ended, REINIT_SECONDS)
+        for number in trial.each(range(10)):
+            trial.sees(other, trial.move())
+            told = f"after {number + 1} images of the new size, with an older one still held"
+            trial.expect(path.exists(), f"{told}, {path.name} is gone")
+            same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
+            trial.expect(same, f"{told}, that one is another")
+            trial.delivered += 1
+        dealings.holds = False
+        trial.viewer.let_go(holder)
+        seen = trial.sees(holder, trial.move())
+        trial.expect(seen, "once it had closed former memory, a reader saw no move")
+
+
+@check(
+    "OPN-8",
+    observable="former memory while a reader has not answered its init packet",
+    needs=(*RESIZES, "opens"),
+)
+def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial) -> None:
+    """A reader is sent an init packet and says nothing, as one that is slow to open it; the size
+    changes, and it goes.
+    """
+    with resizing(trial) as client:
+        reader = trial.reading()
+        path = shared(trial, memory_of(trial, reader))
+        trial.viewer.opens = False
+        slow = trial.greeted("ipc")
+        dealings = dealings_of(trial, slow)
+        trial.wait(lambda: dealings.init_packets or slow.ended)
+        if slow.ended or reader.ended or not dealings.init_packets:
+            trial.not_observable("the server announces its memory to one reader at a time")
+        trial.viewer.opens = True
+        changed(trial, client, other_sizes(trial)[0])
+        trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
+        trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
+        there = path.exists()
+        trial.expect(there, f"{path.name} is gone, which a reader was told of and may open")
+        slow.close()
+        trial.delivered += 1
+
+
+@check(
+    "IMG-5",
+    observable="every pixel of images of other sizes",
+    needs=(*RESIZES, "pixels"),
+)
+def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
+    """The size changes, while a reader looks on: each image is of the camera that it names."""
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        for size in trial.each(other_sizes(trial)[:3]):
+            changed(trial, client, size)
+            trial.wait(
+                lambda: size_of(photographer.dealings.init_packets[-1]) == size,  # noqa: B023
+                REINIT_SECONDS,
+            )
+            seen = photographer.take(elsewhere(trial), None)
+            if seen.color.shape[:2] != size[::-1]:
+                fell_silent(trial, photographer.reader, "the server sent no image of the new size")
+            if trial.facts.scene_known:
+                exact = render(seen.camera, trial.facts.setting(seen.frame))
+                right = exact.agreement(seen.color, seen.planar())
+            else:
+                photographer.take(elsewhere(trial), None)
+                again = photographer.take(seen.pose, None)
+                right = likeness(seen, again)
+                if right < WHOLE and any(
+                    likeness(again, it) < WHOLE for it in photographer.stay(REACTION_SECONDS)
+                ):
+                    trial.not_observable("the scene moves by itself")
+            told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
+            trial.expect(right >= WHOLE, f"{told} are not what its camera sees")
+            trial.delivered += 1
+
+
+@check(
+    "CAM-5",
+    observable="the camera of frames of another size",
+    needs=(*RESIZES, "pixels", "capability:intrinsics"),
+)
+def check_lenses_are_scaled_to_another_size(trial: ServerTrial) -> None:
+    """Intrinsics are sent for images of one size, and then that changes, also to other shapes."""
+    first = first_view(trial, 0.0)
+    lens = lens_of(first, *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
+    with resizing(trial) as client:
+        photographer = Photographer(trial)
+        photographer.take(elsewhere(trial), None, intrinsics=lens)
+        for size in trial.each([*other_sizes(trial)[:3], trial.facts.size]):
+            changed(trial, client, size)
+            init_packets = photographer.dealings.init_packets
+            trial.wait(lambda: size_of(init_packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
+            seen = photographer.take(elsewhere(trial), None)
+            wrong = in_force(seen.frame, scaled(lens, size))
+            told = f"after intrinsics for {trial.facts.size} images became {size}"
+            trial.expect(not wrong, f"{told}: {wrong}")
+            trial.delivered += 1
+
+
+@check("OPN-14", observable="frames of the next generation without a release", needs=RESIZES)
+def check_closed_ends_the_lease(trial: ServerTrial) -> None:
+    """A reader holds a frame when the size changes, opens the new memory, and says of the old that
+    it has closed it, or that it could not open it; it never releases the frame.
+    """
+    with resizing(trial) as client:
+        answers_: tuple[Json, ...] = (
+            {"type": "closed"},
+            {"type": "open_failed", "reason": "to see what becomes of the lease"},
+        )
+        for answer, size in trial.each(list(zip(answers_, other_sizes(trial), strict=False))):
+            holder, frame = holding(trial)
+            trial.viewer.opens, dealings = False, dealings_of(trial, holder)
+            had = len(dealings.init_packets)
+            changed(trial, client, size)
+            trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
+            came = len(dealings.init_packets) > had
+            trial.expect(came, "no further init packet came within 5 s (VPT-5)")
+            generation = whole(dealings.init_packets[-1].get("generation"))
+            trial.viewer.say(holder, answer | {"generation": frame["generation"]})
+            trial.viewer.say(holder, {"type": "opened", "generation": generation})
+            before = len(dealings.frames)
+            trial.move()
+            came = trial.wait(lambda: len(dealings.frames) > before)  # noqa: B023
+            trial.expect(
+                came,
+                f"a reader said {answer['type']} of memory in which it held a frame, and is sent"
+                " none of the memory that it has opened since",
+            )
+            holder.close()
+            trial.viewer.opens = True
+            trial.delivered += 1
+
+
+@check(
+    "VPT-8",
+    observable="when readers that keep former memory are closed",
+    needs=RESIZES,
+    profile="full",
+)
+def check_closes_who_does_not_let_go(trial: ServerTrial) -> None:
+    """A reader opens other memory and never closes what it had, and one never says whether it had
+    opened that, beside one that lets go.
+    """
+    with resizing(trial) as client:
+        keeper = trial.reading()
+        dealings_of(trial, keeper).keeps = True
+        other = beside(trial, keeper)
+        trial.viewer.opens = False
+        silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
+        trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
+        trial.viewer.opens = True
+        late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
+        changed(trial, client, other_sizes(trial)[0])
+        trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
+        lasted = dict.fromkeys(late, 0.0)
+        began, limit = time.monotonic(), LET_GO_SECONDS + LIMITS["close_seconds"]
+        while (now := time.monotonic() - began) < limit and not trial.fate():
+            lasted |= {reader: now for reader in late if not reader.ended}
+            trial.sees(other, trial.move())
+            trial.rest(SOON / 2)
+            if all(reader.ended for reader in late):
+                break
+        for reader, seconds in lasted.items():
+            what = "keeps former memory" if reader is keeper else "says nothing of former memory"
+            told = f"a reader that {what}, for {seconds:.1f} s"
+            trial.judge(trial.fate() or ("closes" if reader.ended else "waits"), told)
+            trial.expect(seconds >= LET_GO_SECONDS - 2 * SOON, f"{told}, was closed then")
+        trial.expect(not other.ended, "with it a reader was closed that had let go")
+        trial.expect(trial.sees(other, trial.move()), "afterwards another reader sees no move")
+        changed(trial, client, other_sizes(trial)[1])
+        trial.delivered += 1

@@ -1,0 +1,265 @@
+"""Checks on images of another size, which a client asked for (spec 1.1 chapter 8)."""
+
+from functools import partial
+from itertools import count
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_1.ctl import controlling
+from splatbus_conformance.trials.moves.image_session import answers, further
+from splatbus_conformance.trials.moves.resizing import (
+    REINIT_SECONDS,
+    RESIZES,
+    Size,
+    asked,
+    asked_again,
+    changed,
+    dealings_of,
+    drawn_sizes,
+    other_sizes,
+    readers,
+    resizing,
+    size_of,
+)
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.wire.json_values import show
+from splatbus_conformance.wire.messages import Json, camera_pose, encode
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import Connection
+
+_firsts = count(1, 6)
+LARGEST: int = LIMITS["max_image_size"]
+BAD_SIZES: tuple[tuple[Any, Any], ...] = (
+    *((0, 0), (-1, 48), (64, LARGEST + 1), (1.5, 48), ("64", "48"), (None, 48), (2**31, 2**31)),
+)
+
+
+@check("VPT-2", observable="the reply, or the error", needs=("1.1", "capability:viewport"))
+def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
+    """Sizes that are none, and several that are, with nobody who reads images; the size that is
+    told from then on is the one that was agreed, and an error leaves it as it was.
+    """
+    with resizing(trial) as client:
+        in_force = list(trial.facts.size)
+        listed = [*BAD_SIZES, *other_sizes(trial)]
+        for size in trial.each(listed, drawn_sizes(trial), quick=4, full=200):
+            told = asked(trial, client, size)
+            kind, what = told.get("type"), f"set_viewport to {show(size[0])}×{show(size[1])}"
+            agreed = kind == "viewport_size" and told.get("viewport_size") == list(size)
+            trial.expect(kind == "error" or agreed, f"{what} was answered by {show(told)}")
+            trial.expect(kind == "error" or size not in BAD_SIZES, f"{what} was agreed to")
+            in_force = list(size) if agreed else in_force
+            now = trial.ask(client, {"type": "get_viewport_size"}) or {}
+            told_now = now.get("viewport_size")
+            trial.expect(
+                told_now in (in_force, [0, 0]),
+                f"{what} was {'agreed to' if agreed else 'refused'}, and then the size is told as"
+                f" {show(told_now)}",
+            )
+            trial.delivered += 1
+        client.close()
+        told = trial.ask(trial.greeted("msg"), {"type": "get_viewport_size"}) or {}
+        size_now = told.get("viewport_size")
+        trial.expect(
+            size_now in (in_force, [0, 0]),
+            f"the size was set to {in_force}, and a client that comes is told {show(size_now)}",
+        )
+
+
+@check("NEG-29", observable="the order of the answers", needs=("1.1", "capability:viewport"))
+def check_answers_what_follows_another_size_after_it(trial: ServerTrial) -> None:
+    """A `set_viewport` that changes the size, and other requests right behind it."""
+    with resizing(trial) as client:
+        for size in trial.each(other_sizes(trial)):
+            agreed = partial(_agreed_in_order, trial, client, size)
+            if not trial.peer.until(agreed, EFFECT_SECONDS):
+                break
+            trial.delivered += 1
+
+
+def _agreed_in_order(trial: ServerTrial, client: Connection, size: Size) -> bool:
+    """Whether images have this size now; what is asked right behind has to be answered later."""
+    heard, first = trial.viewer.with_(client).heard, next(_firsts)
+    requests: tuple[Json, ...] = (
+        {"type": "set_viewport", "width": size[0], "height": size[1]},
+        {"type": "get_camera_pose", "cam_idx": 0},
+        {"type": "get_viewport_size"},
+        {"type": "set_viewport", "width": size[0], "height": size[1]},
+        {"type": "ping", "t": 12.5},
+        {"type": "get_scene"},
+    )
+    asked = [request | {"id": first + place} for place, request in enumerate(requests)]
+    before = len(heard)
+    client.send(b"".join(packet(encode(request)) for request in asked))
+    trial.wait(lambda: len(heard) - before >= len(asked) or client.ended)
+    told = [answer.get("id") for answer in heard[before:] if "id" in answer]
+    last = first + len(asked) - 1
+    what = f"set_viewport to {size[0]}×{size[1]} and requests behind it have the ids {first} to"
+    trial.expect(
+        told == [request["id"] for request in asked],
+        f"{what} {last}, and their answers {show(told)}",
+    )
+    return any(answer.get("type") == "viewport_size" for answer in heard[before : before + 1])
+
+
+@check("VPT-3", observable="the error while one reader takes no reinit", needs=RESIZES)
+def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
+    """Two readers, of which one does not list `reinit`; it leaves, and then comes back. Alone, the
+    other one lets the size change.
+    """
+    with resizing(trial) as client:
+        reader = trial.reading()
+        changed(trial, client, other_sizes(trial)[2])
+        packets = dealings_of(trial, reader).init_packets
+        trial.wait(lambda: len(packets) > 1, REINIT_SECONDS)
+        for number in trial.each(range(2)):
+            had = len(packets)
+            offer = [it for it in trial.viewer.capabilities["ipc"] if it != "reinit"]
+            stiff = trial.ready("ipc", capabilities=offer)
+            if reader.ended or not dealings_of(trial, stiff).init_packets:
+                trial.not_observable("the server announces its memory to one reader at a time")
+            code = asked_again(trial, client, other_sizes(trial)[number], "busy")
+            trial.expect(
+                code == "unsupported",
+                f"set_viewport beside a reader without reinit was answered by {show(code)}",
+            )
+            trial.rest(REACTION_SECONDS / 2)
+            trial.expect(len(packets) == had, "and then the other reader was sent an init packet")
+            stiff.close()
+            code = asked_again(trial, client, other_sizes(trial)[number], "busy", "unsupported")
+            trial.expect(
+                code == "viewport_size",
+                f"once the reader without reinit had gone, set_viewport was answered by {code}",
+            )
+            trial.wait(lambda: len(packets) > had, REINIT_SECONDS)  # noqa: B023
+            trial.delivered += 1
+
+
+@check("VPT-4", observable="the error while another client has control", needs=RESIZES)
+def check_obeys_who_has_control(trial: ServerTrial) -> None:
+    """One client poses the camera; another asks for a size, before and after it has posed too, then
+    the first, then the other once the first has gone.
+    """
+    with resizing(trial) as client:
+        first = controlling(trial)
+        if client.ended:
+            trial.not_observable("the server serves one message connection at a time")
+        one, two, three, _ = other_sizes(trial)
+        for what in ("without control", "that waits for control"):
+            told = asked(trial, client, one)
+            code = told.get("code") or told.get("type")
+            trial.expect(code == "busy", f"a client {what} was answered by {show(code)}")
+            trial.viewer.say(client, camera_pose())
+            answers(trial, client)
+        changed(trial, first, two)
+        first.close()
+        changed(trial, client, three)
+        trial.delivered += 3
+
+
+@check("VPT-4", observable="the error while former memory is in use", needs=RESIZES)
+def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
+    """A reader opens memory of another size and keeps what it had; a third size is asked for."""
+    with resizing(trial) as client:
+        reader = trial.reading()
+        dealings = dealings_of(trial, reader)
+        dealings.keeps = True
+        one, two, *_ = other_sizes(trial)
+        changed(trial, client, one)
+        trial.wait(lambda: dealings.kept or reader.ended, REINIT_SECONDS)
+        told = asked(trial, client, two)
+        code = told.get("code") or told.get("type")
+        trial.expect(code == "busy", f"while former memory is in use the answer is {show(code)}")
+        trial.viewer.let_go(reader)
+        changed(trial, client, two)
+        trial.delivered += 1
+
+
+@check("VPT-5", observable="the init packets of all readers", needs=RESIZES)
+def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
+    """Up to three readers, of which one holds a frame, and one takes none; the size changes again
+    and again.
+    """
+    with resizing(trial) as client:
+        everyone = readers(trial, 2)
+        dealings_of(trial, everyone[0]).holds = True
+        everyone.append(trial.ready("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"]))
+        everyone = [it for it in everyone if not it.ended]  # older ones may be closed (CHN-13)
+        former = trial.facts.size
+        # The last three change the width alone, and the height alone.
+        sizes = [*other_sizes(trial), (1, former[1]), former, (former[0], former[1] + 1)]
+        for size in trial.each(sizes, drawn_sizes(trial), quick=2, full=50):
+            if size == former:
+                continue
+            former = size
+            had = {it: len(dealings_of(trial, it).init_packets) for it in everyone}
+            changed(trial, client, size)
+            told = {it: dealings_of(trial, it).init_packets for it in everyone if had[it]}
+            trial.wait(
+                lambda: all(len(now) > had[it] for it, now in told.items()),  # noqa: B023
+                REINIT_SECONDS,
+            )
+            for number, (it, packets) in enumerate(told.items(), 1):
+                what = f"reader {number} of {len(told)}, when the size was set to {size}"
+                trial.expect(not it.ended, f"{what}: its connection was closed")
+                trial.expect(len(packets) > had[it], f"{what}: no init packet within 5 s")
+                now = size_of(packets[-1])
+                trial.expect(now == size, f"{what}: its init packet is for {now[0]}×{now[1]}")
+            trial.delivered += 1
+
+
+@check("VPT-6", observable="that no init packet comes", needs=RESIZES)
+def check_announces_no_other_memory_unasked(trial: ServerTrial) -> None:
+    """The size that images have, again and again, also once they have another; sizes that are none;
+    a size while another client has control.
+    """
+    with resizing(trial) as client:
+        reader = trial.reading()
+        packets = dealings_of(trial, reader).init_packets
+        size, others = trial.facts.size, other_sizes(trial)
+        for another in (others[2], others[0]):
+            had = len(packets)
+            for asks in trial.each([*[size] * 3, *BAD_SIZES, size]):
+                asked(trial, client, asks)
+                trial.delivered += 1
+            if not _only_of(trial, client, reader, another, had):
+                break
+            size = another
+        had = len(packets)
+        first = further(trial, client)
+        trial.viewer.say(first, camera_pose())
+        answers(trial, first)
+        refused = asked(trial, client, other_sizes(trial)[1]).get("type") == "error"
+        trial.rest(REACTION_SECONDS)
+        trial.expect(
+            len(packets) == had or not refused,
+            f"{len(packets) - had} further init packets came of a request that was answered by an"
+            " error",
+        )
+        trial.expect(not reader.ended, "the reader's connection was closed")
+        first.close()
+
+
+def _only_of(
+    trial: ServerTrial, client: Connection, reader: Connection, another: Size, had: int
+) -> bool:
+    """Expect that before the init packet of a size that is asked for now no further one has come;
+    whether the size was granted.
+    """
+    packets = dealings_of(trial, reader).init_packets
+    granted = asked_again(trial, client, another, "busy") == "viewport_size"
+    if granted:
+        trial.wait(lambda: size_of(packets[-1]) == another or reader.ended, REINIT_SECONDS)
+        came = [it for it in packets[had:] if size_of(it) != another]
+    else:
+        trial.rest(REACTION_SECONDS)
+        came = packets[had:]
+    trial.expect(
+        not came,
+        f"{len(came)} further init packets came, of a size that images have or of requests that"
+        " were answered by errors",
+    )
+    return granted

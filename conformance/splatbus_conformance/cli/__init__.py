@@ -1,0 +1,1 @@
+"""What a person types: parser, commands, examples. Nothing is judged here."""

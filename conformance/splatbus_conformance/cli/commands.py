@@ -1,0 +1,143 @@
+"""What each command of `splatbus-conformance` does."""
+
+import argparse
+import io
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from splatbus_conformance.cases.script import load
+from splatbus_conformance.cli.arguments import files_of, plan_of, wishes_of
+from splatbus_conformance.cli.replay import replay_script
+from splatbus_conformance.cli.requirements import PEERS, print_explanation, print_list
+from splatbus_conformance.data import read_text
+from splatbus_conformance.observe.audit import audit as judge_recording
+from splatbus_conformance.observe.judgement import opinion
+from splatbus_conformance.plan import SIDES, Side, Usage
+from splatbus_conformance.reports.files.stored import load as load_reports
+from splatbus_conformance.run.judging import judge
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_USAGE
+from splatbus_conformance.wire import recording
+
+PLAIN_WIDTH = 240
+DEMO_TESTEES = 16
+"""More than cores: most of the time a check waits."""
+
+
+def console(plain: bool) -> Console:
+    """Where people read."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # not every terminal knows → and ✓
+    out = Console(highlight=False, no_color=plain or None, force_terminal=False if plain else None)
+    if not (out.is_terminal or sys.stdout.isatty()):
+        out.width = PLAIN_WIDTH
+    return out
+
+
+def client(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge a client."""
+    return _live("client", arguments, out)
+
+
+def server(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge a server."""
+    return _live("server", arguments, out)
+
+
+def _live(side: Side, arguments: argparse.Namespace, out: Console) -> int:
+    return judge(plan_of(side, arguments), wishes_of(side, arguments), out)
+
+
+def replay(arguments: argparse.Namespace, out: Console) -> int:
+    """Show a failure again, or play one side of a recording again."""
+    from splatbus_conformance.cli.main import parser
+
+    if Path(arguments.file).suffix == ".jsonl":
+        from splatbus_conformance.cli.play import play_recording, side_of
+
+        side = side_of(arguments.how)
+        given = parser().parse_args(arguments.how)
+        plan, files = plan_of(side, given), files_of(given)
+        return play_recording(Path(arguments.file), plan, files, out, strict=given.strict)
+    try:
+        script = load(Path(arguments.file))
+    except OSError as error:
+        raise Usage(str(error)) from error
+    given = parser().parse_args([script.side, *arguments.how])
+    return replay_script(script, plan_of(script.side, given), files_of(given), out)
+
+
+def demo(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge the reference client."""
+    from splatbus_conformance.cli.main import parser
+
+    files = files_of(arguments)
+    command = f'"{sys.executable}" -m splatbus_client view'
+    out.print(
+        "Judging the reference client, as you would judge yours:\n"
+        '  splatbus-conformance client --launch "splatbus-client view"\n'
+    )
+    # NumPy starts twice as fast without threads that nothing here needs.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    line = ["client", "--launch", command, "--parallel", str(DEMO_TESTEES), "--patience", "60"]
+    given = parser().parse_args(line)
+    return judge(plan_of("client", given), replace(wishes_of("client", given), files=files), out)
+
+
+def audit(arguments: argparse.Namespace, out: Console) -> int:
+    """Judge recorded sessions."""
+    files = files_of(arguments)
+    judged = []
+    for name in arguments.files:
+        try:
+            judged.append((name, judge_recording(recording.load(Path(name)))))
+        except (OSError, recording.RecordingError, UnicodeDecodeError) as error:
+            raise Usage(f"{name}: {error}") from error
+    return opinion(judged, peers_of(arguments), files, out, strict=arguments.strict)
+
+
+def proxy(arguments: argparse.Namespace, out: Console) -> int:
+    """Stand between a client and a server, and judge both."""
+    from splatbus_conformance.observe.proxy import endpoint, session
+
+    files, file = files_of(arguments), Path(arguments.record)
+    judged = session(
+        endpoint(arguments.listen), endpoint(arguments.to), file, arguments.seconds, out
+    )
+    return opinion([(str(file), judged)], peers_of(arguments), files, out, strict=arguments.strict)
+
+
+def peers_of(arguments: argparse.Namespace) -> tuple[Side, ...]:
+    """Whom to judge of a session."""
+    return SIDES if arguments.peer == "both" else (arguments.peer,)
+
+
+def report(arguments: argparse.Namespace, out: Console) -> int:
+    """Make reports of a stored one."""
+    if arguments.schema:
+        sys.stdout.write(read_text("report.schema.json"))
+        return EXIT_CONFORMING
+    reports = load_reports(Path(arguments.file))
+    files = files_of(arguments)
+    if not any(files):
+        raise Usage(f"what is to be made of {arguments.file}? Add --html FILE, say")
+    files.write(reports)
+    for each in reports:
+        out.print(f"{each['testee']}: {each['summary']}", markup=False)
+    return EXIT_CONFORMING
+
+
+def list_(arguments: argparse.Namespace, out: Console) -> int:
+    """List requirements."""
+    print_list(out, (arguments.peer,) if arguments.peer else PEERS)
+    return EXIT_CONFORMING
+
+
+def explain(arguments: argparse.Namespace, out: Console) -> int:
+    """Explain requirements."""
+    found = [print_explanation(out, name) for name in arguments.ids]
+    return EXIT_CONFORMING if all(found) else EXIT_USAGE

@@ -1,0 +1,109 @@
+"""`splatbus-conformance replay`: deliver one script, and say whether it fails again."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from splatbus_schemas.requirements import requirements
+
+from splatbus_conformance.cases.script import Script
+from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.reports.files import Files
+from splatbus_conformance.reports.files.as_json import json_report
+from splatbus_conformance.reports.findings import Traffic
+from splatbus_conformance.reports.terminal import print_evidence, words
+from splatbus_conformance.run.replay import Replay, replay
+from splatbus_conformance.run.testbed import set_up
+from splatbus_conformance.verdicts import (
+    EXIT_CONFORMING,
+    EXIT_NO_VERDICT,
+    EXIT_NOT_CONFORMING,
+    Level,
+    Result,
+    Verdict,
+    failing,
+)
+
+
+def replay_script(script: Script, plan: Plan, files: Files, out: Console) -> int:
+    """Deliver a script to the testee of a plan: 1 if it fails again, 0 if it does not, 3 if nothing
+    can be said. Raises Usage, NoVerdict.
+    """
+    began = time.monotonic()
+    files.remove_former()
+    stand = set_up(replace(plan, side=script.side, viewport=script.viewport))
+    try:
+        stand.introduce()
+        given = replay(stand, script)
+        traffic = Traffic(stand.testee.name, stand.facts.version(), stand.facts.device)
+    finally:
+        stand.close()
+    _print(script, given, out)
+    files.write(replay_report(script, given, traffic, time.monotonic() - began))
+    return _status(given)
+
+
+def replay_report(
+    script: Script, given: Replay, traffic: Traffic, seconds: float
+) -> dict[str, Any]:
+    """The report of a replay, on the one requirement that the script is about."""
+    requirement = requirements("1.1")[script.requirement]
+    text, verdict = given.skipped, Verdict.SKIP
+    again = f"no verdict: {given.skipped}"
+    if not given.skipped:
+        text, again = "nothing that breaks it", f"{requirement.id} is not broken again"
+        verdict = Verdict.PASS
+    if given.broken is not None:
+        text, again = given.broken, f"{requirement.id} is broken again"
+        verdict = failing(requirement.level)
+    result = Result(
+        requirement.id,
+        script.check,
+        _level(script),
+        verdict,
+        text,
+        given.transcript,
+        seconds,
+        tuple(given.trial.measurements),
+    )
+    return json_report(
+        traffic.testee,
+        script.side,
+        again,
+        [result],
+        {requirement.id: requirement},
+        exit_code=_status(given),
+        traffic=traffic,
+        seconds=seconds,
+        profile=None,
+        seeds=(),
+    )
+
+
+def _level(script: Script) -> Level:
+    if script.by_rule:
+        return Level.PASSIVE
+    known = {it.__name__: it.check.level for it in check_functions(script.side)}
+    return Level(known[script.check])
+
+
+def _status(given: Replay) -> int:
+    if given.skipped:
+        return EXIT_NO_VERDICT
+    return EXIT_CONFORMING if given.broken is None else EXIT_NOT_CONFORMING
+
+
+def _print(script: Script, given: Replay, out: Console) -> None:
+    requirement = requirements("1.1")[script.requirement]
+    style, verdict = ("green", "NOT AGAIN") if given.broken is None else ("bold red", "AGAIN")
+    out.print(f"[{style}]{verdict}[/] [bold]{requirement.id}[/] [dim]{words(script.check)}[/]")
+    out.print(f"  the standard   {escape(requirement.sentence)}")
+    out.print(f"  acceptable     {', '.join(requirement.acceptable)}")
+    out.print(f"  seen before    {escape(script.seen)}")
+    out.print(f"  seen now       {escape(given.broken or 'nothing that breaks it')}")
+    if given.skipped:
+        out.print(f"  not judged     {escape(given.skipped)}")
+    print_evidence(out, given.transcript)

@@ -1,0 +1,1 @@
+"""Where images lie: shared memory of the host and of devices, and who reads it."""

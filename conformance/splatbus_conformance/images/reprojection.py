@@ -1,0 +1,214 @@
+"""Two images of one static scene, each with a depth and a camera: do they show the same surfaces?
+
+Each covered pixel of one is taken to the world and seen from the camera of the other, whose depth
+there must be the point's. What the numbers could have been taken for by mistake is a *reading*: the
+images tell which one they fit.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_conformance.cases.valid.poses import Pose
+from splatbus_conformance.images.pinhole import Camera, Reals, Rigid, rigid
+
+CLOSENESS = 1e-4
+"""How far numbers of the same pose may be apart; those of a position relative to the largest."""
+CLOSE = 0.02
+"""Relative error of depth within which two images agree at a point. Surfaces that are interpolated
+between pixels, and splats that no depth describes sharply, stay within it; what the readings do to
+a camera that moved a tenth of its distance does not."""
+SMOOTH = 1.15
+"""How much the depths of four neighbouring pixels may differ: beyond it there is an edge."""
+MOST_POINTS = 6000
+LEAST_LANDED = 0.25
+"""Of the points, so many count at least: a reading that sees nothing at all explains nothing."""
+LEAST_POINTS = 50
+"""Points from which an image tells anything; fewer agree by chance."""
+FITS = 0.75
+"""The share of points that agree, from which a reading explains the images."""
+APART = 0.25
+"""How much more must agree with one reading than with another to tell them apart."""
+
+
+class View(NamedTuple):
+    """An image: what its frame says of the camera, and its depth."""
+
+    camera: Camera
+    position: Sequence[float]
+    """As named on the wire."""
+    rotation: Sequence[float]
+    """x, y, z, w as named on the wire."""
+    depth: Reals
+    """(h, w), rows top-down, planar, +∞ where empty."""
+
+
+class Pair(NamedTuple):
+    """Two images, and how the scene moved between them: Rigid() where it did not."""
+
+    before: View
+    after: View
+    moved: Rigid = Rigid()
+
+
+class Reading(NamedTuple):
+    """What the numbers of a frame may have been taken for."""
+
+    words: str
+    """Completes "the images fit …"."""
+    pose: Callable[[View], Rigid] = lambda view: view.camera.pose
+    depth: Callable[[View], Reals] = lambda view: view.depth
+    still: bool = False
+    """The second image was rendered with the camera of the first."""
+    scene: Callable[[Rigid], Rigid] = lambda moved: moved
+
+
+def agreement(pair: Pair, reading: Reading) -> float:
+    """The share of points at which the second image holds the depth that the first one promises.
+
+    Points that leave the image, or land beside an edge of it, do not count; if few are left, as
+    many are taken to disagree as LEAST_LANDED and LEAST_POINTS have it.
+    """
+    before, after, moved = pair
+    rays, depth = before.camera.rays(), reading.depth(before)
+    seen = np.isfinite(depth) & (depth > 0)
+    points = (depth[seen][:, None] * rays[seen])[:: max(1, int(seen.sum()) // MOST_POINTS)]
+    world = reading.scene(moved).place(reading.pose(before).place(points))
+    arrived = reading.pose(before if reading.still else after).sees(world)
+    counted, right = _compare(arrived, after.camera, reading.depth(after))
+    return right / max(counted, LEAST_LANDED * len(points), LEAST_POINTS)
+
+
+def _compare(points: Reals, camera: Camera, depth: Reals) -> tuple[int, int]:
+    """How many points (n, 3) in camera axes land within smooth depth or nothing, and agree."""
+    points = points[np.isfinite(points).all(axis=-1) & (points[:, 2] > 0)]
+    with np.errstate(over="ignore"):
+        u = camera.fx * points[:, 0] / points[:, 2] + camera.cx - 0.5
+        v = camera.fy * points[:, 1] / points[:, 2] + camera.cy - 0.5
+    inside = (u >= 0) & (v >= 0) & (u < camera.width - 1) & (v < camera.height - 1)
+    u, v, z = u[inside], v[inside], points[inside, 2]
+    column, row = u.astype(np.int64), v.astype(np.int64)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(depth > 0, 1.0 / depth, 0.0)
+    corners = np.stack([inverse[row + i, column + j] for i in (0, 1) for j in (0, 1)])
+    nothing = ~corners.any(axis=0)
+    smooth = (corners > 0).all(axis=0) & (corners.max(axis=0) <= SMOOTH * corners.min(axis=0))
+    x, y = u - column, v - row
+    # 1/z of a plane is linear in the image: between pixels it is right where z would not be.
+    between = np.stack(((1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y))
+    agrees = smooth & (np.abs(z * (between * corners).sum(axis=0) - 1.0) <= CLOSE)
+    return int((smooth | nothing).sum()), int(agrees.sum())
+
+
+def explain(pairs: Iterable[Pair], readings: Sequence[Reading]) -> NDArray[np.float64]:
+    """For each reading, the share of points that agree in the pair that fits it worst."""
+    shares = [[agreement(pair, reading) for reading in readings] for pair in pairs]
+    worst: NDArray[np.float64] = np.array(shares).reshape(-1, len(readings)).min(axis=0)
+    return worst
+
+
+AS_SPECIFIED = Reading("what the frames say")
+
+
+def _posed(change: Callable[[Rigid], Rigid]) -> Callable[[View], Rigid]:
+    return lambda view: change(view.camera.pose)
+
+
+def _turned(*order: tuple[int, float]) -> Callable[[View], Rigid]:
+    """A pose whose quaternion has its members at other places, with other signs."""
+    return lambda view: rigid(view.position, [sign * view.rotation[at] for at, sign in order])
+
+
+def _axes(world: Sequence[float], camera: Sequence[float]) -> Callable[[View], Rigid]:
+    """A pose in axes with other signs."""
+    w, c = np.array(world), np.array(camera)
+    return _posed(lambda pose: Rigid(w[:, None] * pose.rotation * c, w * pose.position))
+
+
+def _scaled(factor: float) -> Reading:
+    return Reading(
+        f"depths of which {1 / factor:g} make a scene unit", depth=lambda view: view.depth * factor
+    )
+
+
+def _planar(view: View) -> Reals:
+    """Planar depth, if what was stored is the distance along the ray."""
+    planar: Reals = view.depth / np.linalg.norm(view.camera.rays(), axis=-1)
+    return planar
+
+
+def _inverse(view: View) -> Reals:
+    with np.errstate(divide="ignore"):
+        depth: Reals = np.where(np.isfinite(view.depth), 1.0 / view.depth, np.inf)
+    return depth
+
+
+QUATERNIONS = (
+    Reading(
+        "a camera whose rotation was read as w, x, y, z",
+        _turned((1, 1.0), (2, 1.0), (3, 1.0), (0, 1.0)),
+    ),
+    Reading(
+        "a camera whose rotation was taken for x, y, z, w when it was w, x, y, z",
+        _turned((3, 1.0), (0, 1.0), (1, 1.0), (2, 1.0)),
+    ),
+    Reading(
+        "a camera whose rotation is the inverse, as of a JPL quaternion",
+        _turned((0, -1.0), (1, -1.0), (2, -1.0), (3, 1.0)),
+    ),
+)
+POSES = (
+    Reading("a pose that was taken for world-to-camera", _posed(Rigid.inverse)),
+    Reading(
+        "a camera in OpenGL's axes, with y up and looking along −z", _axes((1, 1, 1), (1, -1, -1))
+    ),
+    Reading("a pose in Unity's axes, with y up", _axes((1, -1, 1), (1, -1, 1))),
+)
+MIRRORED = Reading("rows stored top-down", depth=lambda view: view.depth[::-1])
+"""Of a scene that nobody knows, images with these rows and a pose in Unity's axes are the same."""
+ROWS = (
+    MIRRORED,
+    Reading("columns stored from right to left", depth=lambda view: view.depth[:, ::-1]),
+    Reading("images turned by 180 degrees", depth=lambda view: view.depth[::-1, ::-1]),
+)
+DEPTHS = (
+    Reading("distances along the ray instead of planar depths", depth=_planar),
+    Reading("inverse depths", depth=_inverse),
+    *(_scaled(factor) for factor in (1e-3, 1e-2, 0.1, 0.3048, 0.5, 2.0, 10.0, 100.0, 1e3)),
+)
+MOMENTS = (
+    Reading("the camera before, which is not the one that their frame names", still=True),
+    Reading("a camera whose position is not applied", _posed(lambda pose: Rigid(pose.rotation))),
+    Reading(
+        "a camera whose rotation is not applied",
+        _posed(lambda pose: Rigid(position=pose.position)),
+    ),
+)
+SCENES = (
+    Reading("a scene that did not move at all", scene=lambda moved: Rigid()),
+    Reading("a scene moved by the inverse of the pose", scene=Rigid.inverse),
+    Reading(
+        "a scene that was moved, but not turned", scene=lambda moved: Rigid(position=moved.position)
+    ),
+    Reading("a scene that was turned, but not moved", scene=lambda moved: Rigid(moved.rotation)),
+)
+EVERY = (AS_SPECIFIED, *QUATERNIONS, *POSES, *ROWS, *DEPTHS, *MOMENTS)
+
+
+def named(pose: Rigid, sent: Pose) -> Reading | None:
+    """As what of the pose that was sent a frame names another one; None if as nothing known."""
+    plain = View(_NOWHERE._replace(pose=rigid(*sent)), *sent, _NOTHING)
+    for reading in (AS_SPECIFIED, *QUATERNIONS, *POSES):
+        meant = reading.pose(plain)
+        near = CLOSENESS * max(1.0, float(np.abs(meant.position).max()))
+        if np.allclose(pose.position, meant.position, rtol=0, atol=near) and np.allclose(
+            pose.rotation, meant.rotation, rtol=0, atol=CLOSENESS
+        ):
+            return reading
+    return None
+
+
+_NOTHING = np.empty((0, 0))
+_NOWHERE = Camera(Rigid(), 1.0, 1.0, 0.0, 0.0, 1, 1, 0.01, 100.0)

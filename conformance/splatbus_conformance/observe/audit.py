@@ -1,0 +1,185 @@
+"""Audit: judge a recorded session by what its bytes show of either peer (L0)."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from splatbus_schemas.requirements import Requirement, requirements
+
+from splatbus_conformance.rules import Sighting, guilty, judge
+from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.verdicts import Level, Result, Verdict, failing
+from splatbus_conformance.wire.conversation import SENDER, Conversation, conversations
+from splatbus_conformance.wire.recording import Channel, Entry
+
+VERSIONS = ("1.0", "1.1")
+"""Rules of 1.1 judge only what a `hello` or an init packet of 1.1 has brought into play."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where in a recording something stands."""
+
+    channel: str
+    conn: int
+    t: float
+    """Seconds since the recording began."""
+    sender: str
+    """Whose stream it stands in."""
+    offset: int
+    """Byte of that stream at which the packet begins, its header included."""
+    pointer: str
+    """JSON Pointer into the message, empty where the breach has no place of its own there."""
+
+    def __str__(self) -> str:
+        where = f"{self.channel} #{self.conn}, {self.t:.4f} s, byte {self.offset} of the "
+        return f"{where}{self.sender}'s stream" + (f", {self.pointer}" if self.pointer else "")
+
+
+@dataclass(frozen=True)
+class Breach:
+    """How a requirement was broken, and the bytes that show it."""
+
+    place: Place
+    text: str
+    excerpt: str
+    """The bytes as lines of a transcript, around the member that matters; folded when long."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a recording shows of one requirement and one peer."""
+
+    requirement: Requirement
+    peer: str
+    exercised: int
+    """How often the peer met the requirement or broke it."""
+    broken: int
+    first: Breach | None
+    """The first breach, if there is one."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """Pass, or by the level of the requirement fail or warn."""
+        return failing(self.requirement.level) if self.broken else Verdict.PASS
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What a recording shows."""
+
+    findings: tuple[Finding, ...]
+    """What was exercised, in the order of the specification, the client's before the server's."""
+    conversations: tuple[Conversation, ...]
+    """What was judged."""
+    left_over: tuple[str, ...]
+    """What no rule could judge, in words."""
+
+    @property
+    def connections(self) -> Mapping[Channel, int]:
+        """How many connections were seen on each channel."""
+        channels: tuple[Channel, ...] = ("ipc", "msg")
+        return {name: sum(it.channel == name for it in self.conversations) for name in channels}
+
+    @property
+    def seconds(self) -> float:
+        """How long the session lasted."""
+        times = [
+            t
+            for it in self.conversations
+            for t in (it.opened, *(m.packet.ended for m in it.messages), *it.ended.values())
+        ]
+        return max(times, default=0.0) - min(times, default=0.0)
+
+    def version(self, peer: str) -> str:
+        """The version of the specification that `client` or `server` has come to be judged by."""
+        first = requirements(VERSIONS[0])
+        added = any(finding.requirement.id not in first for finding in self.of(peer))
+        return VERSIONS[added]
+
+    def of(self, peer: str) -> tuple[Finding, ...]:
+        """The findings on `client` or `server`."""
+        return tuple(finding for finding in self.findings if finding.peer == peer)
+
+
+def audit(entries: Iterable[Entry]) -> Audit:
+    """Judge a recording by every rule; never raises for what it holds."""
+    return audit_of(conversations(entries))
+
+
+def audit_of(found: Sequence[Conversation]) -> Audit:
+    """Judge what was recorded so far, put together already."""
+    known = requirements(VERSIONS[-1])
+    sightings: dict[tuple[str, str], list[Sighting]] = {}
+    for sighting in judge(found):
+        sightings.setdefault((sighting.requirement, sighting.peer), []).append(sighting)
+    return Audit(
+        tuple(
+            _finding(requirement, peer, sightings[name, peer])
+            for name, requirement in known.items()
+            for peer in ("client", "server")
+            if (name, peer) in sightings
+        ),
+        tuple(found),
+        tuple(line for conversation in found for line in _left_over(conversation)),
+    )
+
+
+def results(judged: Audit, peer: str) -> list[Result]:
+    """The findings on `client` or `server` as results for a report."""
+    return [
+        Result(
+            finding.requirement.id,
+            "rule",
+            Level.PASSIVE,
+            finding.verdict,
+            _in_words(finding),
+            (str(finding.first.place), *finding.first.excerpt.splitlines())
+            if finding.first
+            else (),
+        )
+        for finding in judged.of(peer)
+    ]
+
+
+def _finding(requirement: Requirement, peer: str, sightings: list[Sighting]) -> Finding:
+    broken = [sighting for sighting in sightings if sighting.breach is not None]
+    first = min(broken, key=lambda sighting: sighting.t, default=None)
+    return Finding(
+        requirement, peer, len(sightings), len(broken), None if first is None else _breach(first)
+    )
+
+
+def _breach(sighting: Sighting) -> Breach:
+    message = sighting.message
+    place = Place(
+        sighting.channel,
+        sighting.conn,
+        sighting.t,
+        sighting.peer if message is None else message.sender,
+        sighting.offset if message is None else message.packet.offset,
+        sighting.pointer,
+    )
+    _, *lines = guilty.shown(sighting) or [""]
+    return Breach(place, sighting.breach or "", "\n".join(lines))
+
+
+def _in_words(finding: Finding) -> str:
+    if finding.first is None:
+        return f"held {finding.exercised} times of {finding.exercised}"
+    times = f"broken {finding.broken} times of {finding.exercised}"
+    return f"{times}; first: {finding.first.text}"
+
+
+def _left_over(conversation: Conversation) -> Iterator[str]:
+    where = f"{conversation.channel} #{conversation.number}"
+    for direction, stream in conversation.streams.items():
+        if stream.refused is not None:
+            count = len(stream.rest) + stream.unsplit
+            yield f"{where}: {count:,} bytes of the {SENDER[direction]} from a bad header on"
+        elif stream.rest:
+            yield f"{where}: {len(stream.rest):,} bytes of the {SENDER[direction]}, no whole packet"
+    unknown = sum(m.kind is None and m.value is not None for m in conversation.messages)
+    if unknown:
+        yield f"{where}: {unknown} messages of unknown types"
+    if unanswered := exchanges(conversation).unanswered:
+        yield f"{where}: {len(unanswered)} requests without a reply"

@@ -1,0 +1,49 @@
+"""Reports that were stored: read, and measured by the schema before anything is made of them."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+
+from splatbus_conformance.data import read_json
+from splatbus_conformance.plan import Usage
+from splatbus_conformance.reports.files.as_json import Report
+
+SHOWN = 3
+"""Faults of a file that are told."""
+Document = Report | Sequence[Report]
+"""What a file holds: the report of a live run, or a list of those of a recording."""
+
+
+def listed(document: Document) -> list[Report]:
+    """The reports of a document."""
+    return [*document] if isinstance(document, Sequence) else [document]
+
+
+def load(path: Path) -> list[Report]:
+    """The reports in a file. Raises Usage that says what is wrong with it, and where."""
+    try:
+        document = json.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise Usage(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise Usage(f"{path} is no JSON: {error}") from None
+    faults = sorted(validator().iter_errors(document), key=lambda fault: fault.json_path)
+    if faults:
+        told = "; ".join(f"{pointer(fault)}: {fault.message[:200]}" for fault in faults[:SHOWN])
+        more = f"; and {len(faults) - SHOWN} more" if len(faults) > SHOWN else ""
+        raise Usage(f"{path} is no report: {told}{more}")
+    return listed(document)
+
+
+def validator() -> Any:
+    """Of report.schema.json."""
+    return jsonschema.Draft202012Validator(read_json("report.schema.json"))
+
+
+def pointer(fault: Any) -> str:
+    """Where in the document, as a JSON Pointer; the document itself in words."""
+    parts = (str(part).replace("~", "~0").replace("/", "~1") for part in fault.absolute_path)
+    return "".join(f"/{part}" for part in parts) or "the whole"

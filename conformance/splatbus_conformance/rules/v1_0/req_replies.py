@@ -1,0 +1,400 @@
+"""Rules on what a server answers (spec 1.0 section 6.2, spec 1.1 section 2.6)."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.exchanges import exchanges, valid_request
+from splatbus_conformance.rules.v1_0.ini import size
+from splatbus_conformance.rules.v1_0.pos import magnitudes, pose, unit_norm
+from splatbus_conformance.rules.v1_1.neg_hello import hello
+from splatbus_conformance.rules.v1_1.obj import STEERING
+from splatbus_conformance.wire.conversation import Conversation, Message
+from splatbus_conformance.wire.json_values import (
+    integer_in,
+    is_number,
+    numbers,
+    show,
+    unspeakable,
+    whole,
+)
+from splatbus_conformance.wire.message_kinds import (
+    CLIENT_1_0,
+    CLIENT_1_1,
+    CLOSING_ERRORS,
+    POSES,
+    REPLY_TO,
+    REQUESTS,
+    REQUESTS_1_0,
+)
+
+MAX_SIZE: int = LIMITS["max_image_size"]
+JUDGED = {**STEERING, "hello": hello}
+"""What other messages show, which a server may close on."""
+
+
+class Size(NamedTuple):
+    """The size of the images, as an init packet announced it."""
+
+    t: float
+    size: tuple[int, int]
+
+
+class Blamed(NamedTuple):
+    """A packet from the server that answers nothing."""
+
+    answer: Message
+    cause: Message | None
+    """The message of the client that it was sent for, as far as that shows."""
+    requirement: str
+    """The one that it breaks."""
+
+
+@rule("REQ-3", "REQ-5")
+def well_formed_reply(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-3, REQ-5: the members of a reply, their numbers, and the camera's rotation."""
+    for question, answer, *_ in exchanges(conversation).pairs:
+        if answer.value is not None and answer.kind != "error":
+            if question.kind == "get_viewport_size":
+                yield from judged(conversation, answer, viewport_size(answer.value))
+            elif question.kind == "get_camera_pose":
+                yield from judged(conversation, answer, camera(answer.value))
+
+
+@rule("REQ-4")
+def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-4: the size told is that of the init packet, or `[0,0]` while nothing was rendered.
+
+    An init packet counts from when it was sent, on whichever connection, and so does a size that a
+    `set_viewport` was granted, which an init packet follows (VPT-5); that an image was rendered
+    shows when a `frame` is sent, on whichever connection.
+    """
+    announced = sizes(conversation)
+    rendered = _rendered(conversation.recording)
+    for question, answer, *_ in exchanges(conversation).pairs:
+        told = size_told(answer)
+        if question.kind != "get_viewport_size" or told is None:
+            continue
+        asked = question.packet.ended
+        before, allowed = sizes_at(announced, asked)
+        wrong = None
+        if told == (0, 0):
+            wrong = "the size is told to be [0, 0] after a frame" if rendered < asked else None
+        elif 0 in told:
+            wrong = f"the size is told to be {list(told)}"
+        elif before and told not in allowed:
+            wrong = f"the size is told to be {list(told)}, the init packet said {list(before)}"
+        if wrong or before:
+            yield about(conversation, answer, "REQ-4", wrong, "/viewport_size")
+
+
+@rule("REQ-7", "NEG-29")
+def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-7, after `hello` NEG-29: one answer to each valid request, in order.
+
+    That one is missing shows when a later one is answered, or when the server ends the connection
+    of a faultless client that it had served, with no other connection to prefer to it.
+    """
+    found = exchanges(conversation)
+    negotiated = conversation.welcome is not None
+    for pair in found.pairs:
+        requirement = "NEG-29" if pair.asked_after_hello and negotiated else "REQ-7"
+        late = f"this answers a request after {pair.late} that had no answer yet"
+        yield about(conversation, pair.answer, requirement, late if pair.late else None)
+    for extra in _caused(conversation):
+        if extra.requirement == "REQ-7":
+            yield about(conversation, extra.answer, "REQ-7", "a reply that nothing asked for")
+    if found.unanswered and _left_by_the_server(conversation):
+        hello = conversation.hello
+        for question in found.unanswered:
+            after = hello is not None and hello.packet.offset < question.packet.offset
+            requirement = "NEG-29" if after and negotiated else "REQ-7"
+            text = "the server ended the connection without answering this request"
+            yield about(conversation, question, requirement, text, peer="server")
+
+
+@rule("CHN-11", "JSN-8", "POS-10", "REQ-8", "REQ-9")
+def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
+    """CHN-11, JSN-8, POS-10, REQ-8, REQ-9: what has no reply, by what was sent before it."""
+    found = exchanges(conversation)
+    causes = set()
+    for answer, cause, requirement in _caused(conversation):
+        if requirement != "REQ-7":
+            what = "unasked" if cause is None else f"after a message of type {show(cause.type)}"
+            yield about(conversation, answer, requirement, f"a packet {what}")
+            causes.add(cause.packet.offset if cause else None)
+    if conversation.hello is None:
+        for pair in found.pairs:
+            yield about(conversation, pair.answer, "CHN-11")
+    for message in conversation.sent_by("client"):
+        left_alone = _without_reply(message)
+        if conversation.channel == "msg" and left_alone and message.packet.offset not in causes:
+            yield about(conversation, message, left_alone, peer="server")
+
+
+@rule("NEG-28")
+def typed_replies(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-28: after `welcome`, a reply has its type and the id of its request."""
+    for pair in exchanges(conversation).pairs:
+        spoiled = pair.answer.value is None or pair.answer.kind == "error"
+        if pair.welcomed and not spoiled:
+            yield from judged(
+                conversation, pair.answer, _typed(pair.question.value or {}, pair.answer)
+            )
+
+
+@rule("CHN-16")
+def answers_before_the_end(conversation: Conversation) -> Iterator[Sighting]:
+    """CHN-16: requests that came whole before the client's end of stream are answered.
+
+    Judged once the server has ended its own stream after the client's.
+    """
+    ended = conversation.ended
+    half_closed = ended.get("c2s", math.inf) <= ended.get("s2c", -math.inf)
+    found = exchanges(conversation)
+    if half_closed and not conversation.resets and _complete(conversation):
+        missing = found.unanswered
+        if missing and _faultless(conversation):
+            text = f"the server closed with {len(missing)} requests unanswered"
+            yield about(conversation, missing[0], "CHN-16", text, peer="server")
+        elif found.pairs and not missing:
+            yield about(conversation, found.pairs[-1].answer, "CHN-16")
+
+
+def viewport_size(value: dict[str, Any]) -> Iterator[Judgement]:
+    """What the reply to `get_viewport_size` shows of REQ-3."""
+    size = value.get("viewport_size")
+    wrong = None
+    if "viewport_size" not in value:
+        wrong = "the reply has no member viewport_size"
+    elif not (isinstance(size, list) and len(size) == 2):
+        wrong = f"viewport_size is {show(size)}, no array of two numbers"
+    yield Judgement("REQ-3", wrong, "/viewport_size")
+    if wrong is None and isinstance(size, list):
+        for i, part in enumerate(size):
+            plain = isinstance(part, int) and integer_in(part, 0, MAX_SIZE)
+            text = f"{show(part)} is no plain integer from 0 to {MAX_SIZE:,}"
+            fine = plain or unspeakable(part)
+            yield Judgement("REQ-3", None if fine else text, f"/viewport_size/{i}")
+
+
+def camera(value: dict[str, Any]) -> Iterator[Judgement]:
+    """What the reply to `get_camera_pose` shows of REQ-5."""
+    for name, count in (("position", 3), ("rotation", 4)):
+        part = value.get(name)
+        text = f"{name} is {show(part)}" if name in value else f"{name} is missing"
+        if numbers(part, count):
+            yield Judgement("REQ-5")
+        elif isinstance(part, list) and len(part) == count:
+            i = next(i for i, each in enumerate(part) if not is_number(each))
+            yield Judgement("REQ-5", f"{show(part[i])} is no number", f"/{name}/{i}")
+        else:
+            yield Judgement("REQ-5", f"{text}: no array of {count} numbers", f"/{name}")
+    if numbers(value.get("position"), 3):
+        each = {f"/position/{i}": part for i, part in enumerate(value["position"])}
+        yield from magnitudes(each, "REQ-5")
+    if numbers(value.get("rotation"), 4):
+        yield from unit_norm(value["rotation"], "REQ-5")
+
+
+def _typed(question: dict[str, Any], answer: Message) -> Iterator[Judgement]:
+    value = answer.value or {}
+    kind = REPLY_TO[str(question["type"])]
+    if answer.type != kind:
+        has = show(value["type"]) if "type" in value else "missing"
+        yield Judgement("NEG-28", f'type is {has}, not "{kind}"', "/type")
+    else:
+        yield Judgement("NEG-28")
+    if integer_in(question.get("id"), 0) and value.get("id") != question["id"]:
+        has = show(value["id"]) if "id" in value else "missing"
+        yield Judgement("NEG-28", f"id is {has}, the request's was {show(question['id'])}", "/id")
+
+
+def size_told(answer: Message) -> tuple[int, int] | None:
+    """The size that a reply tells, if it does."""
+    if answer.value is None or any(j.breach for j in viewport_size(answer.value)):
+        return None
+    told = [whole(part) for part in answer.value["viewport_size"]]
+    width, height = told
+    return None if width is None or height is None else (width, height)
+
+
+def sizes(conversation: Conversation) -> list[Size]:
+    """The sizes of the server's images, on whichever connection they were announced or granted."""
+    return _sizes(conversation.recording)
+
+
+@lru_cache(maxsize=1)  # each conversation of a recording asks for the same
+def _sizes(recording: Conversation) -> list[Size]:
+    found = []
+    for each in recording.beside or [recording]:
+        asked_for: set[tuple[object, object]] = set()
+        replies = ["viewport_size"] if each.of("set_viewport") else []
+        for message in each.of("init_packet", "set_viewport", *replies):
+            value = message.value or {}
+            known = None
+            if message.kind == "init_packet":
+                known = size(value.get("meta"))
+            elif message.kind == "set_viewport":
+                asked_for.add((whole(value.get("width")), whole(value.get("height"))))
+            elif asked_for:
+                told = size_told(message)
+                known = told if told in asked_for else None
+            if known is not None:
+                found.append(Size(message.packet.ended, known))
+    return sorted(found)
+
+
+def sizes_at(
+    announced: list[Size], t: float
+) -> tuple[tuple[int, int] | None, set[tuple[int, int]]]:
+    """The size of the images at a time, if it is known, and all that they may have had since."""
+    before = [earlier for at, earlier in announced if at < t]
+    allowed = {*before[-1:], *(later for at, later in announced if at >= t)}
+    return (before[-1] if before else None), allowed
+
+
+@lru_cache(maxsize=1)
+def _rendered(recording: Conversation) -> float:
+    """When the first `frame` was sent, in seconds; infinity if none was."""
+    conversations = recording.beside or [recording]
+    frames = (message.packet.ended for each in conversations for message in each.of("frame"))
+    return min(frames, default=math.inf)
+
+
+@lru_cache(maxsize=1)  # two rules ask for the same
+def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
+    """What answers nothing, each with the message that it was sent for, as far as that shows.
+
+    A server answers in order. What comes when each request has its answer is about something that
+    the client had sent since it last knew that; else it is one more answer to the last. Where that
+    can be several messages, which are left alone by different sentences, or ids are not given back,
+    it is one answer too many to all of them.
+    """
+    found = exchanges(conversation)
+    negotiated = conversation.welcome is not None
+    waits = {pair.answer.packet.offset: pair.question.packet.offset for pair in found.pairs}
+    asked = {*waits.values(), *(message.packet.offset for message in found.unanswered)}
+    extra = {it.answer.packet.offset: it.cause for it in found.extra}
+    nameless = any(p.welcomed and not _is_named_as(p.answer, p.question) for p in found.pairs)
+    told: list[Blamed] = []
+    silent: defaultdict[str, list[Message]] = defaultdict(list)
+    waiting, all_answered = 0, False
+    for message in sorted(conversation.messages, key=lambda it: it.packet.ended):
+        at = message.packet.offset
+        if message.sender == "client":
+            if all_answered:
+                silent.clear()
+                all_answered = False
+            waiting += at in asked
+            if message.value is None or message.faults or _without_reply(message):
+                silent[_blame(message, negotiated=negotiated)].append(message)
+        elif at in waits:
+            waiting -= 1
+            all_answered = waiting == 0
+        elif at in extra:
+            causes = {
+                requirement: first
+                for requirement, messages in silent.items()
+                if (first := next((it for it in messages if _may_be_for(message, it)), None))
+                and (not negotiated or _is_named_as(message, first))
+            }
+            if nameless or len(causes) > 1 or (negotiated and not causes and extra[at]):
+                told.append(Blamed(message, extra[at], "REQ-7"))
+                continue
+            cause = extra[at]
+            for requirement, cause in causes.items():
+                silent[requirement].remove(cause)
+            told.append(Blamed(message, cause, _blame(cause, negotiated=negotiated)))
+    return tuple(told)
+
+
+def _is_named_as(answer: Message, message: Message) -> bool:
+    """Whether an answer has the id of a message, if that can be read: else it is for another."""
+    unread = message.value is None or bool(message.faults)
+    return unread or (answer.value or {}).get("id") == (message.value or {}).get("id")
+
+
+def _may_be_for(answer: Message, message: Message) -> bool:
+    """Whether an answer is of a kind that this message, which has none, could have been given."""
+    unread = message.value is None or bool(message.faults)
+    return unread or answer.kind is None or REPLY_TO.get(message.kind or "") == answer.kind
+
+
+def _blame(cause: Message | None, *, negotiated: bool) -> str:
+    """The requirement that an answer breaks which a message must not have had."""
+    if cause is None:
+        return "CHN-11"
+    if cause.value is None or cause.faults:
+        return "JSN-8"
+    if cause.kind in POSES:
+        return "POS-10"
+    if cause.kind in REQUESTS_1_0:
+        return "REQ-7" if valid_request(cause) else "REQ-9"
+    return "REQ-7" if negotiated else "REQ-8"
+
+
+def _without_reply(message: Message) -> str | None:
+    """The requirement by which a client's message has no reply, where there is one."""
+    if message.value is None:
+        return None
+    if message.kind in POSES:
+        return "POS-10"
+    if message.kind in REQUESTS_1_0:
+        return None if valid_request(message) or message.faults else "REQ-9"
+    return None if message.kind in CLIENT_1_1 else "REQ-8"
+
+
+def _left_by_the_server(conversation: Conversation) -> bool:
+    """The server ended a connection that it served, of its own accord."""
+    end = conversation.ended.get("s2c", math.inf)
+    return (
+        end < conversation.ended.get("c2s", math.inf)
+        and bool(conversation.sent_by("server"))
+        and _complete(conversation)
+        and _faultless(conversation)
+        and not any(
+            other.channel == conversation.channel and conversation.opened < other.opened <= end
+            for other in conversation.beside
+        )
+    )
+
+
+def _complete(conversation: Conversation) -> bool:
+    """Both streams could be read to their end."""
+    return not any(s.rest or s.refused is not None for s in conversation.streams.values())
+
+
+def _faultless(conversation: Conversation) -> bool:
+    """The client gave its server no reason to close, and was told of none."""
+    told = any(
+        (message.value or {}).get("code") in CLOSING_ERRORS for message in conversation.of("error")
+    )
+    return not told and all(_sound(message) for message in conversation.sent_by("client"))
+
+
+def _sound(message: Message) -> bool:
+    if message.value is None or message.faults:
+        return False
+    if message.kind in POSES:
+        return all(judgement.breach is None for judgement in pose(message.value or {}))
+    if message.kind in REQUESTS:
+        return valid_request(message)
+    if message.kind in JUDGED:
+        return not any(j.breach for j in JUDGED[message.kind](message.value))
+    return message.kind in CLIENT_1_0 or message.kind in CLIENT_1_1
+
+
+RULES: tuple[Rule, ...] = (
+    well_formed_reply,
+    size_of_the_images,
+    one_answer_each_in_order,
+    nothing_but_replies,
+    typed_replies,
+    answers_before_the_end,
+)

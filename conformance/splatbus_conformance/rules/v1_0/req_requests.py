@@ -1,0 +1,105 @@
+"""Rules on what a client asks (spec 1.0 section 6.2, spec 1.1 chapters 7 to 9)."""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.rules import Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.exchanges import exchanges, request
+from splatbus_conformance.wire.conversation import Conversation
+from splatbus_conformance.wire.json_values import show, strings
+from splatbus_conformance.wire.message_kinds import CLIENT_1_0, CLIENT_1_1, REQUESTS, REQUESTS_1_0
+
+KNOWN_VERSIONS = {"1.0", "1.1"}
+
+
+@rule("REQ-1", "REQ-2", "SCN-1", "VPT-1", "PNG-1")
+def well_formed_request(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-1, REQ-2, SCN-1, VPT-1, PNG-1: the type of a request, and its members."""
+    if conversation.channel == "msg":
+        for message, hello, _ in conversation.placed(*REQUESTS):
+            if message.kind in (REQUESTS_1_0 if hello is None else REQUESTS):
+                yield from judged(conversation, message, request(message))
+
+
+@rule("REQ-14")
+def defined_types(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-14: no message of a type that nothing defines.
+
+    What a client that speaks a version unknown to this harness may send, is not judged.
+    """
+    if conversation.channel == "ipc" and conversation.hello is None:
+        return
+    for message, hello, _ in conversation.placed():
+        if message.sender == "server" or message.value is None:
+            continue
+        versions = strings((hello.value or {}).get("versions")) if hello else ["1.0"]
+        if versions is not None and set(versions) <= KNOWN_VERSIONS:
+            wrong = None
+            if message.kind not in CLIENT_1_0 and message.kind not in CLIENT_1_1:
+                kind = show(message.value["type"]) if "type" in message.value else "missing"
+                wrong = f"type is {kind}, which no version defines"
+            yield about(conversation, message, "REQ-14", wrong, "/type")
+
+
+@rule("REQ-12")
+def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
+    """REQ-12: after a size of `[0,0]`, 100 milliseconds before the next question.
+
+    Of a client that asks while it waits for a reply, a question may have been on its way.
+    """
+    pairs = exchanges(conversation).pairs
+    unknown = {
+        answer.packet.offset
+        for _, answer, *_ in pairs
+        if not answer.faults and (answer.value or {}).get("viewport_size") == [0, 0]
+    }
+    asks_ahead = any(
+        later.question.packet.began < pair.answer.packet.ended
+        for pair, later in itertools.pairwise(pairs)
+    )
+    told: float | None = None
+    for message in conversation.messages if unknown and not asks_ahead else ():
+        if message.sender == "server" and message.packet.offset in unknown:
+            told = message.packet.ended
+        elif message.kind == "get_viewport_size" and told is not None:
+            waited = message.packet.began - told
+            soon = waited < LIMITS["ask_again_min_seconds"]
+            text = f"asked again {1000 * waited:.1f} ms after the size was told to be [0,0]"
+            yield about(conversation, message, "REQ-12", text if soon else None)
+            told = None
+
+
+@rule("CHN-15")
+def waits_have_a_limit(conversation: Conversation) -> Iterator[Sighting]:
+    """CHN-15: a client that waits 10 seconds for a reply closes the connection.
+
+    It is held to that once 10 seconds and the 5 that a close may take have passed.
+    """
+    if conversation.streams["s2c"].refused is not None:
+        return
+    limit = LIMITS["reply_seconds"] + LIMITS["close_seconds"]
+    found = exchanges(conversation)
+    answered = {question.packet.offset: answer for question, answer, *_ in found.pairs}
+    sent = conversation.sent_by("client")
+    for question in [*(pair.question for pair in found.pairs), *found.unanswered]:
+        asked = question.packet.ended
+        answer = answered.get(question.packet.offset)
+        if answer is not None and answer.packet.ended < asked + limit:
+            continue
+        if sent[-1].packet.ended >= asked + limit:
+            text = f"still there {sent[-1].packet.ended - asked:.0f} s after an unanswered request"
+            yield about(conversation, sent[-1], "CHN-15", text)
+            return
+        if conversation.ended.get("c2s", math.inf) < asked + limit:
+            yield about(conversation, question, "CHN-15")
+
+
+RULES: tuple[Rule, ...] = (
+    well_formed_request,
+    defined_types,
+    asks_again_later,
+    waits_have_a_limit,
+)

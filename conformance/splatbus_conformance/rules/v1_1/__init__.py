@@ -1,0 +1,1 @@
+"""Rules of specification 1.1, a module for each clause."""

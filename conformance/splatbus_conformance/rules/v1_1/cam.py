@@ -1,0 +1,205 @@
+"""Rules on cameras: tags and intrinsics (spec 1.1 chapter 6)."""
+
+from collections import Counter
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.v1_0.req_replies import sizes, sizes_at
+from splatbus_conformance.rules.v1_1.mem import capabilities
+from splatbus_conformance.wire.conversation import Conversation, Message
+from splatbus_conformance.wire.json_values import (
+    ascending,
+    integer_in,
+    is_number,
+    number_in,
+    show,
+    text_of,
+    whole,
+)
+
+Json = dict[str, Any]
+MIN_LENS: float = LIMITS["min_lens"]
+MAX_LENS: float = LIMITS["max_lens"]
+MAX_SIZE: int = LIMITS["max_image_size"]
+MAX_TAG: int = LIMITS["max_tag_chars"]
+
+
+@rule("CAM-1", "CAM-4")
+def well_formed_lens_and_tag(conversation: Conversation) -> Iterator[Sighting]:
+    """CAM-1, CAM-4: the members that 1.1 adds to `camera_pose`."""
+    for message, _, welcome in conversation.placed("camera_pose"):
+        if welcome is not None:
+            yield from judged(conversation, message, additions(message.value or {}))
+
+
+@rule("CAM-4", "CAM-8")
+def cameras_have_a_lens(conversation: Conversation) -> Iterator[Sighting]:
+    """CAM-4, CAM-8: the reply to `get_camera_pose` has intrinsics, in pixels of the images.
+
+    The size of the images is known once an init packet was sent, on whichever connection.
+    """
+    if "intrinsics" not in (capabilities(conversation.welcome) or ()):
+        return
+    announced = sizes(conversation)
+    for question, answer, *_, welcomed, _ in exchanges(conversation).pairs:
+        value = answer.value or {}
+        if not (welcomed and question.kind == "get_camera_pose" and answer.kind == "camera"):
+            continue
+        known, allowed = sizes_at(announced, question.packet.ended)
+        if "intrinsics" not in value:
+            if known:
+                text = "the reply has no intrinsics"
+                yield about(conversation, answer, "CAM-8", text, "/intrinsics")
+            continue
+        given = value["intrinsics"]
+        yield from judged(conversation, answer, lens(given))
+        told = {name: given.get(name) for name in ("width", "height")} if _is_object(given) else {}
+        size = tuple(map(whole, told.values()))
+        wrong = None
+        if told and None not in size and known and size not in allowed:
+            wrong = f"the intrinsics are of {list(size)}, the init packet said {list(known)}"
+        yield about(conversation, answer, "CAM-8", wrong, "/intrinsics")
+
+
+class _Look(NamedTuple):
+    """Where a camera was, exactly."""
+
+    position: tuple[Any, ...]
+    rotation: tuple[Any, ...]
+
+
+@rule("CAM-2")
+def tags_come_back(conversation: Conversation) -> Iterator[Sighting]:
+    """CAM-2: the first `frame` from where only one pose, which has a tag, put the camera has it.
+
+    Judged where the poses are recorded as well, and none on that connection was answered by an
+    error: then no other client can have had control.
+    """
+    if conversation.channel != "ipc":
+        return
+    seen: set[_Look] = set()
+    tagged = _only_once(conversation.recording)
+    for message in conversation.of("frame") if tagged else ():
+        camera = _camera(message)
+        look = _look(camera, "012", "0123")
+        if look is None or look in seen:
+            continue
+        first = bool(seen)
+        seen.add(look)
+        asked = tagged.get(look)
+        if first and asked is not None and asked.packet.ended < message.packet.ended:
+            tag = (asked.value or {})["tag"]
+            has = show(camera["tag"]) if "tag" in camera else "missing"
+            text = f"tag is {has}; the pose of this camera has {show(tag)}"
+            wrong = None if camera.get("tag") == tag else text
+            yield about(conversation, message, "CAM-2", wrong, "/camera/tag")
+
+
+@rule("CAM-3")
+def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
+    """CAM-3: no tag comes on a connection more often than poses before it had that tag.
+
+    A tag that no recorded pose had may be that of a client whose messages are not recorded.
+    """
+    if conversation.channel != "ipc":
+        return
+    sent: dict[str, list[float]] = {}
+    for each in conversation.beside or [conversation]:
+        for message in each.of("camera_pose"):
+            tag = (message.value or {}).get("tag")
+            if isinstance(tag, str):
+                sent.setdefault(tag, []).append(message.packet.ended)
+    came: Counter[str] = Counter()
+    for message in conversation.of("frame") if sent else ():
+        tag = _camera(message).get("tag")
+        if isinstance(tag, str) and tag in sent:
+            came[tag] += 1
+            times = sum(t < message.packet.ended for t in sent[tag])
+            text = f"tag {show(tag)} comes {came[tag]} times, {times} poses before it had it"
+            wrong = text if came[tag] > times else None
+            yield about(conversation, message, "CAM-3", wrong, "/camera/tag")
+
+
+def additions(value: Json) -> Iterator[Judgement]:
+    """What a `camera_pose` shows of CAM-1 and CAM-4."""
+    if "tag" in value:
+        text = f"tag is {show(value['tag'])}, no string of 1 to {MAX_TAG} characters"
+        fits = text_of(value["tag"], 1, MAX_TAG)
+        yield Judgement("CAM-1", None if fits else text, "/tag")
+    if "intrinsics" in value:
+        yield from lens(value["intrinsics"])
+
+
+def lens(given: object) -> Iterator[Judgement]:
+    """What intrinsics show of CAM-4."""
+    yield Judgement("CAM-4")
+    if not isinstance(given, dict):
+        yield Judgement("CAM-4", f"intrinsics is {show(given)}, no object", "/intrinsics")
+        return
+    for name in ("fx", "fy", "cx", "cy", "near", "far"):
+        low = -MAX_LENS if name in ("cx", "cy") else MIN_LENS
+        if not number_in(given.get(name), low, MAX_LENS):
+            text = f"{name} is {_has(given, name)}, no number from {low} to {MAX_LENS}"
+            yield Judgement("CAM-4", text, f"/intrinsics/{name}")
+    for name in ("width", "height"):
+        if not integer_in(given.get(name), 1, MAX_SIZE):
+            text = f"{name} is {_has(given, name)}, no integer from 1 to {MAX_SIZE:,}"
+            yield Judgement("CAM-4", text, f"/intrinsics/{name}")
+    near, far = (given.get(name) for name in ("near", "far"))
+    if is_number(near) and is_number(far) and not ascending([near, far], 2, strictly=True):
+        yield Judgement("CAM-4", f"far is {show(far)}, near {show(near)}", "/intrinsics/far")
+
+
+def _camera(message: Message) -> Json:
+    """The camera of a `frame`; of no members where there is none."""
+    camera = (message.value or {}).get("camera")
+    return camera if isinstance(camera, dict) else {}
+
+
+def _has(value: Json, name: str) -> str:
+    return show(value[name]) if name in value else "missing"
+
+
+def _is_object(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+@lru_cache(maxsize=1)  # each conversation of a recording asks for the same
+def _only_once(recording: Conversation) -> dict[_Look, Message]:
+    """Poses that have a tag, by where they put the camera, where no other pose put it."""
+    found: dict[_Look, list[tuple[Message, bool]]] = {}
+    for each in recording.beside or [recording]:
+        refused = bool(each.of("error"))
+        for message, _, welcome in each.placed("camera_pose"):
+            value = message.value or {}
+            look, tag = _look(value, "xyz", "xyzw"), value.get("tag")
+            sure = welcome is not None and isinstance(tag, str) and not refused
+            if look is not None:
+                found.setdefault(look, []).append((message, sure))
+    return {look: poses[0][0] for look, poses in found.items() if len(poses) == 1 and poses[0][1]}
+
+
+def _look(value: Json, *names: str) -> _Look | None:
+    """Position and rotation: members of these names, or elements of these numbers."""
+    parts = []
+    for part, each in zip((value.get("position"), value.get("rotation")), names, strict=True):
+        if isinstance(part, list) and len(part) == len(each):
+            part = dict(zip(each, part, strict=True))
+        numbers = tuple(part.get(name) for name in each) if isinstance(part, dict) else ()
+        if not numbers or not all(is_number(number) for number in numbers):
+            return None
+        parts.append(numbers)
+    return _Look(*parts)
+
+
+RULES: tuple[Rule, ...] = (
+    well_formed_lens_and_tag,
+    cameras_have_a_lens,
+    tags_come_back,
+    tags_come_back_once,
+)

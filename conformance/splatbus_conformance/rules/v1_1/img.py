@@ -1,0 +1,247 @@
+"""Rules on frames, their release, and subscriptions (spec 1.1 chapter 5)."""
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.v1_0.ini import size
+from splatbus_conformance.rules.v1_0.pos import magnitudes, unit_norm
+from splatbus_conformance.rules.v1_1.mem import announced, capabilities
+from splatbus_conformance.wire.conversation import Conversation
+from splatbus_conformance.wire.json_values import (
+    SAFE,
+    integer_in,
+    is_number,
+    numbers,
+    positive,
+    show,
+    text_of,
+    unspeakable,
+    whole,
+)
+
+Json = dict[str, Any]
+Image = tuple[int | None, int | None]
+"""Generation and number of an image."""
+CHANNELS = ("color", "depth")
+MAX_TAG: int = LIMITS["max_tag_chars"]
+CAMERA_NUMBERS = {"fx": True, "fy": True, "cx": False, "cy": False, "near": True, "far": True}
+"""The numbers of a camera; whether they are positive."""
+
+
+@rule("IMG-1")
+def well_formed_frame(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-1: the members of a `frame`, slots and size as announced, and `seq` that grows."""
+    memory = announced(conversation)
+    newest = -1
+    for message, hello, _ in conversation.placed("frame"):
+        if hello is not None:
+            value = message.value or {}
+            offset = message.packet.offset
+            announcing = [
+                packet.message.value or {}
+                for packet in memory
+                if packet.message.packet.offset < offset
+                and packet.generation == value.get("generation")
+            ]
+            described = announcing[-1] if announcing else {}
+            yield from judged(conversation, message, frame(value, described, newest))
+            newest = max(newest, whole(value.get("seq"), 0) or 0)
+
+
+@rule("IMG-2")
+def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-2: a `frame` comes after `opened` for its generation and `release` of the one before.
+
+    A lease also ends with `closed` or `open_failed` for its generation (OPN-14). A frame that comes
+    later may have crossed that on its way, and lends nothing (IMG-15).
+    """
+    opened: set[int | None] = set()
+    given_up: set[int | None] = set()
+    lent: Image | None = None
+    told = ("opened", "closed", "open_failed", "release", "frame")
+    for message, hello, _ in conversation.placed(*told):
+        value = message.value or {}
+        generation = whole(value.get("generation"))
+        if message.kind == "opened":
+            opened.add(generation)
+        elif message.kind in ("closed", "open_failed"):
+            given_up.add(generation)
+            lent = None if lent and lent[0] == generation else lent
+        elif message.kind == "release" and lent == (generation, whole(value.get("seq"))):
+            lent = None
+        elif message.kind == "frame" and hello is not None:
+            wrong = None
+            if generation is not None and generation not in opened:
+                wrong = f"generation {generation} has not been opened"
+            elif lent is not None and None not in lent:
+                wrong = f"image {lent[1]} of generation {lent[0]} has not been released"
+            yield about(conversation, message, "IMG-2", wrong)
+            lent = None if generation in given_up else (generation, whole(value.get("seq")))
+
+
+@rule("IMG-23")
+def frames_are_agreed(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-23: a `frame` only where `welcome` lists `frames`."""
+    for message, _, welcome in conversation.placed("frame"):
+        granted = capabilities(welcome)
+        if welcome is None or granted is not None:
+            text = "frame, although no welcome lists frames"
+            wrong = None if "frames" in (granted or ()) else text
+            yield about(conversation, message, "IMG-23", wrong)
+
+
+@rule("IMG-12")
+def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-12: each `release` is the first for a `frame` of this connection.
+
+    A `release` that never comes is not judged: a client may hold an image as long as it likes.
+    """
+    lent: Counter[Image] = Counter()
+    released: Counter[Image] = Counter()
+    if conversation.streams["s2c"].refused is not None:
+        return
+    for message, _, welcome in conversation.placed("frame", "release"):
+        value = message.value or {}
+        image = (whole(value.get("generation")), whole(value.get("seq")))
+        if message.kind == "frame":
+            lent[image] += 1
+        elif "frames" in (capabilities(welcome) or ()):
+            released[image] += 1
+            wrong = None
+            if None in image and not any(None in other for other in lent):
+                wrong = "generation or seq is missing or no integer"
+            elif not lent[image]:
+                wrong = f"no frame had generation {image[0]} and seq {image[1]}"
+            elif released[image] > lent[image]:
+                wrong = f"image {image[1]} of generation {image[0]} is released a second time"
+            yield about(conversation, message, "IMG-12", wrong)
+
+
+@rule("IMG-12")
+def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-12: what a client was lent of a generation is released before that is `closed`.
+
+    It has certainly seen the frames that came before an init packet which it has answered. One that
+    comes later may reach it when it has closed that memory, and is ignored.
+    """
+    if conversation.streams["s2c"].refused is not None:
+        return
+    slots: dict[int | None, int] = {}
+    held: set[Image] = set()
+    before: dict[int | None, set[Image]] = {}
+    seen: set[Image] = set()
+    opened: set[int | None] = set()
+    closed: set[int | None] = set()
+    told = ("init_packet", "opened", "open_failed", "frame", "release", "closed")
+    for message, _, welcome in conversation.placed(*told):
+        value = message.value or {}
+        generation = whole(value.get("generation"))
+        image = (generation, whole(value.get("seq")))
+        if message.kind == "init_packet":
+            slots[generation] = _slots(value)
+            before[generation] = set(held)
+        elif message.kind in ("opened", "open_failed"):
+            seen |= before.get(generation, set())
+            opened |= {generation} if message.kind == "opened" else set()
+        elif "frames" not in (capabilities(welcome) or ()):
+            continue
+        elif message.kind == "frame" and generation in opened - closed and None not in image:
+            if (whole(value.get("slot"), 0) or 0) < slots.get(generation, 0):
+                held.add(image)
+        elif message.kind == "release":
+            held.discard(image)
+            if generation in closed:
+                text = f"generation {generation} has been closed before"
+                yield about(conversation, message, "IMG-12", text)
+        elif message.kind == "closed":
+            left = [number for of, number in held & seen if of == generation]
+            text = f"generation {generation} is closed, and its image {left[:1]} is not released"
+            yield about(conversation, message, "IMG-12", text if left else None)
+            closed.add(generation)
+
+
+def _slots(value: Json) -> int:
+    ring = value.get("ring")
+    return (whole(ring.get("slots"), 1) or 0) if isinstance(ring, dict) else 0
+
+
+@rule("IMG-19")
+def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
+    """IMG-19: `subscribe` names colour, depth or both."""
+    for message, hello, _ in conversation.placed("subscribe"):
+        if hello is not None:
+            wanted = (message.value or {}).get("channels")
+            named = isinstance(wanted, list) and all(name in CHANNELS for name in wanted)
+            fits = named and wanted and len(wanted) == len(set(wanted))
+            text = f"channels is {show(wanted)}, not color, depth or both"
+            yield about(conversation, message, "IMG-19", None if fits else text, "/channels")
+
+
+def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
+    """What a `frame` shows of IMG-1, in memory that this init packet describes."""
+    most = {"slot": (_slots(described) or SAFE + 1) - 1}
+    yield Judgement("IMG-1")
+    for name in ("generation", "seq", "slot"):
+        low, high = int(name == "generation"), most.get(name, SAFE)
+        if not integer_in(value.get(name), low, high):
+            has = show(value[name]) if name in value else "missing"
+            text = f"{name} is {has}, no integer from {low} to {high}"
+            yield Judgement("IMG-1", text, f"/{name}")
+    seq = whole(value.get("seq"), 0)
+    if seq is not None and seq <= newest:
+        yield Judgement("IMG-1", f"seq {seq} comes after {newest}", "/seq")
+    for name in ("time", "renderedAt"):
+        if not is_number(value.get(name)):
+            has = show(value[name]) if name in value else "missing"
+            yield Judgement("IMG-1", f"{name} is {has}, no number", f"/{name}")
+    camera = value.get("camera")
+    if isinstance(camera, dict):
+        tag = camera.get("tag", "none")
+        text = f"tag is {show(tag)}, no string of 1 to {MAX_TAG} characters"
+        yield Judgement("IMG-1", None if text_of(tag, 1, MAX_TAG) else text, "/camera/tag")
+        yield from _camera(camera, size(described.get("meta")))
+    else:
+        yield Judgement("IMG-1", f"camera is {show(camera)}, no object", "/camera")
+
+
+def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
+    for name, count in (("position", 3), ("rotation", 4)):
+        part = camera.get(name)
+        if not numbers(part, count):
+            text = f"{name} is {show(part)}, no array of {count} numbers"
+            yield Judgement("IMG-1", text, f"/camera/{name}")
+    if numbers(camera.get("position"), 3):
+        each = {f"/camera/position/{i}": part for i, part in enumerate(camera["position"])}
+        yield from magnitudes(each, "IMG-1")
+    if numbers(camera.get("rotation"), 4):
+        yield from unit_norm(camera["rotation"], "IMG-1", "/camera/rotation")
+    planes: list[Any] = [camera.get("near"), camera.get("far")]
+    if all(positive(plane) and not unspeakable(plane) for plane in planes):
+        near, far = map(float, planes)
+        text = f"far is {show(far)}, near {show(near)}"
+        yield Judgement("IMG-1", None if near < far else text, "/camera/far")
+    for name, must_be_positive in CAMERA_NUMBERS.items():
+        part = camera.get(name)
+        if not (positive(part) if must_be_positive else is_number(part)):
+            wanted = "positive number" if must_be_positive else "number"
+            yield Judgement("IMG-1", f"{name} is {show(part)}, no {wanted}", f"/camera/{name}")
+    for i, name in enumerate(("width", "height")):
+        part = camera.get(name)
+        fits = integer_in(part, 1, LIMITS["max_image_size"])
+        if not fits or (image is not None and whole(part) not in (None, image[i])):
+            expected = f", the init packet said {image[i]}" if image else ""
+            yield Judgement("IMG-1", f"{name} is {show(part)}{expected}", f"/camera/{name}")
+
+
+RULES: tuple[Rule, ...] = (
+    well_formed_frame,
+    lent_one_at_a_time,
+    frames_are_agreed,
+    one_release_for_each_frame,
+    released_before_closed,
+    well_formed_subscription,
+)

@@ -1,0 +1,160 @@
+"""Rules on the client's side of the negotiation (spec 1.1 chapter 2)."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.v1_0.ini import layout
+from splatbus_conformance.rules.v1_0.req_replies import viewport_size
+from splatbus_conformance.rules.v1_1.mem import capabilities
+from splatbus_conformance.rules.v1_1.neg_hello import hello
+from splatbus_conformance.wire.conversation import Conversation, Message
+from splatbus_conformance.wire.json_values import SAFE, integer_in, show
+from splatbus_conformance.wire.message_kinds import ADDED_MEMBERS, CLIENT_1_1, NEEDS, REQUESTS
+
+
+@rule("NEG-1", "NEG-3")
+def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-1, NEG-3: `hello` comes first, and once."""
+    sent = [message for message in conversation.sent_by("client") if message.value is not None]
+    hellos = [message for message in sent if message.kind == "hello"]
+    if hellos:
+        text = "this came before hello"
+        yield about(conversation, sent[0], "NEG-1", None if sent[0] is hellos[0] else text)
+        yield about(conversation, hellos[0], "NEG-3")
+        for again in hellos[1:]:
+            yield about(conversation, again, "NEG-3", "a further hello")
+
+
+@rule("NEG-2")
+def well_formed_hello(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-2: the members of `hello`."""
+    if conversation.hello is not None:
+        yield from judged(conversation, conversation.hello, hello(conversation.hello.value or {}))
+
+
+@rule("NEG-5")
+def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-5: what 1.1 adds comes after `welcome`, and what needs a capability if it lists that.
+
+    A client that never says `hello` may have members of its own, whatever their names; on the IPC
+    channel CHN-6 judges it. What a client sends although its server has shown to speak 1.0 is
+    judged by NEG-13 and NEG-14.
+    """
+    if _deaf(conversation):
+        return
+    fallback = _fallback(conversation)
+    shown = False
+    silent = conversation.hello is None
+    for message, greeted, welcome in conversation.placed():
+        shown = shown or message is fallback
+        added = _added(message, with_members=not silent)
+        if not added:
+            continue
+        if silent and conversation.channel == "ipc":
+            return
+        if welcome is None:
+            if silent or (greeted is not None and not shown):
+                early = [Judgement("NEG-5", f"{a.name} before welcome", a.pointer) for a in added]
+                yield from judged(conversation, message, early)
+            continue
+        granted = capabilities(welcome)
+        yield from judged(conversation, message, (_agreed(each, granted) for each in added))
+
+
+@rule("NEG-13", "NEG-14")
+def falls_back(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-13, NEG-14: a client whose server has shown to speak 1.0 goes on as 1.0 allows.
+
+    A reply to `get_viewport_size` before any `welcome` shows it on the message channel, and there
+    messages of 1.0 may follow; an init packet without `version` on the IPC channel, and nothing
+    may follow.
+    """
+    fallback = _fallback(conversation)
+    if fallback is None or _deaf(conversation):
+        return
+    ipc = conversation.channel == "ipc"
+    requirement = "NEG-14" if ipc else "NEG-13"
+    later = False
+    wrong: list[Message] = []
+    for message in conversation.messages:
+        later = later or message is fallback
+        told = later and message.sender == "client" and message.value is not None
+        if told and message.kind != "hello" and (ipc or _added(message)):
+            wrong.append(message)
+    for message in wrong:
+        text = f"a message of type {show(message.type)} to a server that speaks 1.0"
+        yield about(conversation, message, requirement, text)
+    if not wrong:
+        yield about(conversation, fallback, requirement, peer="client")
+
+
+@rule("NEG-27")
+def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-27: the `id` of a request after `welcome` is an integer from 0 to 2⁵³−1."""
+    for message, _, welcome in conversation.placed(*REQUESTS):
+        if welcome is not None and "id" in (message.value or {}):
+            given = (message.value or {})["id"]
+            text = f"id is {show(given)}, no integer from 0 to {SAFE}"
+            fits = integer_in(given, 0)
+            yield about(conversation, message, "NEG-27", None if fits else text, "/id")
+
+
+class _Addition(NamedTuple):
+    """Something in a client's message that 1.1 adds, and the capability that it belongs to."""
+
+    name: str
+    pointer: str
+    needs: str | None
+
+
+def _added(message: Message, *, with_members: bool = True) -> list[_Addition]:
+    """What 1.1 adds, in a message other than `hello`."""
+    kind = str(message.kind)
+    if kind in CLIENT_1_1:
+        return [] if kind == "hello" else [_Addition(kind, "/type", NEEDS.get(kind))]
+    members = ADDED_MEMBERS.get(kind, ()) if with_members else ()
+    return [
+        _Addition(name, f"/{name}", name if name == "intrinsics" else None)
+        for name in members
+        if name in (message.value or {})
+    ]
+
+
+def _agreed(added: _Addition, granted: frozenset[str] | None) -> Judgement:
+    refused = granted is not None and added.needs is not None and added.needs not in granted
+    text = f"{added.name} belongs to {added.needs}, which welcome does not list"
+    return Judgement("NEG-5", text if refused else None, added.pointer)
+
+
+def _deaf(conversation: Conversation) -> bool:
+    """What the server sent could not be read to its end, so nobody knows what the client knew."""
+    return conversation.streams["s2c"].refused is not None
+
+
+def _fallback(conversation: Conversation) -> Message | None:
+    """What shows a client that said `hello` that its server speaks 1.0."""
+    if conversation.hello is None or conversation.welcome is not None:
+        return None
+    for message in conversation.sent_by("server"):
+        if message.kind == "init_packet" and not message.faults:
+            value = message.value or {}
+            if "version" not in value and not any(j.breach for j in layout(value)):
+                return message
+    for pair in exchanges(conversation).pairs:
+        if pair.question.kind == "get_viewport_size" and pair.asked_after_hello:
+            told = pair.answer.value
+            sound = told is not None and not any(j.breach for j in viewport_size(told))
+            if sound and not pair.answer.faults:
+                return pair.answer
+    return None
+
+
+RULES: tuple[Rule, ...] = (
+    one_hello_first,
+    well_formed_hello,
+    nothing_before_welcome,
+    falls_back,
+    ids_are_integers,
+)

@@ -1,0 +1,213 @@
+"""Rules on the server's side of the negotiation, and on `error` (spec 1.1 chapter 2)."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
+from splatbus_conformance.rules.v1_1.neg_hello import listing, named
+from splatbus_conformance.wire.conversation import Conversation, Message
+from splatbus_conformance.wire.json_values import integer_in, is_version, show, strings, text_of
+from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLOSING_ERRORS, OTHER_ERRORS
+
+Json = dict[str, Any]
+MAX_TEXT: int = LIMITS["max_message_chars"]
+_POINTER = re.compile(r"(/([^~/]|~[01])*)*", re.DOTALL)
+
+
+@rule("NEG-6")
+def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-6: `welcome` answers `hello` before anything else, with a version that `hello` lists.
+
+    What may have been sent before the `hello` arrived is not held against it.
+    """
+    hello = conversation.hello
+    if hello is None:
+        return
+    offered = strings((hello.value or {}).get("versions"))
+    early = _sent_too_early(conversation)
+    if early is not None:
+        yield about(conversation, early, "NEG-6", "sent after hello had arrived, before welcome")
+        return
+    for message, greeted, welcome in conversation.placed():
+        if greeted is None or welcome is not None or message.sender == "client":
+            continue
+        if message.kind == "welcome":
+            version = (message.value or {}).get("version")
+            wrong = is_version(version) and offered is not None and version not in offered
+            listed = ", ".join(map(show, offered or []))
+            text = f"version is {show(version)}, hello lists {listed}"
+            yield about(conversation, message, "NEG-6", text if wrong else None, "/version")
+        elif _code(message) == "unsupported_version":
+            supported = strings((message.value or {}).get("supported")) or []
+            common = [version for version in offered or [] if version in supported]
+            text = f"unsupported_version, although {', '.join(common)} is both offered and spoken"
+            yield about(conversation, message, "NEG-6", text if common else None, "/supported")
+
+
+@rule("NEG-31")
+def one_welcome(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-31: at most one `welcome`."""
+    for message, _, welcome in conversation.placed("welcome"):
+        wrong = "a second welcome on the connection" if welcome else None
+        yield about(conversation, message, "NEG-31", wrong)
+
+
+@rule("NEG-30")
+def well_formed_welcome(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-30: the members of `welcome`."""
+    for message, hello, _ in conversation.placed("welcome"):
+        if hello is not None:
+            yield from judged(conversation, message, _members(message.value or {}))
+
+
+@rule("NEG-7")
+def capabilities_of_both(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-7: `welcome` lists capabilities of this channel that `hello` listed, and no others."""
+    for message, hello, welcome in conversation.placed("welcome"):
+        if hello is not None and welcome is None:
+            granted = _granted(message, capabilities(hello), conversation.channel)
+            yield from judged(conversation, message, granted)
+
+
+@rule("NEG-10")
+def unsupported_version_ends(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-10: `unsupported_version` lists the versions spoken, and is the last packet."""
+    for message, after in _errors(conversation):
+        if _code(message) == "unsupported_version":
+            supported = (message.value or {}).get("supported")
+            yield from judged(conversation, message, _supported(supported))
+            if after:
+                yield about(conversation, after[0], "NEG-10", "sent after unsupported_version")
+
+
+@rule("NEG-18")
+def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-18: a client that is told `unauthorized` is told nothing else."""
+    hellos = [m for m in conversation.sent_by("client") if m.kind == "hello"]
+    for message, _ in _errors(conversation):
+        if _code(message) == "unauthorized" and len(hellos) == 1:
+            others = [m for m in conversation.sent_by("server") if m is not message]
+            for other in others[:1]:
+                yield about(conversation, other, "NEG-18", "sent beside unauthorized")
+            if not others:
+                yield about(conversation, message, "NEG-18")
+            return
+
+
+@rule("NEG-22")
+def errors_only_after_hello(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-22: `error` is sent only to who has said `hello`."""
+    for message, hello, _ in conversation.placed("error"):
+        text = "error to a client that has not said hello"
+        yield about(conversation, message, "NEG-22", None if hello else text)
+
+
+@rule("NEG-23")
+def well_formed_error(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-23: the members of `error`, its code, and that its id is of a request that it answers."""
+    for message, _ in _errors(conversation):
+        yield from judged(conversation, message, _error(message.value or {}))
+    for message in exchanges(conversation).astray:
+        text = f"no request with the id {show((message.value or {}).get('id'))} waits for an answer"
+        yield about(conversation, message, "NEG-23", text, "/id")
+
+
+@rule("NEG-25")
+def closing_errors_end(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-25: after an `error` that closes, nothing comes."""
+    for message, after in _errors(conversation):
+        code = _code(message)
+        if code in CLOSING_ERRORS and code not in ("unsupported_version", "unauthorized"):
+            late = about(conversation, after[0], "NEG-25", f"sent after {code}") if after else None
+            yield late or about(conversation, message, "NEG-25")
+
+
+def _sent_too_early(conversation: Conversation) -> Message | None:
+    """What the server can only have sent after it had received `hello`, and before `welcome`."""
+    for message, hello, welcome in conversation.placed("init_packet"):
+        if hello is not None and welcome is None and kind_of_memory(message) == "host_shm":
+            return message
+    # After a broken request it is not certain which answer belongs to which.
+    hello_first = next((m.kind for m in conversation.sent_by("client")), None) == "hello"
+    if conversation.welcome is not None and hello_first:
+        for pair in exchanges(conversation).pairs:
+            if pair.asked_after_hello and not pair.welcomed:
+                return pair.answer
+    return None
+
+
+def _members(value: Json) -> Iterator[Judgement]:
+    yield Judgement("NEG-30")
+    if not is_version(value.get("version")):
+        has = show(value["version"]) if "version" in value else "missing"
+        text = f"version is {has}: not two integers joined by a dot"
+        yield Judgement("NEG-30", text, "/version")
+    yield from named(value.get("server"), "server", "NEG-30")
+    yield from listing(value.get("capabilities"), "NEG-30")
+
+
+def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> Iterator[Judgement]:
+    for i, name in enumerate(strings((message.value or {}).get("capabilities")) or []):
+        yield Judgement("NEG-7")
+        pointer = f"/capabilities/{i}"
+        if offered is not None and name not in offered:
+            yield Judgement("NEG-7", f"hello does not list {show(name)}", pointer)
+        if name not in CAPABILITIES[channel]:
+            yield Judgement("NEG-7", f"{show(name)} is none of this channel's", pointer)
+
+
+def _supported(supported: object) -> Iterator[Judgement]:
+    yield Judgement("NEG-10")
+    if not (isinstance(supported, list) and supported):
+        text = f"supported is {show(supported)}, no array of versions"
+        yield Judgement("NEG-10", text, "/supported")
+        return
+    for i, version in enumerate(supported):
+        if not is_version(version):
+            yield Judgement("NEG-10", f"{show(version)} is no version", f"/supported/{i}")
+
+
+def _error(value: Json) -> Iterator[Judgement]:
+    code, text, pointer = value.get("code"), value.get("message"), value.get("pointer", "")
+    yield Judgement("NEG-23")
+    if code not in CLOSING_ERRORS and code not in OTHER_ERRORS:
+        yield Judgement("NEG-23", f"code is {show(code)}, which is not in the table", "/code")
+    if not text_of(text, 0, MAX_TEXT):
+        wrong = f"message is {show(text)}, no string of up to {MAX_TEXT:,} characters"
+        yield Judgement("NEG-23", wrong, "/message")
+    if not (isinstance(pointer, str) and _POINTER.fullmatch(pointer)):
+        yield Judgement("NEG-23", f"pointer is {show(pointer)}, no JSON Pointer", "/pointer")
+    if "supported" in value and code != "unsupported_version":
+        yield Judgement("NEG-23", f"supported stands beside {show(code)}", "/supported")
+    if "id" in value and not integer_in(value["id"], 0):
+        yield Judgement("NEG-23", f"id is {show(value['id'])}", "/id")
+
+
+def _errors(conversation: Conversation) -> Iterator[tuple[Message, list[Message]]]:
+    """Every `error`, with what the server sent after it."""
+    sent = conversation.sent_by("server")
+    for i, message in enumerate(sent):
+        if message.kind == "error":
+            yield message, sent[i + 1 : i + 2]
+
+
+def _code(message: Message) -> object:
+    return (message.value or {}).get("code") if message.kind == "error" else None
+
+
+RULES: tuple[Rule, ...] = (
+    welcome_comes_first,
+    one_welcome,
+    well_formed_welcome,
+    capabilities_of_both,
+    unsupported_version_ends,
+    unauthorized_is_all,
+    errors_only_after_hello,
+    well_formed_error,
+    closing_errors_end,
+)

@@ -1,0 +1,137 @@
+"""Rules on opening and closing (spec 1.1 chapter 4)."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.rules import Rule, Sighting, about, rule
+from splatbus_conformance.rules.v1_1.mem import Announced, announced
+from splatbus_conformance.wire.conversation import Conversation, Message
+from splatbus_conformance.wire.json_values import SAFE, integer_in, show, text_of
+
+MAX_REASON: int = LIMITS["max_reason_chars"]
+ANSWERS = ("opened", "open_failed")
+
+
+@rule("OPN-1", "OPN-5", "OPN-6", "OPN-11")
+def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sighting]:
+    """OPN-1, 5, 6, 11: which init packet a client answers, how often, and when it closes.
+
+    Only init packets that break no rule must be answered. That an answer is missing shows when a
+    client that answered a later one ends the connection.
+    """
+    if conversation.streams["s2c"].refused is not None:
+        return
+    coming = list(announced(conversation))
+    known: list[Announced] = []
+    answered: Counter[int] = Counter()
+    for message, _, welcome in conversation.placed("init_packet", *ANSWERS, "closed"):
+        if coming and message is coming[0].message:
+            known.append(coming.pop(0))
+        elif welcome is not None and message.kind != "init_packet":
+            yield from _answer(conversation, message, known, answered)
+    heard = max((m.packet.ended for m in conversation.sent_by("client")), default=-math.inf)
+    for i, packet in enumerate(known):
+        if _to_be_ignored(known, i) and not answered[i] and packet.message.packet.ended < heard:
+            yield about(conversation, packet.message, "OPN-6", peer="client")
+    ended = conversation.ended
+    if "c2s" in ended and ended["c2s"] <= ended.get("s2c", ended["c2s"]):
+        for i, packet in enumerate(known):
+            due = packet.breaks_no_rule and not _to_be_ignored(known, i)
+            if due and not answered[i] and any(j > i for j in answered):
+                text = "never answered, unlike a later one"
+                yield about(conversation, packet.message, "OPN-1", text, peer="client")
+
+
+@rule("OPN-13")
+def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
+    """OPN-13: the members of `opened`, `open_failed` and `closed`.
+
+    A generation that an init packet had is not judged, whatever it is.
+    """
+    had: list[object] = []
+    for message, hello, _ in conversation.placed("init_packet", *ANSWERS, "closed"):
+        value = message.value or {}
+        if message.kind == "init_packet":
+            had.append(value.get("generation"))
+        elif hello is not None:
+            generation, pointer, wrong = value.get("generation"), "/generation", None
+            if "generation" not in value:
+                wrong = "generation is missing"
+            elif not integer_in(generation, 1) and not any(_same(g, generation) for g in had):
+                wrong = f"generation is {show(generation)}, no integer from 1 to {SAFE}"
+            elif message.kind == "open_failed" and "reason" not in value:
+                wrong, pointer = "reason is missing", "/reason"
+            yield about(conversation, message, "OPN-13", wrong, pointer)
+
+
+@rule("OPN-3")
+def reason_of_failure(conversation: Conversation) -> Iterator[Sighting]:
+    """OPN-3: `open_failed` says why."""
+    for message, hello, _ in conversation.placed("open_failed"):
+        if "reason" in (message.value or {}) and hello is not None:
+            reason = (message.value or {})["reason"]
+            text = f"reason is {show(reason)}, no string of 1 to {MAX_REASON:,} characters"
+            fits = text_of(reason, 1, MAX_REASON)
+            yield about(conversation, message, "OPN-3", None if fits else text, "/reason")
+
+
+@rule("OPN-7")
+def further_init_packets_are_agreed(conversation: Conversation) -> Iterator[Sighting]:
+    """OPN-7: a further init packet only where `welcome` lists `reinit`."""
+    for packet in announced(conversation)[1:]:
+        if packet.granted is not None:
+            text = "a further init packet, although welcome does not list reinit"
+            wrong = None if "reinit" in packet.granted else text
+            yield about(conversation, packet.message, "OPN-7", wrong)
+
+
+def _answer(
+    conversation: Conversation, message: Message, known: list[Announced], answered: Counter[int]
+) -> Iterator[Sighting]:
+    generation = (message.value or {}).get("generation")
+    named = [i for i, packet in enumerate(known) if _same(packet.generation, generation)]
+    if not named and not integer_in(generation, 1):
+        return
+    if not named:
+        text = f"no init packet on this connection had generation {show(generation)}"
+        yield about(conversation, message, "OPN-11", text, "/generation")
+        return
+    yield about(conversation, message, "OPN-11")
+    last = named[-1]
+    if message.kind == "closed":
+        last = max((i for i in named if answered[i]), default=last)
+        if any(packet.breaks_no_rule for packet in known[last + 1 :]):
+            text = f"generation {show(generation)} is closed before a later one is answered"
+            in_order = any(i > last for i in answered)
+            yield about(conversation, message, "OPN-5", None if in_order else text)
+        return
+    if _to_be_ignored(known, last):
+        text = "a further init packet is answered, although welcome does not list reinit"
+        yield about(conversation, message, "OPN-6", text)
+    elif known[last].breaks_no_rule:
+        again = answered[last] >= len(named)
+        text = f"generation {show(generation)} is answered a second time"
+        yield about(conversation, message, "OPN-1", text if again else None)
+    answered[last] += 1
+
+
+def _to_be_ignored(known: list[Announced], i: int) -> bool:
+    """OPN-6: it follows an init packet that broke no rule, and `reinit` was not agreed."""
+    granted = known[i].granted
+    further = any(packet.breaks_no_rule for packet in known[:i])
+    return further and granted is not None and "reinit" not in granted
+
+
+def _same(one: object, other: object) -> bool:
+    return one == other and isinstance(one, bool) == isinstance(other, bool)
+
+
+RULES: tuple[Rule, ...] = (
+    well_formed_answer,
+    one_answer_to_each_init_packet,
+    reason_of_failure,
+    further_init_packets_are_agreed,
+)

@@ -1,0 +1,187 @@
+"""A whole run on a live testee: meet it, judge it, say what came of it."""
+
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from splatbus_schemas.requirements import requirements
+
+from splatbus_conformance.plan import NoVerdict, Plan
+from splatbus_conformance.reports import expected_failures
+from splatbus_conformance.reports.files.as_json import json_report
+from splatbus_conformance.reports.findings import Findings, Traffic
+from splatbus_conformance.reports.terminal import (
+    Live,
+    print_complaints,
+    print_end,
+    print_failures,
+    print_unseen,
+    print_what_next,
+    summary,
+)
+from splatbus_conformance.reports.thresholds import missing, observed, shortfalls
+from splatbus_conformance.reports.unseen import unseen
+from splatbus_conformance.run.failures import work_out
+from splatbus_conformance.run.options import Wishes, selectable_on
+from splatbus_conformance.run.running import run_checks
+from splatbus_conformance.trials.testee import diagnostics
+from splatbus_conformance.verdicts import (
+    EXIT_INTERRUPTED,
+    EXIT_NO_VERDICT,
+    EXIT_NOT_CONFORMING,
+    Level,
+    Result,
+    Verdict,
+    exit_code,
+    reached,
+)
+
+
+def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
+    """Judge a testee by a plan, and write the reports that are wished for.
+
+    Raises Usage, NoVerdict.
+    """
+    live = Live(out)
+    began = time.monotonic()
+    wishes.files.remove_former()
+
+    def write_why_not(why: str, status: int) -> None:
+        wishes.files.write(_without_verdict(plan, why, status, time.monotonic() - began))
+
+    try:
+        if plan.profile == "soak":
+            findings = soak(plan, 60 * wishes.minutes, live)
+        else:
+            findings = run_checks(plan, live)
+    except NoVerdict as error:
+        write_why_not(str(error), EXIT_NO_VERDICT)
+        raise
+    except KeyboardInterrupt:
+        write_why_not("the run was interrupted", EXIT_INTERRUPTED)
+        raise
+    finally:
+        live.end()
+    return _report(plan, findings, time.monotonic() - began, wishes, out)
+
+
+def soak(plan: Plan, seconds: float, live: Live) -> Findings:
+    """Run the full profile with one seed after the other until so many seconds have passed."""
+    until = time.monotonic() + seconds
+    findings = Findings()
+    seed = plan.seed
+    while seed == plan.seed or time.monotonic() < until:
+        live.say(f"seed {seed}: {findings.traffic.delivered:,} cases delivered so far")
+        record = str(Path(plan.record, f"seed-{seed}")) if plan.record else None
+        try:
+            findings.add(run_checks(replace(plan, seed=seed, record=record), live), seed)
+        except NoVerdict as error:
+            if seed == plan.seed:
+                raise
+            text = f"with seed {seed} the testee could not be met: {error}"
+            findings.put(0, Result("", "introduction", Level.WIRE, Verdict.ERROR, text))
+        seed += 1
+    return findings
+
+
+def _without_verdict(plan: Plan, why: str, status: int, seconds: float) -> dict[str, Any]:
+    """The report of a run that came to no verdict, so that a CI job has one to show."""
+    return json_report(
+        plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
+        plan.side,
+        f"no verdict: {why.splitlines()[0]}",
+        [Result("", "run", Level.WIRE, Verdict.ERROR, why)],
+        Traffic().judged(plan.side),
+        exit_code=status,
+        traffic=Traffic(),
+        seconds=seconds,
+        profile=plan.profile,
+        seeds=[plan.seed],
+    )
+
+
+def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out: Console) -> int:
+    traffic = findings.traffic
+    judged = traffic.judged(plan.side)
+    found = findings.results(plan)
+    results, stale = expected_failures.applied(found, wishes.expectations)
+    results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print)
+    level = wishes.demands.level
+    ended = "" if observed(results, judged) else traffic.ended
+    if ended:
+        traffic.advice.append(diagnostics.ended_by_itself(ended, traffic.printed))
+    fewer = missing(results, judged, traffic.late_seconds, _load())
+    if fewer:
+        traffic.advice.append(fewer)
+    complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
+    if not plan.selection.partial:
+        print_unseen(out, unseen(found, judged, plan.side))
+    print_failures(out, results, requirements("1.1"))
+    print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
+    sentence, verdicts = summary(results, judged, reached(results), level, ended)
+    if fewer:
+        sentence += "; fewer than usual were observed: busy machine"
+    deselected = left_out(plan)
+    if deselected:
+        sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
+    print_complaints(out, complaints)
+    status = exit_code(verdicts, strict=wishes.strict)
+    if complaints:
+        status = EXIT_NOT_CONFORMING
+    print_end(out, sentence, traffic.sentence(seconds), status)
+    report = json_report(
+        traffic.testee,
+        plan.side,
+        sentence,
+        results,
+        judged,
+        exit_code=status,
+        traffic=traffic,
+        seconds=seconds,
+        least=level,
+        complaints=complaints,
+        deselected=deselected,
+        profile=plan.profile,
+        seeds=findings.seeds or [plan.seed],
+    )
+    wishes.files.write(report)
+    if wishes.write_expected:
+        return write_expected(wishes.write_expected, found, wishes, out)
+    return status
+
+
+def _load() -> str:
+    """How many wanted the processors lately, where systems count that."""
+    if not hasattr(os, "getloadavg"):
+        return ""
+    return f", with a load of {os.getloadavg()[1]:.0f} on {os.cpu_count()} processors"
+
+
+def left_out(plan: Plan) -> dict[str, list[str]]:
+    """For each requirement, the checks and rules that the selection leaves out."""
+    found: dict[str, list[str]] = {}
+    for item in selectable_on(plan.side) if plan.selection.partial else ():
+        if not plan.selection.takes(item, "full"):
+            found.setdefault(item.requirement, []).append(item.name)
+    return found
+
+
+def write_expected(path: Path, found: Iterable[Result], wishes: Wishes, out: Console) -> int:
+    """Write the list of expected failures anew; not from a run in which the harness failed."""
+    found = list(found)
+    errors = [f"{it.requirement} {it.check}" for it in found if it.verdict is Verdict.ERROR]
+    if errors:
+        out.print(
+            f"{path} is not written: the harness failed in {', '.join(errors)}, so the run is not "
+            "whole",
+            markup=False,
+        )
+        return EXIT_NO_VERDICT
+    listed = expected_failures.listed(found, wishes.expectations, strict=wishes.strict)
+    path.write_text(listed, "utf-8")
+    out.print(f"{path} is written; give each new entry a reason", markup=False)
+    return 0

@@ -1,0 +1,70 @@
+"""How many instances of a testee do well beside each other on this machine."""
+
+import os
+import sys
+from pathlib import Path
+
+from splatbus_conformance.images.memory.device import STAND_IN
+from splatbus_conformance.run.testbed import Stand
+from splatbus_conformance.trials.testee.client_probe import SLOW_START_SECONDS, ClientFacts
+from splatbus_conformance.trials.testee.os_evidence import PROC, members
+
+MOST, MOST_SLOW = 6, 12
+"""More than cores: most of the time a check waits; most of all for one that is slow to start."""
+GLANCE_SECONDS = 0.3
+SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
+"""How much of the machine all instances may take together while they are left alone."""
+
+
+def at_a_time(stand: Stand) -> int:
+    """How many instances to judge at a time: one, where what they take cannot be seen."""
+    group = stand.testee.group
+    if group is None or stand.facts.device not in ("", STAND_IN):
+        return 1
+    stand.testee.ensure_running()
+    before = _cpu_seconds(group)
+    stand.peer.pump(GLANCE_SECONDS)
+    busy, resident = (_cpu_seconds(group) - before) / GLANCE_SECONDS, _resident_bytes(group)
+    if not resident:
+        return 1
+    by_cores = SHARE_OF_CORES * (os.cpu_count() or 1) / max(busy, 0.01)
+    by_memory = SHARE_OF_MEMORY * _free_bytes() / resident
+    facts = stand.facts
+    slow = isinstance(facts, ClientFacts) and facts.start_seconds >= SLOW_START_SECONDS
+    return max(1, min(MOST_SLOW if slow else MOST, int(by_cores), int(by_memory)))
+
+
+def _cpu_seconds(group: int) -> float:
+    """What the processes of a group have used of processors."""
+    if sys.platform == "win32":
+        return 0.0
+    ticks = 0
+    for pid in members(group):
+        fields = _read(PROC / str(pid) / "stat").rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12]) if len(fields) > 12 else 0
+    return ticks / float(os.sysconf("SC_CLK_TCK")) if ticks else 0.0
+
+
+def _resident_bytes(group: int) -> int:
+    """What the processes of a group hold in memory."""
+    if sys.platform == "win32":
+        return 0
+    pages = 0
+    for pid in members(group):
+        fields = _read(PROC / str(pid) / "statm").split()
+        pages += int(fields[1]) if len(fields) > 1 else 0
+    return pages * os.sysconf("SC_PAGE_SIZE") if pages else 0
+
+
+def _free_bytes() -> int:
+    for line in _read(PROC / "meminfo").splitlines():
+        if line.startswith("MemAvailable:"):
+            return 1024 * int(line.split()[1])
+    return 0
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text("utf-8", "replace")
+    except OSError:
+        return ""

@@ -1,0 +1,118 @@
+"""Run the checks against a testee, or against several at a time, and gather the results."""
+
+import contextlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from splatbus_schemas.requirements import requirements
+
+from splatbus_conformance.checks import Check
+from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.plan import NoVerdict, Plan
+from splatbus_conformance.reports.findings import Findings
+from splatbus_conformance.run import room
+from splatbus_conformance.run import workers as parallel
+from splatbus_conformance.run.collector import Gathering, Progress
+from splatbus_conformance.run.plugin import CheckPlugin, declared, selectable
+from splatbus_conformance.run.pytest_run import run_pytest
+from splatbus_conformance.run.testbed import set_up
+from splatbus_conformance.verdicts import Level, Result, Verdict
+from splatbus_conformance.wire.sockets import Peer
+
+FEWEST_CHECKS = 24
+"""Fewer than these are done before further testees have started."""
+
+
+def run_checks(plan: Plan, progress: Progress) -> Findings:
+    """Run every check that the plan selects; the rules judge all that crosses the wire.
+
+    The user's own pytest configuration, options and plugins have no part in it.
+
+    Raises:
+        Usage: the plan cannot be carried out.
+        NoVerdict: the testee could not be met.
+        KeyboardInterrupt: somebody pressed Ctrl-C.
+    """
+    findings = Findings()
+    checks: dict[str, Check] = {it.__name__: it.check for it in check_functions(plan.side)}
+    selected = {
+        name: it
+        for name, it in checks.items()
+        if plan.selection.takes(selectable(name, it), plan.profile)
+    }
+    alone = not plan.starts_it or plan.ports != (0, 0) or len(selected) < FEWEST_CHECKS
+    if plan.parallel > 1 or not (plan.parallel or alone):
+        parallel.prepare()
+    gathering = Gathering(findings, progress, checks)
+    if plan.record:
+        Path(plan.record).mkdir(parents=True, exist_ok=True)
+    with contextlib.closing(set_up(plan, progress.say)) as stand:
+        progress.say(_what_happens(stand.peer, plan))
+        stand.introduce()
+        progress.say(f"Met the {plan.side}: {stand.facts}.")
+        for advice in stand.facts.advice:
+            progress.say(advice)
+        plugin = CheckPlugin(plan, stand, in_order)
+        workers = plan.parallel or (1 if alone else room.at_a_time(stand))
+        if workers == 1:
+            status = run_pytest([plugin, gathering])
+            plugin.look_after()
+        findings.traffic.add(plugin.traffic)
+        if workers == 1:
+            _note_what_did_not_run(gathering, status, plan)
+            return findings
+        # What the rules see of the introduction; the workers have none of their own.
+        findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
+    progress.say(
+        f"Judging {workers} of them at a time, each on ports of its own (--parallel 1: one)."
+    )
+    names = parallel.dealt(selected, plan.profile)
+    gathering.begin(names)
+    try:
+        parallel.Workers(plan, stand.facts, names, gathering).run(workers)
+    except NoVerdict as error:
+        if plan.parallel:
+            raise
+        why = str(error).splitlines()[0]
+        progress.say(f"Another beside it could not be met ({why}): going on with one.")
+        return run_checks(replace(plan, parallel=1), progress)
+    _note_what_did_not_run(gathering, 0, plan)
+    return findings
+
+
+def in_order(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Checks of what must be before those of what should be, since a person in front of the testee
+    may not start it for all of them; those that may crash it last.
+    """
+    known = requirements("1.1")
+
+    def rank(item: pytest.Item) -> tuple[bool, bool]:
+        check = declared(item)
+        return check.may_crash, not known[check.requirement].level.startswith("MUST")
+
+    return sorted(items, key=rank)
+
+
+def _what_happens(peer: Peer, plan: Plan) -> str:
+    where = f"IPC {peer.host}:{peer.ports['ipc']}, message {peer.host}:{peer.ports['msg']}"
+    limit = f"for at most {plan.patience:g} s"
+    if plan.starts_it:
+        return f"Starting {plan.adapter or plan.launch}; meeting it on {where}, {limit}."
+    if plan.side == "server":
+        return f"Looking for a server at {where}, {limit}."
+    return f"Waiting for a client on {where}, {limit}: start yours now (in an engine: press Play)."
+
+
+def _note_what_did_not_run(gathering: Gathering, status: int, plan: Plan) -> None:
+    """Raises KeyboardInterrupt where pytest has handled one."""
+    if status == pytest.ExitCode.INTERRUPTED and not gathering.uncollected:
+        raise KeyboardInterrupt
+    if gathering.uncollected or status in (
+        pytest.ExitCode.INTERNAL_ERROR,
+        pytest.ExitCode.USAGE_ERROR,
+    ):
+        why = gathering.uncollected or f"pytest ended with {pytest.ExitCode(status)!r}"
+        gathering.findings.put(0, Result("", "collection", Level.WIRE, Verdict.ERROR, why))
+    if not (plan.exitfirst and status == pytest.ExitCode.TESTS_FAILED):
+        gathering.close("it was selected and did not run")

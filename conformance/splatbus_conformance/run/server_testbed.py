@@ -1,0 +1,106 @@
+"""A stand for servers: the server, and a dialler."""
+
+import os
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.images.memory.device import STAND_IN
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.run.vital_signs import BRIEF_SECONDS, lost_by_server
+from splatbus_conformance.trials.scripted_client import Viewer
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.testee.device_probe import (
+    device_for,
+    stand_in_for,
+    why_server_unseen,
+)
+from splatbus_conformance.trials.testee.process import Awaited, Launched, Say, not_met
+from splatbus_conformance.trials.testee.server_probe import ServerFacts, introduce, reach
+from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.wire.ports import free_port
+from splatbus_conformance.wire.sockets import CHANNELS, Peer
+
+TOKEN_VARIABLE = "SPLATBUS_TOKEN"
+"""Holds the token for a server that requires one, as NEG-21 advises."""
+RESTART_SECONDS = 60.0
+"""Until a server that was met, and is started anew, must listen: the machine may be busy by now."""
+
+
+class ServerStand:
+    """The harness connects to where the server listens."""
+
+    def __init__(self, plan: Plan, say: Say) -> None:
+        self.plan = plan
+        self.stand_in = stand_in_for(plan)
+        self.device = device_for(plan, self.stand_in)
+        ports = [port or free_port(plan.host) for port in plan.ports]
+        self.peer = Peer(plan.host, dict(zip(CHANNELS, ports, strict=True)), plays="client")
+        device = self.stand_in.environment() if self.stand_in else {}
+        self.testee = (
+            Launched(plan.launch, self.peer.environment() | device)
+            if plan.launch
+            else Awaited(f"the server at {plan.host}", say)
+        )
+        self.facts = ServerFacts()
+        self._token = os.environ.get(TOKEN_VARIABLE) or None
+        self._viewer = Viewer(self._token, self.device)
+
+    def introduce(self) -> None:
+        """Meet the server for the first time. Raises NoVerdict."""
+        self.facts = introduce(self.peer, self._new_viewer(), self.testee, self.plan.patience)
+        if not (self.facts.guarded or self.facts.unauthorized):
+            self._token = None  # what nobody asks for is not said
+        if self.device:
+            self.facts.device = STAND_IN if self.stand_in else self.device.uuid
+        if self.stand_in:
+            self.facts.device_unseen = why_server_unseen(self.facts.init_packet, self.stand_in)
+
+    @property
+    def _patience(self) -> float:
+        """Of who has met the server."""
+        return max(self.plan.patience, RESTART_SECONDS * self.testee.expendable)
+
+    def trial(self, requirement: Requirement) -> ServerTrial:
+        """A trial with fresh connections and a fresh viewer."""
+        return ServerTrial(
+            requirement,
+            self.peer,
+            self._new_viewer(),
+            self.testee,
+            self.facts,
+            self._patience,
+            self.stand_in,
+            self.device,
+        )
+
+    def meet_again(self, facts: ServerFacts) -> None:
+        """Meet another instance of a server that was met, as it was then. Raises NoVerdict."""
+        self.facts = facts
+        self.testee.ensure_running()
+        where, patience = "the ports that it was given", self._patience
+        if not any(reach(self.peer, self.testee, it, patience) for it in CHANNELS):
+            raise not_met(self.testee, "server", where, self.plan.host, patience)
+        self.peer.close_all()
+
+    def lost(self, *, briefly: bool) -> str:
+        """Which vital sign the server has lost since it was met, in words; nothing if none."""
+        viewer, facts, patience = self._new_viewer(), self.facts, self._patience
+        seconds = EFFECT_SECONDS
+        if briefly and self.testee.expendable:
+            patience = seconds = BRIEF_SECONDS
+        return lost_by_server(self.peer, viewer, self.testee, facts, patience, seconds)
+
+    def close(self) -> None:
+        """End the server and every connection to it."""
+        self._viewer.close()
+        self.testee.close()
+        self.peer.close()
+        if self.device:
+            self.device.close()
+        if self.stand_in:
+            self.stand_in.close()
+
+    def _new_viewer(self) -> Viewer:
+        self._viewer.close()
+        self._viewer = Viewer(self._token, self.device)
+        return self._viewer

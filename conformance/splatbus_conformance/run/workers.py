@@ -1,0 +1,200 @@
+"""Several testees at a time: each worker has a stand of its own, and is dealt one check at a time.
+
+Workers are forked, where systems fork, from a process that has imported all that they need while
+the testee was met. Each finds the environment as the user left it.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from enum import Enum, auto
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+import pytest
+
+from splatbus_conformance.checks import Check
+from splatbus_conformance.data import read_json
+from splatbus_conformance.plan import NoVerdict, Plan, Usage
+from splatbus_conformance.reports.findings import Traffic
+from splatbus_conformance.run.collector import Gathering
+from splatbus_conformance.run.plugin import CheckPlugin
+from splatbus_conformance.run.pytest_run import isolated, run_pytest
+from splatbus_conformance.run.testbed import Facts, set_up
+from splatbus_conformance.trials.trial import THOROUGH
+
+FORKS = sys.platform == "linux"
+"""Elsewhere there is no fork, or libraries of the system do not stand it."""
+PRELOADED = ["splatbus_conformance.preload"]
+USUAL_SECONDS = 0.2
+ENDING_SECONDS = 30.0
+"""How long a worker may take to end its testee."""
+_context: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
+
+
+class Word(Enum):
+    """What a worker tells, with something that belongs to it."""
+
+    READY = auto()
+    REPORT = auto()
+    NO_VERDICT = auto()
+    LEFT = auto()
+
+
+def prepare() -> None:
+    """Import what workers need, in a process of its own, while something else is waited for."""
+    if FORKS:
+        with isolated():
+            _context.set_forkserver_preload(PRELOADED)
+            forkserver.ensure_running()
+
+
+class Workers:
+    """The workers of a run, as the process sees them that deals the checks.
+
+    Args:
+        plan: of the run.
+        facts: what was found out of the testee.
+        names: of the checks, in the order in which they are dealt.
+        gathering: told of all that comes back.
+    """
+
+    def __init__(
+        self, plan: Plan, facts: Facts, names: Iterable[str], gathering: Gathering
+    ) -> None:
+        self._given = plan, dict(os.environ), facts
+        self._left = list(names)[::-1]
+        self._gathering = gathering
+        self._processes: dict[Connection, BaseProcess] = {}
+        self._under_way: dict[Connection, str] = {}
+
+    def run(self, count: int) -> None:
+        """Have so many workers share the checks. Raises NoVerdict if one cannot meet a testee."""
+        try:
+            for _ in range(count):
+                self._start()
+            while self._processes:
+                for connection in wait(list(self._processes)):
+                    assert isinstance(connection, Connection)
+                    self._hear(connection)
+        finally:
+            self._end_all()
+
+    def _start(self) -> None:
+        here, there = _context.Pipe()
+        process = _context.Process(target=work, args=(*self._given, there))
+        with isolated():
+            process.start()
+        there.close()
+        self._processes[here] = process
+
+    def _hear(self, connection: Connection) -> None:
+        try:
+            word, what = connection.recv()
+        except (EOFError, OSError):
+            self._bury(connection)
+            return
+        if word is Word.READY:
+            name = self._left.pop() if self._left else ""
+            self._under_way[connection] = name
+            if name:
+                self._gathering.pytest_runtest_logstart(name)
+            with contextlib.suppress(OSError):  # it will be heard to have ended
+                connection.send(name)
+        elif word is Word.REPORT:
+            self._gathering.pytest_runtest_logreport(what)
+        elif word is Word.LEFT:
+            self._gathering.findings.traffic.add(Traffic.from_text(what))
+        else:
+            raise NoVerdict(what)
+
+    def _bury(self, connection: Connection) -> None:
+        """A worker has ended; another takes the place of one that died over a check."""
+        process = self._processes.pop(connection)
+        process.join()
+        if name := self._under_way.pop(connection, ""):
+            self._gathering.note(name, f"the worker crashed while running it: {process.exitcode}")
+            if self._left:
+                self._start()
+
+    def _end_all(self) -> None:
+        """Let them end their testees at once, and not only when their check is through."""
+        for process in self._processes.values() if os.name == "posix" else ():
+            if process.pid is not None and process.is_alive():
+                os.kill(process.pid, signal.SIGINT)
+        for connection, process in self._processes.items():
+            connection.close()
+            process.join(ENDING_SECONDS)
+            process.kill()
+
+
+def work(plan: Plan, environment: Mapping[str, str], facts: Facts, there: Connection) -> None:
+    """Be a worker: runs in a process of its own."""
+    for ending in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, ending):
+            signal.signal(getattr(signal, ending), signal.default_int_handler)
+    os.environ.clear()
+    os.environ.update(environment)
+    with contextlib.suppress(KeyboardInterrupt, OSError):  # nobody listens any more
+        _work(plan, facts, there)
+
+
+def _work(plan: Plan, facts: Facts, there: Connection) -> None:
+    try:
+        with contextlib.closing(set_up(plan)) as stand:
+            stand.meet_again(facts)
+            checks = CheckPlugin(plan, stand, lambda items: items)
+            status = run_pytest([checks, Dealt(there)])
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
+            if status != pytest.ExitCode.INTERRUPTED:
+                checks.look_after()
+                there.send((Word.LEFT, checks.traffic.as_text()))
+    except (NoVerdict, Usage) as error:
+        there.send((Word.NO_VERDICT, str(error)))
+
+
+class Dealt:
+    """The plugin of a worker: runs the checks that it is dealt, and sends what they say."""
+
+    def __init__(self, there: Connection) -> None:
+        self._there = there
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """In place of pytest's own, which runs all."""
+        items = {item.name: item for item in session.items}
+        for name in self._names():
+            items[name].config.hook.pytest_runtest_protocol(item=items[name], nextitem=None)
+        return True
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """A part of a check has come to its end."""
+        self._there.send((Word.REPORT, report))
+
+    def _names(self) -> Iterator[str]:
+        while True:
+            self._there.send((Word.READY, None))
+            try:
+                name = self._there.recv()
+            except EOFError:
+                return
+            if not name:
+                return
+            yield name
+
+
+def dealt(checks: Mapping[str, Check], profile: str) -> list[str]:
+    """The order in which workers are dealt checks: long ones first, those that may crash last.
+
+    How long a check took once on the reference pair is an estimate, and decides nothing else.
+    """
+    seconds: dict[str, float] = read_json("durations.json")[
+        "full" if profile in THOROUGH else "quick"
+    ]
+    return sorted(
+        checks, key=lambda name: (checks[name].may_crash, -seconds.get(name, USUAL_SECONDS))
+    )

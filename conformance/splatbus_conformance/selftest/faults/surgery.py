@@ -1,0 +1,100 @@
+"""Override one behaviour of the reference client from outside."""
+
+import contextlib
+import functools
+import json
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from splatbus_wire import decoding, encoding, json_text
+
+from splatbus_conformance.selftest.faults.patching import Patch
+
+Json = dict[str, Any]
+STATUS_ACCESS_VIOLATION = 0xC0000005
+
+
+def wrap(patch: Patch, owner: object, name: str, around: Callable[..., Any]) -> None:
+    """Replace `owner.name` by `around`, which is given the original first, then its arguments.
+
+    AttributeError if there is no such name: then the client changed, and the mutant has to.
+    """
+    original = getattr(owner, name)
+
+    @functools.wraps(original)
+    def replaced(*arguments: Any, **named: Any) -> Any:
+        return around(original, *arguments, **named)
+
+    patch.setattr(owner, name, replaced)
+
+
+def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
+    """Change each message that is sent, as an object."""
+    wrap(
+        patch,
+        encoding,
+        "message_object",
+        lambda original, *arguments, **named: change(original(*arguments, **named)),
+    )
+
+
+def payloads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
+    """Change each payload that is sent."""
+    wrap(patch, encoding, "serialize", lambda original, message: change(original(message)))
+
+
+def packets(patch: Patch, change: Callable[[bytes], bytes]) -> None:
+    """Change each packet that is sent, header included, or what follows it."""
+    wrap(patch, encoding, "encode_packet", lambda original, payload: change(original(payload)))
+
+
+def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
+    """Repair each init packet that is received in place, so that a breach in it is not seen."""
+
+    def parse(original: Callable[[Json], Any], message: Json) -> Any:
+        with contextlib.suppress(Exception):
+            repair(message)
+        return original(message)
+
+    wrap(patch, decoding, "parse_init_packet", parse)
+
+
+def adding_up_digits(patch: Patch) -> None:
+    """Read fractions digit by digit, in double precision, as parsers written by hand do."""
+
+    def read(text: str) -> float:
+        digits, _, exponent = text.lower().partition("e")
+        whole, _, fraction = digits.lstrip("-").partition(".")
+        value = 0.0
+        for digit in whole + fraction:
+            value = 10.0 * value + int(digit)
+        value *= 10.0 ** (int(exponent or 0) - len(fraction))
+        return -value if text.startswith("-") else value
+
+    decoder = json.JSONDecoder(
+        object_pairs_hook=json_text._members,
+        parse_float=read,
+        parse_int=json_text._integer,
+        parse_constant=json_text._constant,
+    )
+    patch.setattr(json_text, "_STRICT", decoder)
+    patch.setattr(decoding, "plain_pose", lambda payload: None)
+
+
+def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:
+    """A change of messages of one type only."""
+    return lambda message: change(message) if message.get("type") == kind else message
+
+
+def in_poses(change: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
+    """A change of the payloads of camera poses only."""
+    return lambda payload: change(payload) if b'"type":"camera_pose"' in payload else payload
+
+
+def crash() -> NoReturn:
+    """End this process as a fault in native code does."""
+    if sys.platform == "win32":
+        os._exit(STATUS_ACCESS_VIOLATION - 2**32)
+    os.abort()

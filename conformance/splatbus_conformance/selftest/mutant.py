@@ -1,0 +1,106 @@
+"""What is said of a client or server that the harness is tried on, and how one is declared."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from splatbus_conformance.plan import Side
+from splatbus_conformance.selftest.faults.patching import Patch
+
+Alter = Callable[[Patch], None]
+A = TypeVar("A", bound=Alter)
+
+SIDES: tuple[Side, Side] = ("client", "server")
+RULE = "rule"
+"""The name under which a report lists what passive rules found."""
+TRAFFIC: dict[Side, str] = {"client": "CHN-10", "server": "FRM-4"}
+"""The requirement whose checks make usual traffic."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """The reference client or server with one behaviour broken."""
+
+    name: str
+    does: str
+    alter: Alter
+    """Overrides the behaviour, from outside, before the program starts."""
+    requirement: str
+    """The one requirement that it breaks."""
+    check: str
+    """The check that has to find out, or RULE."""
+    reason: str
+    """What the text of the verdict has to contain: the check found this, not something else."""
+    through: str
+    """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
+    axes: str = ""
+    """Of the engine whose client it plays, beside its adapter; without an adapter if not given."""
+
+    @property
+    def side(self) -> Side:
+        """Which of the reference pair it is."""
+        return _side(self.alter)
+
+
+@dataclass(frozen=True)
+class Variation:
+    """The reference client or server made unusual, but conforming."""
+
+    name: str
+    does: str
+    alter: Alter
+    warns: frozenset[str]
+    """The advice that it does not follow: SHOULDs that must warn, and no others."""
+    axes: str = ""
+    """As of a mutant."""
+
+    @property
+    def side(self) -> Side:
+        """Which of the reference pair it is."""
+        return _side(self.alter)
+
+
+def mutant(
+    requirement: str, *, check: str = RULE, reason: str, through: str = "", axes: str = ""
+) -> Callable[[A], A]:
+    """Declare a function to be the alteration of a mutant; its docstring says what it does.
+
+    Args:
+        requirement: that it breaks.
+        check: that has to find out; a passive rule if not given.
+        reason: what the verdict has to say.
+        through: for a rule, the requirement whose check makes the traffic that it judges; a usual
+            session if not given.
+        axes: for what only an adapter shows, the engine whose client it plays.
+    """
+
+    def declare(alter: A) -> A:
+        name, does = _name_and_docstring(alter)
+        traffic = through or TRAFFIC[_side(alter)]
+        run = traffic if check == RULE else requirement
+        alter.specimen = Mutant(name, does, alter, requirement, check, reason, run, axes)  # type: ignore[attr-defined]
+        return alter
+
+    return declare
+
+
+def variation(*, warns: tuple[str, ...] = (), axes: str = "") -> Callable[[A], A]:
+    """Declare a function to be the alteration of an allowed variation; `axes` as of a mutant."""
+
+    def declare(alter: A) -> A:
+        name, does = _name_and_docstring(alter)
+        alter.specimen = Variation(name, does, alter, frozenset(warns), axes)  # type: ignore[attr-defined]
+        return alter
+
+    return declare
+
+
+def _side(alter: Alter) -> Side:
+    return "server" if alter.__name__.startswith("server") else "client"
+
+
+def _name_and_docstring(alter: Alter) -> tuple[str, str]:
+    does = inspect.getdoc(alter)
+    assert does, f"{alter.__name__} does not say what it does"
+    return alter.__name__.replace("_", "-"), " ".join(does.split())

@@ -1,0 +1,1 @@
+"""Mutants that only a session of several steps finds."""

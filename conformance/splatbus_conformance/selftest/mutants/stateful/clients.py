@@ -1,0 +1,149 @@
+"""Mutants that one scenario does not find: what is wrong follows from what was before."""
+
+from collections import Counter
+from typing import Any
+
+from splatbus_client import reading
+from splatbus_client.channel import Channel
+from splatbus_client.host_memory import CannotOpenError
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.message_protocol import MessageProtocol
+from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.messages import Closed, Frame, Opened, encode
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+
+def _counted(patch: Patch) -> Counter[InitPacket | None]:
+    """How many init packets had come on its connection with each, and with the last, None."""
+    on_it: Counter[IpcProtocol] = Counter()
+    counts: Counter[InitPacket | None] = Counter()
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: InitPacket) -> Any:
+        on_it[self] += 1
+        counts[packet] = counts[None] = on_it[self]
+        return original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    return counts
+
+
+@mutant("CHN-19", check="check_survives_any_session", reason="the testee died; the session: ")
+def crashes_when_lost_without_images(patch: Patch) -> None:
+    """Crashes when the message connection is lost while the memory could not be opened."""
+    failed: list[bool] = [False]
+
+    def open_failed(original: Any, *arguments: Any) -> None:
+        failed[0] = True
+        original(*arguments)
+
+    def opened(original: Any, *arguments: Any) -> None:
+        failed[0] = False
+        original(*arguments)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if failed[0] and isinstance(self._machine, MessageProtocol):
+            crash()
+        original(self, reason, now)
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    wrap(patch, IpcProtocol, "opened", opened)
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-20", check="check_returns_in_any_session", reason="to the ipc channel again; the")
+def stays_away_after_a_second_memory(patch: Patch) -> None:
+    """Does not connect to the IPC channel again once memory was announced there twice."""
+
+    counts = _counted(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        lost = self._machine
+        original(self, reason, now)
+        if isinstance(lost, IpcProtocol) and counts[None] > 1:
+            self._due = now + 600
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant(
+    "CHN-24",
+    check="check_uses_the_new_memory_in_any_session",
+    reason="was answered with open_failed",
+)
+def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
+    """Opens only memory of the size before, on the connection after one on which it changed."""
+    changed: set[tuple[int, int]] = set()
+    counts = _counted(patch)
+
+    def images(original: Any, packet: InitPacket) -> Any:
+        size = packet.width, packet.height
+        if counts[packet] == 1 and changed and size not in changed:
+            raise CannotOpenError(f"the images are not {changed} any more")
+        changed.clear()
+        if counts[packet] != 1:
+            changed.add(size)
+        return original(packet)
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@mutant("OPN-1", check="check_answers_in_any_session", reason="got 2 answers")
+def answers_twice_after_a_failure(patch: Patch) -> None:
+    """Answers `opened` twice on the connection after one on which memory could not be opened."""
+    failed: list[IpcProtocol] = []
+
+    def open_failed(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        failed.append(self)
+        original(self, *arguments)
+
+    def opened(original: Any, self: IpcProtocol, packet: InitPacket) -> None:
+        if failed and self not in failed:
+            failed.clear()
+            self._out += encode(Opened(packet.generation or 0))
+        original(self, packet)
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    wrap(patch, IpcProtocol, "opened", opened)
+
+
+@mutant(
+    "OPN-5",
+    check="check_closes_former_memory_in_any_session",
+    reason="was not closed after",
+)
+def closes_each_generation_once_in_its_life(patch: Patch) -> None:
+    """Says `closed` of each generation once, over all connections."""
+    said: set[int] = set()
+
+    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+        before = bytes(self._out)
+        original(self, generation)
+        if bytes(self._out) != before:
+            if generation in said:
+                self._out[:] = self._out.removesuffix(encode(Closed(generation)))
+            said.add(generation)
+
+    wrap(patch, IpcProtocol, "closed", closed)
+
+
+@mutant(
+    "IMG-12",
+    check="check_releases_in_any_session",
+    reason="was not released",
+)
+def remembers_releases_over_a_loss(patch: Patch) -> None:
+    """Does not release a frame of further memory if it released its like on a connection before."""
+    released: set[tuple[int, int]] = set()
+    counts = _counted(patch)
+
+    def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
+        image = frame.generation, frame.seq
+        if image not in released:
+            original(self, frame)
+        if counts[None] > 1:
+            released.add(image)
+
+    wrap(patch, IpcProtocol, "release", release)

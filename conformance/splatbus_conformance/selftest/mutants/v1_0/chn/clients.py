@@ -1,0 +1,292 @@
+"""Mutants that break CHN: the life of the two channels."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from splatbus_client import ipc_protocol, message_protocol, reading, settings
+from splatbus_client.channel import Channel
+from splatbus_client.events import MustClose
+from splatbus_client.host_memory import CannotOpenError
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire.messages import GetViewportSize, Hello, encode
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+
+def all_channels(patch: Patch) -> list[Channel]:
+    """The channels of the client, once it has made them."""
+    made: list[Channel] = []
+
+    def init(original: Any, self: Channel, *arguments: Any) -> None:
+        original(self, *arguments)
+        made.append(self)
+
+    wrap(patch, Channel, "__init__", init)
+    return made
+
+
+@mutant("CHN-2", check="check_host_and_ports_can_be_set", reason="on port 6001")
+def ipc_port_that_cannot_be_set(patch: Patch) -> None:
+    """Connects to the IPC channel on port 6001, whatever it is told."""
+    wrap(
+        patch,
+        settings.Settings,
+        "__new__",
+        lambda original, cls, host, ipc, msg, token: original(cls, host, 6001, msg, token),
+    )
+
+
+@mutant("CHN-3", check="check_either_channel_first", reason="ipc refused its connection")
+def gives_up_what_refused_when_the_other_accepts(patch: Patch) -> None:
+    """Does not try the IPC channel any more that refused while the message channel accepted."""
+    made = all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        refused = self._machine is None
+        original(self, reason, now)
+        if refused and self is made[0] and made[1]._machine is not None:
+            self._due = now + 600
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-3", check="check_either_channel_first", reason="ipc kept waiting its connection")
+def gives_up_what_is_accepted_late(patch: Patch) -> None:
+    """Leaves the IPC channel for ever if it says nothing within 0.3 seconds."""
+    given_up: list[float] = []
+
+    def limit(self: IpcProtocol) -> float:
+        since: float = vars(self).setdefault("since", time.monotonic())
+        return since + 0.3 if self.version is None else float("inf")
+
+    def deadline(original: Any, self: IpcProtocol) -> float:
+        return min(limit(self), original(self) or float("inf"))
+
+    def expire(original: Any, self: IpcProtocol, now: float) -> Any:
+        if now < limit(self):
+            return original(self, now)
+        given_up.append(now)
+        return [MustClose("a limit of the mutant")]
+
+    def connect(original: Any, self: Channel, now: float) -> None:
+        if given_up and self._name == "IPC":
+            self._due = now + 600
+        else:
+            original(self, now)
+
+    wrap(patch, IpcProtocol, "deadline", deadline)
+    wrap(patch, IpcProtocol, "expire", expire)
+    wrap(patch, Channel, "_connect", connect)
+
+
+@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="closed the connection")
+def impatient_for_the_init_packet(patch: Patch) -> None:
+    """Closes the IPC connection if no init packet has come within five seconds."""
+    _limit(patch, lambda machine: not machine._slots, 5.0)
+
+
+@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="an init packet that came after")
+def deaf_to_a_late_init_packet(patch: Patch) -> None:
+    """Ignores the first init packet if it comes later than a second after the connection."""
+    begun: dict[IpcProtocol, float] = {}
+
+    def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        begun[self] = time.monotonic()
+
+    def take(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if self._slots or time.monotonic() < begun[self] + 1.0:
+            yield from original(self, packet)
+
+    wrap(patch, IpcProtocol, "__init__", init)
+    wrap(patch, IpcProtocol, "_on_init_packet", take)
+
+
+@mutant("CHN-10", check="check_keeps_the_ipc_connection", reason="while it used the buffers")
+def ipc_connection_closed_once_opened(patch: Patch) -> None:
+    """Closes the IPC connection when it has what it wants, and goes on reading."""
+    _limit(patch, lambda machine: bool(machine._slots), 0.2)
+
+
+def _limit(patch: Patch, applies: Any, seconds: float) -> None:
+    """Close an IPC connection when something has applied for so long."""
+    since: dict[IpcProtocol, float] = {}
+
+    def deadline(original: Any, self: IpcProtocol) -> float | None:
+        if applies(self):
+            return since.setdefault(self, time.monotonic()) + seconds
+        given: float | None = original(self)
+        return given
+
+    def expire(original: Any, self: IpcProtocol, now: float) -> Any:
+        if applies(self) and now >= since.setdefault(self, now) + seconds:
+            return [MustClose("a limit of the mutant")]
+        return original(self, now)
+
+    wrap(patch, IpcProtocol, "deadline", deadline)
+    wrap(patch, IpcProtocol, "expire", expire)
+
+
+@mutant("CHN-15", check="check_gives_up_a_reply", reason="no reply within")
+def waits_for_a_reply_for_ever(patch: Patch) -> None:
+    """Never gives up waiting for a reply."""
+    patch.setattr(message_protocol, "REPLY_SECONDS", 600.0)
+
+
+@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="ended the stream")
+def deaf_to_the_end_of_the_stream(patch: Patch) -> None:
+    """Keeps its side open when the server has ended the stream."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if reason == "the server ended it":
+            time.sleep(0.02)  # it will be said again at once
+        else:
+            original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="of the msg channel")
+def waits_for_a_reply_after_the_end_of_the_stream(patch: Patch) -> None:
+    """Keeps its side open when the server has ended the stream and still owes it a reply."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if reason == "the server ended it" and getattr(self._machine, "_asked", None) is not None:
+            time.sleep(0.02)
+        else:
+            original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="died")
+def crashes_at_the_end_of_the_stream(patch: Patch) -> None:
+    """Crashes when the server ends the stream."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if reason == "the server ended it":
+            crash()
+        original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-19", check="check_survives_losing_its_server", reason="died")
+def crashes_when_reset(patch: Patch) -> None:
+    """Crashes when a connection is reset."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if "reset" in reason:
+            crash()
+        original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-19", check="check_survives_losing_its_server", reason="neither reacted nor went on")
+def hangs_when_reset(patch: Patch) -> None:
+    """Hangs when a connection is reset."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        while "reset" in reason:
+            time.sleep(60)
+        original(self, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-20", check="check_connects_again", reason="a connection to ipc that was")
+def never_connects_to_ipc_again(patch: Patch) -> None:
+    """Does not connect to the IPC channel again."""
+    made = all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if self is made[0] and self.status.connections:
+            self._due = now + 600
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-23", check="check_keeps_the_other_channel", reason="channel when")
+def drops_both_channels(patch: Patch) -> None:
+    """Closes both connections when one is lost."""
+    made = all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        for other in made:
+            if other._machine is not None:
+                original(other, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-23", check="check_keeps_the_other_channel", reason="was lost (reset)")
+def drops_both_channels_when_one_is_reset(patch: Patch) -> None:
+    """Closes both connections when one is reset."""
+    made = all_channels(patch)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        original(self, reason, now)
+        for other in made:
+            if other._machine is not None and "reset" in reason:
+                original(other, reason, now)
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="a reconnect, was not opened")
+def insists_on_the_first_size(patch: Patch) -> None:
+    """Opens no memory of another size than the first that it saw."""
+    _insists(patch, lambda reason: False)
+
+
+@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reset, and a reconnect")
+def insists_on_the_former_size_when_it_was_reset(patch: Patch) -> None:
+    """Forgets the size of the images when its connection is closed, but not when it is reset."""
+    _insists(patch, lambda reason: "reset" not in reason)
+
+
+def _insists(patch: Patch, forgets: Callable[[str], bool]) -> None:
+    seen: list[tuple[int, int]] = []
+
+    def images(original: Any, packet: Any) -> Any:
+        seen.append((packet.width, packet.height))
+        if seen[-1] != seen[0]:
+            raise CannotOpenError(f"the images are not {seen[0]} any more")
+        return original(packet)
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        if forgets(reason):
+            seen.clear()
+        original(self, reason, now)
+
+    wrap(patch, reading, "HostImages", images)
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-6", reason="on the IPC channel, without hello", through="CHN-9")
+def asks_on_the_ipc_channel_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and asks for the size on the IPC channel."""
+    speaks_1_0(patch)
+
+    def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        self._out += encode(GetViewportSize())
+
+    wrap(patch, IpcProtocol, "__init__", init)
+
+
+def speaks_1_0(patch: Patch) -> None:
+    """Say no hello on either channel."""
+    for module in (ipc_protocol, message_protocol):
+        wrap(
+            patch,
+            module,
+            "encode",
+            lambda original, message: b"" if isinstance(message, Hello) else original(message),
+        )

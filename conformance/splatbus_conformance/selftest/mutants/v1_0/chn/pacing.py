@@ -1,0 +1,111 @@
+"""Mutants that break CHN-21, CHN-22 and NEG-24: when a channel connects again."""
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+from splatbus_client import channel
+from splatbus_client.channel import Channel
+from splatbus_client.ipc_protocol import IpcProtocol
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+PACES = "check_paces_its_attempts"
+
+
+@mutant("CHN-21", check=PACES, reason="ms apart")
+def connects_again_at_once(patch: Patch) -> None:
+    """Connects again without a pause."""
+    patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
+
+
+@mutant("CHN-21", check=PACES, reason="on the ipc channel")
+def connects_again_at_once_to_its_one_channel(patch: Patch) -> None:
+    """Has the IPC channel alone, and connects to it again after 3 milliseconds."""
+    patch.setattr(channel, "delays", lambda: itertools.repeat(0.003))
+
+    def connect(original: Any, self: Channel, now: float) -> None:
+        if self._name == "IPC":
+            original(self, now)
+        else:
+            self._due = now + 600
+
+    wrap(patch, Channel, "_connect", connect)
+
+
+def _waits(patch: Patch, seconds: float, applies: Callable[[Channel, str], bool]) -> None:
+    """Wait so long, where it applies to what was lost and why."""
+
+    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+        ends = applies(self, reason)
+        original(self, reason, now)
+        if ends:
+            self._due = now + seconds
+
+    wrap(patch, Channel, "_lose", lose)
+
+
+@mutant("CHN-21", check=PACES, reason="after reset, on the")
+def connects_again_at_once_when_reset(patch: Patch) -> None:
+    """Connects again without a pause when its connection was reset."""
+    _waits(patch, 0.0, lambda self, reason: "reset" in reason)
+
+
+@mutant(
+    "CHN-21",
+    check="check_paces_attempts_that_are_refused",
+    reason="does not pause when it is refused",
+)
+def connects_again_at_once_when_refused(patch: Patch) -> None:
+    """Tries again without a pause, but for a millisecond, when it was refused."""
+    patch.setattr(channel, "delays", lambda: itertools.repeat(0.25))
+    _waits(patch, 0.001, lambda self, reason: self._machine is None)
+
+
+@mutant("CHN-21", check=PACES, reason="after an error")
+def connects_again_at_once_when_complained_to_twice(patch: Patch) -> None:
+    """Connects again without a pause when the server has complained before it said welcome."""
+    _waits(patch, 0.0, lambda self, reason: _complained(self))
+
+
+@mutant("CHN-21", check="check_paces_attempts_without_images", reason="that it cannot open")
+def connects_again_at_once_when_it_cannot_open(patch: Patch) -> None:
+    """Drops a connection whose memory it cannot open, and connects again without a pause."""
+
+    def open_failed(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+        original(self, *arguments)
+        hopeless.add(self)
+
+    def flush(original: Any, self: Channel, now: float) -> None:
+        original(self, now)
+        if self._machine in hopeless:
+            self._lose("it has nothing to show", now)
+            self._due = now
+
+    hopeless: set[object] = set()
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    wrap(patch, Channel, "flush", flush)
+
+
+@mutant("NEG-24", check="check_pauses_after_errors", reason="after an error")
+def connects_again_at_once_after_an_error(patch: Patch) -> None:
+    """Connects again without a pause when the server has complained."""
+    _waits(patch, 0.0, lambda self, reason: _complained(self))
+
+
+@mutant("CHN-22", check="check_comes_back_soon", reason="after it was lost")
+def stays_away_after_an_error(patch: Patch) -> None:
+    """Waits a minute when the server has complained."""
+    _waits(patch, 60.0, lambda self, reason: _complained(self))
+
+
+@mutant("CHN-22", check="check_comes_back_soon", reason="after it accepts again")
+def backs_off_too_far(patch: Patch) -> None:
+    """Waits 0.125 seconds after the first failure, and 8 after the second."""
+    patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))
+
+
+def _complained(self: Channel) -> bool:
+    return "the server says" in (self.status.problem or "")

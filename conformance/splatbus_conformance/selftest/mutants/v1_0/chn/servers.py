@@ -1,0 +1,352 @@
+"""Mutants that break CHN: the life of the two channels."""
+
+import selectors
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+from splatbus_server import api
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.service import Peer, Service
+from splatbus_server.session import Session
+
+from splatbus_conformance.selftest.faults.legacy import announces_at_once
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.wire.messages import init_packet_1_0, init_packet_1_1
+
+MISDEEDS = "check_others_are_served_whatever_one_does"
+NEWS = {"type": "news", "of": "today"}
+
+
+@mutant("CHN-1", check="check_offers_both_channels", reason="nothing listens on port")
+def server_offers_no_ipc_channel(patch: Patch) -> None:
+    """Listens for IPC connections where nobody is told to come."""
+    calls = iter((True, False))
+
+    def listen(original: Any, host: str, port: int) -> Any:
+        return original(host, 0 if next(calls) else port)
+
+    wrap(patch, api, "listen", listen)
+
+
+@mutant("CHN-4", reason="no init packet came first", through="CHN-4")
+def server_says_other_things_first(patch: Patch) -> None:
+    """Announces CUDA memory after something else."""
+    announces_at_once(patch, NEWS, init_packet_1_0())
+
+
+@mutant("CHN-4", check="check_everyone_is_sent_an_init_packet", reason="got no init packet")
+def server_announces_its_memory_to_few(patch: Patch) -> None:
+    """Announces CUDA memory to the first five clients only."""
+    announces_at_once(patch, init_packet_1_0(), most=5)
+
+
+@mutant("CHN-5", reason="on a connection that speaks 1.0", through="CHN-7")
+def server_announces_host_memory_to_all(patch: Patch) -> None:
+    """Announces memory of the host to clients that say nothing."""
+    announces_at_once(patch, init_packet_1_1("splatbus-none", 1))
+
+
+@mutant("CHN-7", check="check_bytes_do_not_end_an_ipc_connection", reason="on the IPC channel")
+def server_wants_silence_on_ipc(patch: Patch) -> None:
+    """Closes IPC connections on which anything but a hello comes."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if self.channel == "ipc" and isinstance(event, Refusal) and self.welcome is None:
+            self.end("this is no hello", now)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant(
+    "CHN-7",
+    check="check_bytes_do_not_end_an_ipc_connection_later",
+    reason="on the IPC channel, and then nothing",
+)
+def server_awaits_more_after_a_packet(patch: Patch) -> None:
+    """Takes a connection on which a whole packet came for one on which a packet is incomplete."""
+
+    def next_event(original: Any, self: Connection, now: float) -> Any:
+        due = self._packet_by
+        event = original(self, now)
+        if event is None and self.ending is None:
+            self._packet_by = due
+        return event
+
+    wrap(patch, Connection, "next_event", next_event)
+
+
+@mutant("CHN-8", reason="a second packet", through="CHN-4")
+def server_announces_its_memory_twice(patch: Patch) -> None:
+    """Announces CUDA memory twice."""
+    announces_at_once(patch, init_packet_1_0(), init_packet_1_0())
+
+
+@mutant("CHN-11", reason="a packet unasked")
+def server_speaks_unasked(patch: Patch) -> None:
+    """Tells every message client the news."""
+    announces_at_once(patch, NEWS, channel="message")
+
+
+@mutant(
+    "CHN-12",
+    check="check_serves_both_channels_at_a_time",
+    reason="no welcome on the IPC channel beside",
+)
+def server_serves_one_channel_at_a_time(patch: Patch) -> None:
+    """Ends IPC connections when a message client comes."""
+
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        original(self, channel, listener)
+        if channel == "message":
+            for peer in [p for p in self._peers if p.connection.channel == "ipc"]:
+                self._drop(peer)
+
+    wrap(patch, Service, "_accept", accept)
+
+
+@mutant(
+    "CHN-13",
+    check="check_further_connections_are_not_left_waiting",
+    reason="client number 4 on the message channel",
+)
+def server_lets_the_fourth_wait(patch: Patch) -> None:
+    """Leaves message connections beyond three in the backlog."""
+    _leaves_waiting(patch, "message", 3)
+
+
+@mutant(
+    "CHN-13",
+    check="check_further_ipc_connections_are_not_left_waiting",
+    reason="on the IPC channel",
+)
+def server_lets_the_fourth_wait_on_ipc(patch: Patch) -> None:
+    """The same on the IPC channel."""
+    _leaves_waiting(patch, "ipc", 3)
+
+
+@mutant(
+    "CHN-14",
+    check="check_others_are_served_whatever_one_does_on_ipc",
+    reason=" beside a client that sends one byte",
+)
+def server_reads_packets_to_their_end(patch: Patch) -> None:
+    """Waits, with all that it does, until a packet that began is complete."""
+
+    def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
+        original(self, peer, data)
+        while peer.connection._decoder.incomplete and peer.connection.ending is None:
+            peer.socket.setblocking(True)
+            data = peer.socket.recv(65536)
+            peer.socket.setblocking(False)
+            original(self, peer, data)
+            if not data:
+                return
+
+    wrap(patch, Service, "_take", take)
+
+
+@mutant(
+    "CHN-14",
+    check="check_others_are_served_whatever_one_does_on_ipc",
+    reason="no new image beside a client that never gives a frame back",
+)
+def server_waits_for_its_readers(patch: Patch) -> None:
+    """Lends no further image before every reader has given back the last."""
+
+    def lend(original: Any, self: Session, connection: Connection, *rest: Any) -> None:
+        if all(reader.lease is None for reader in self._readers.values()):
+            original(self, connection, *rest)
+
+    wrap(patch, Session, "_lend", lend)
+
+
+@mutant("CHN-14", check="check_a_crowd_does_no_harm", reason="no reply after 8 idle clients")
+def server_never_forgets_a_client(patch: Patch) -> None:
+    """Counts clients that have gone, and refuses the thirty-first of a channel."""
+    came: dict[str, int] = {}
+
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        came[channel] = came.get(channel, 0) + 1
+        if came[channel] <= 30:
+            original(self, channel, listener)
+        else:
+            with suppress(OSError):
+                listener.accept()[0].close()
+
+    wrap(patch, Service, "_accept", accept)
+
+
+@mutant("CHN-14", check="check_others_are_served_whatever_one_does", reason="SIGABRT")
+def server_dies_of_a_reset(patch: Patch) -> None:
+    """Does not expect that a client resets its connection."""
+
+    def drop(original: Any, self: Service, peer: Peer) -> None:
+        if not peer.connection.input_ended:
+            crash()
+        original(self, peer)
+
+    wrap(patch, Service, "_drop", drop)
+
+
+@mutant("CHN-14", check=MISDEEDS, reason="no reply after a client that")
+def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
+    """Accepts no message connection any more once a client has left before its reply came."""
+
+    def drop(original: Any, self: Service, peer: Peer) -> None:
+        if peer.connection.channel == "message" and not peer.connection.input_ended:
+            lost.append(peer)
+        original(self, peer)
+
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        if lost and channel == "message":
+            self._selector.unregister(listener)
+        else:
+            original(self, channel, listener)
+
+    lost: list[Peer] = []
+    wrap(patch, Service, "_drop", drop)
+    wrap(patch, Service, "_accept", accept)
+
+
+@mutant("CHN-14", check=MISDEEDS, reason="no reply beside a client that never reads")
+def server_waits_for_who_does_not_read(patch: Patch) -> None:
+    """Waits, with all that it does, until a client has taken its replies."""
+
+    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
+        with suppress(OSError):
+            peer.socket.setblocking(True)
+            peer.socket.sendall(peer.connection.unsent)
+            peer.connection.unsent.clear()
+            peer.socket.setblocking(False)
+        original(self, peer, now)
+
+    wrap(patch, Service, "_flush", flush)
+
+
+@mutant("CHN-14", check=MISDEEDS, reason="the connection of another is ended beside a client that")
+def server_ends_everybody_for_one(patch: Patch) -> None:
+    """Ends every message connection when a length on one of them is bad."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if "[FRM-3]" in reason and self.channel == "message":
+            for other in there:
+                original(other, reason, now)
+            there.clear()
+
+    def init(original: Any, self: Connection, channel: str, *arguments: Any) -> None:
+        original(self, channel, *arguments)
+        if channel == "message":
+            there.append(self)
+
+    there: list[Connection] = []
+    wrap(patch, Connection, "__init__", init)
+    wrap(patch, Connection, "end", end)
+
+
+def _knows_deep_text(patch: Patch) -> list[bytes]:
+    """Something is in it once deep text has come on the IPC channel."""
+    known: list[bytes] = []
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        if self.channel == "ipc" and payload.startswith(b"[" * 1000):
+            known.append(payload)
+        return original(self, payload, now)
+
+    wrap(patch, Connection, "_understand", understand)
+    return known
+
+
+@mutant("CHN-14", check=MISDEEDS + "_on_ipc", reason="it announces no memory on the IPC channel")
+def server_announces_nothing_after_deep_text(patch: Patch) -> None:
+    """Welcomes readers, and announces memory to none of them, once deep text has come."""
+    known = _knows_deep_text(patch)
+    wrap(patch, Session, "_announce", lambda original, *it: None if known else original(*it))
+
+
+@mutant("CHN-14", check=MISDEEDS + "_on_ipc", reason="it sends no frame on the IPC channel")
+def server_lends_nothing_after_deep_text(patch: Patch) -> None:
+    """Lends no image to readers that come once deep text has come."""
+    known, early = _knows_deep_text(patch), list[Connection]()
+
+    def lend(original: Any, self: Session, to: Connection, *arguments: Any) -> None:
+        if not known:
+            early.append(to)
+        if to in early:
+            original(self, to, *arguments)
+
+    wrap(patch, Session, "_lend", lend)
+
+
+@mutant("CHN-16", check="check_answers_before_the_end", reason="kept the connection open after 0")
+def server_waits_where_nothing_was_asked(patch: Patch) -> None:
+    """Does not see the end of the stream of a client that has asked nothing."""
+
+    def next_event(original: Any, self: Connection, now: float) -> Any:
+        if self.input_ended and self._decoder._offset == 0:
+            return None
+        return original(self, now)
+
+    wrap(patch, Connection, "next_event", next_event)
+
+
+@mutant("CHN-16", check="check_answers_before_the_end", reason="after hello")
+def server_answers_the_old_to_the_end(patch: Patch) -> None:
+    """Answers those that have said hello nothing more once they have ended their stream."""
+
+    def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
+        original(self, peer, data)
+        time.sleep(0.002)
+        with suppress(OSError):
+            if peer.connection.welcome and not peer.socket.recv(1, socket.MSG_PEEK):
+                peer.connection.unsent.clear()
+
+    wrap(patch, Service, "_take", take)
+
+
+@mutant("CHN-16", check="check_answers_before_the_end", reason="replies to")
+def server_leaves_with_its_client(patch: Patch) -> None:
+    """Answers nothing any more once the client has ended its stream."""
+
+    def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
+        original(self, peer, data)
+        time.sleep(0.002)
+        with suppress(OSError):
+            if not peer.socket.recv(1, socket.MSG_PEEK):
+                peer.connection.unsent.clear()
+
+    wrap(patch, Service, "_take", take)
+
+
+def _leaves_waiting(patch: Patch, channel: str, most: int) -> None:
+    """Accept no connection on a channel while so many are there."""
+
+    def accept(original: Any, self: Service, on: str, listener: socket.socket) -> None:
+        there = sum(peer.connection.channel == channel for peer in self._peers)
+        if on != channel or there < most:
+            original(self, on, listener)
+            return
+        self._selector.unregister(listener)
+        waiting.append((on, listener))
+
+    def drop(original: Any, self: Service, peer: Peer) -> None:
+        original(self, peer)
+        for on, listener in _taken(waiting):
+            accepting = self._accepting(on, listener)
+            self._selector.register(listener, selectors.EVENT_READ, accepting)
+
+    waiting: list[tuple[Any, socket.socket]] = []
+    wrap(patch, Service, "_accept", accept)
+    wrap(patch, Service, "_drop", drop)
+
+
+def _taken(waiting: list[tuple[Any, socket.socket]]) -> Iterator[tuple[Any, socket.socket]]:
+    while waiting:
+        yield waiting.pop()

@@ -1,0 +1,266 @@
+"""Mutants that break FRM: packets."""
+
+import contextlib
+import time
+from typing import Any
+
+from splatbus_client import channel, incoming, ipc_protocol, message_protocol
+from splatbus_client.events import MustClose
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire import encoding, framing
+from splatbus_wire.errors import FramingError
+from splatbus_wire.framing import PacketDecoder
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import crash, packets, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
+
+NEVER = 600.0
+
+
+@mutant("FRM-1", reason="bytes into a packet", through="NEG-16")
+def line_break_after_each_packet(patch: Patch) -> None:
+    """Ends each packet with a line break that its length does not count."""
+    packets(patch, lambda packet: packet + b"\n")
+
+
+@mutant("FRM-1", reason="counts the four bytes of the header", through="FRM-5")
+def length_that_counts_its_header(patch: Patch) -> None:
+    """Counts the four bytes of the header in the length."""
+    packets(patch, lambda packet: len(packet).to_bytes(4, "little") + packet[4:])
+
+
+@mutant("FRM-2", reason="announces 0 bytes")
+def empty_packets(patch: Patch) -> None:
+    """Sends an empty packet after each message, to keep the connection alive."""
+    packets(patch, lambda packet: packet + bytes(4))
+
+
+@mutant("FRM-2", reason="announces 2,", through="CHN-17")
+def big_endian_lengths(patch: Patch) -> None:
+    """Writes lengths in network byte order."""
+    packets(patch, lambda packet: packet[3::-1] + packet[4:])
+
+
+@mutant("FRM-2", reason="announces 1,048,", through="CHN-17")
+def payload_beyond_the_limit(patch: Patch) -> None:
+    """Sends a `hello` of more than 1 MiB."""
+
+    def encode(original: Any, payload: bytes) -> bytes:
+        if b'"type":"hello"' not in payload:
+            return bytes(original(payload))
+        padded = payload.ljust((1 << 20) + 1)
+        return len(padded).to_bytes(4, "little") + padded
+
+    wrap(patch, encoding, "encode_packet", encode)
+
+
+@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="neither reacted nor went on")
+def deaf_after_a_bad_length(patch: Patch) -> None:
+    """Keeps the connection after a bad length, and hears nothing more on it."""
+
+    def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
+        try:
+            payload: bytes | None = original(decoder)
+        except FramingError:
+            return None
+        return payload
+
+    wrap(patch, PacketDecoder, "next_packet", next_packet)
+
+
+@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="0 bytes: the testee ignored it")
+def empty_packets_are_skipped(patch: Patch) -> None:
+    """Takes a length of 0 for a packet that says nothing."""
+    patch.setattr(framing, "_MIN_PAYLOAD_BYTES", 0)
+
+
+@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="1,048,577 bytes: the testee neither")
+def any_length_is_waited_for(patch: Patch) -> None:
+    """Waits for as many bytes as any header announces."""
+    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
+
+
+@mutant(
+    "FRM-3",
+    check="check_bad_length_closes_message_channel",
+    reason="in place of a reply: the testee ignored it",
+)
+def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
+    """Drops what has arrived with a bad length on the message channel, and reads on."""
+
+    def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
+        events = list(original(machine, data, now))
+        if events and isinstance(events[-1], MustClose):
+            machine._incoming = incoming.Incoming()
+            machine._asked = None
+            return events[:-1]
+        return events
+
+    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
+def one_packet_per_read(patch: Patch) -> None:
+    """Takes what one `recv` returned for one packet."""
+
+    def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
+        if len(data) < 4 or len(data) != 4 + int.from_bytes(data[:4], "little"):
+            return
+        original(decoder, data)
+
+    wrap(patch, PacketDecoder, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
+def drops_what_follows_a_packet(patch: Patch) -> None:
+    """Handles the first packet that a read completes, and drops what came with it."""
+
+    def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
+        payload: bytes | None = original(decoder)
+        if payload is not None:
+            decoder._payloads.clear()
+            decoder._unfinished.clear()
+        return payload
+
+    wrap(patch, PacketDecoder, "next_packet", next_packet)
+
+
+@mutant("FRM-3", check="check_bad_length_closes_unheard", reason="1,048,577 bytes: the testee")
+def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and waits for as many bytes as any header announces."""
+    speaks_1_0(patch)
+
+    def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
+        usual = framing._MAX_PAYLOAD_BYTES
+        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
+        yield from original(self, data, now)
+        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", usual)
+
+    wrap(patch, IpcProtocol, "receive", receive)
+
+
+@mutant("FRM-3", check="check_bad_length_closes_unheard", reason="4,294,967,295 bytes: the testee")
+def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and takes the length for a signed integer; a negative one announces nothing."""
+    speaks_1_0(patch)
+
+    def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
+        begins = not self._incoming._decoder._unfinished
+        return original(self, data[4:] if begins and data[3:4] >= b"\x80" else data, now)
+
+    wrap(patch, IpcProtocol, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
+def decodes_each_piece_by_itself(patch: Patch) -> None:
+    """Decodes what each read brings of a payload, and loses what ends inside a character."""
+
+    def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
+        begun = decoder._unfinished
+        if len(begun) >= 4:
+            rest = 4 + int.from_bytes(begun[:4], "little") - len(begun)
+            try:
+                data[:rest].decode()
+            except UnicodeDecodeError:
+                data = bytes(len(data[:rest])) + data[rest:]
+        original(decoder, data)
+
+    wrap(patch, PacketDecoder, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation_of_replies", reason="replies to")
+def takes_one_read_for_a_reply(patch: Patch) -> None:
+    """Takes what one `recv` returned on the message channel for one reply."""
+
+    def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
+        if int.from_bytes(data[:4], "little") != len(data) - 4 and b"welcome" not in data:
+            return iter(())
+        return original(machine, data, now)
+
+    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation_of_welcome", reason="a welcome of")
+def takes_one_read_for_a_welcome(patch: Patch) -> None:
+    """Drops a welcome that one `recv` did not return whole, and all that comes before the next."""
+
+    def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
+        if machine.version is None and int.from_bytes(data[:4], "little") > len(data) - 4:
+            return iter(())
+        return original(machine, data, now)
+
+    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+
+
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="with a byte a second")
+def each_byte_gives_a_packet_more_time(patch: Patch) -> None:
+    """Begins to count anew with each byte of a packet."""
+
+    def receive(original: Any, self: incoming.Incoming, data: bytes, now: float) -> Any:
+        self.deadline = None
+        yield from original(self, data, now)
+
+    wrap(patch, incoming.Incoming, "receive", receive)
+
+
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="stays incomplete")
+def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
+    """Waits for ever for the rest of a packet."""
+    patch.setattr(incoming, "COMPLETION_SECONDS", NEVER)
+
+
+@mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
+def half_a_packet_continues(patch: Patch) -> None:
+    """Keeps half a packet when the connection ends, and goes on with it on the next one."""
+    kept = incoming.Incoming()
+    patch.setattr(ipc_protocol, "Incoming", lambda: kept)
+
+
+@mutant("FRM-6", check="check_half_reply_is_discarded", reason="on the next connection")
+def half_a_reply_continues(patch: Patch) -> None:
+    """Keeps half a reply when the connection ends, and goes on with it on the next one."""
+    kept = incoming.Incoming()
+    patch.setattr(message_protocol, "Incoming", lambda: kept)
+
+
+@mutant(
+    "FRM-6", check="check_half_packet_is_discarded_unheard", reason="a connection that ends after"
+)
+def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and crashes when it connects again after half a packet."""
+    speaks_1_0(patch)
+    former: list[IpcProtocol] = []
+
+    def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
+        original(self, *arguments, **named)
+        if any(it._incoming._decoder._unfinished for it in former):
+            crash()
+        former[:] = [self]
+
+    wrap(patch, IpcProtocol, "__init__", init)
+
+
+@mutant("FRM-7", reason="the header arrived alone")
+def two_writes(patch: Patch) -> None:
+    """Sends the header, and a moment later the payload."""
+    in_two_writes(patch)
+
+
+def in_two_writes(patch: Patch) -> None:
+    """Give header and payload to TCP one after the other."""
+
+    def flush(original: Any, self: channel.Channel, now: float) -> None:
+        if self.socket is not None and self._machine is not None and not self._unsent:
+            data = self._machine.data_to_send(now)
+            with contextlib.suppress(OSError):
+                while data:
+                    end = 4 + int.from_bytes(data[:4], "little")
+                    for part in (data[:4], data[4:end]):
+                        self.socket.send(part)
+                        time.sleep(0.005)
+                    data = data[end:]
+        original(self, now)
+
+    wrap(patch, channel.Channel, "flush", flush)

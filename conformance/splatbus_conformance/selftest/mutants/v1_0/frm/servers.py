@@ -1,0 +1,326 @@
+"""Mutants that break FRM: they misread packets, or write them wrongly."""
+
+import math
+import time
+from typing import Any
+
+from splatbus_server.connection import Connection
+from splatbus_server.service import Peer, Service
+from splatbus_wire import framing
+from splatbus_wire.errors import FramingError, ProtocolError
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import crash, packets, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
+
+LONGEST = framing._MAX_PAYLOAD_BYTES
+
+
+@mutant("FRM-1", reason="bytes into a packet", through="FRM-3")
+def server_ends_within_a_packet(patch: Patch) -> None:
+    """Begins one more packet when it ends a connection."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if self.ending is None:
+            self.unsent += b"\x1c\x00\x00\x00{"
+        original(self, reason, now)
+
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("FRM-2", reason="announces 0 bytes")
+def server_sends_empty_packets(patch: Patch) -> None:
+    """Sends an empty packet behind every message."""
+    trusts_its_scene(patch)
+    packets(patch, lambda packet: packet + bytes(4))
+
+
+@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+def server_waits_on_after_a_bad_length(patch: Patch) -> None:
+    """Reads nothing more after a bad header, and keeps the connection."""
+    _waits_after_a_bad_length(patch, math.inf, "ipc", "message")
+
+
+def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> None:
+    def next_event(original: Any, self: Connection, now: float) -> Any:
+        ending = self.ending
+        event = original(self, now)
+        try:
+            self._decoder.next_packet()
+        except FramingError:
+            if self.channel not in channels:
+                return event
+            if ending is None:
+                self.ending, self._packet_by = None, min(self._packet_by, now + seconds)
+            return None
+        return event
+
+    wrap(patch, Connection, "next_event", next_event)
+
+
+@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+def server_waits_for_any_length(patch: Patch) -> None:
+    """Waits on the message channel for as many bytes as a header announces, as long as for any
+    packet.
+    """
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        most = 1 << 33 if self.channel == "message" else LONGEST
+        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", most)
+        original(self, data, now)
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-3", check="check_bad_length_closes", reason="announces 1,048,577 bytes")
+def server_takes_a_byte_too_many(patch: Patch) -> None:
+    """Takes payloads that are a byte longer than any may be."""
+    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", framing._MAX_PAYLOAD_BYTES + 1)
+
+
+@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
+    """Accepts nobody any more on the IPC channel once a length there was bad."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        original(self, reason, now)
+        if "[FRM-3]" in reason and self.channel == "ipc":
+            bad.append(reason)
+
+    def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
+        if bad and channel == "ipc":
+            self._selector.unregister(listener)
+        else:
+            original(self, channel, listener)
+
+    bad: list[str] = []
+    wrap(patch, Connection, "end", end)
+    wrap(patch, Service, "_accept", accept)
+
+
+@mutant("FRM-4", check="check_the_longest_packet", reason="were not answered")
+def server_refuses_the_longest_packet(patch: Patch) -> None:
+    """Refuses payloads of the greatest length."""
+    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", framing._MAX_PAYLOAD_BYTES - 1)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="were not answered")
+def server_loses_characters_that_are_cut(patch: Patch) -> None:
+    """Makes text of each read, and leaves out what is none."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        whole = data.decode("utf-8", "ignore").encode()
+        original(self, whole if data[:1] == b"{" or b'"' in data else data, now)
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="were not answered")
+def server_handles_four_packets_a_read(patch: Patch) -> None:
+    """Handles four packets of what a read returned, and the others when more comes."""
+
+    def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
+        handled[peer] = 0
+        original(self, peer, data)
+
+    def next_packet(original: Any, self: framing.PacketDecoder) -> Any:
+        peer = next((it for it in handled if it.connection._decoder is self), None)
+        if peer is None or self._error is not None:
+            return original(self)
+        handled[peer] += 1
+        return original(self) if handled[peer] <= 4 else None
+
+    handled: dict[Peer, int] = {}
+    wrap(patch, Service, "_take", take)
+    wrap(patch, framing.PacketDecoder, "next_packet", next_packet)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="replies too many")
+def server_answers_twice_what_was_cut(patch: Patch) -> None:
+    """Answers a request twice whose packet was cut behind its header."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        was_cut = len(self._decoder._unfinished) > 4
+        original(self, data, now)
+        waiting = self._decoder._payloads
+        if was_cut and self.channel == "message" and waiting:
+            waiting.appendleft(waiting[0])
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-4", check="check_any_segmentation", reason="were not answered")
+def server_takes_each_read_for_a_packet(patch: Patch) -> None:
+    """Takes what one read returns for whole packets, and drops what is left over."""
+    _forget_what_is_left_over(patch, "message")
+
+
+@mutant("FRM-4", check="check_any_segmentation_on_ipc", reason="has no welcome")
+def server_takes_each_read_for_a_packet_on_ipc(patch: Patch) -> None:
+    """The same on the IPC channel."""
+    _forget_what_is_left_over(patch, "ipc")
+
+
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="a packet that came in part")
+def server_waits_forever_for_a_packet(patch: Patch) -> None:
+    """Sets no limit to the time that a packet takes."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        original(self, data, now + 3600)
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="of which a byte came")
+def server_waits_anew_for_each_byte(patch: Patch) -> None:
+    """Gives a packet more time with each byte of it."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        original(self, data, now)
+        self._packet_by = now + 10.0
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-6", check="check_half_packet_is_discarded", reason="of a request, and then another")
+def server_goes_on_with_half_a_packet(patch: Patch) -> None:
+    """Continues the packet of one connection with the bytes of the next."""
+    _continues(patch, "message")
+
+
+@mutant("FRM-6", check="check_half_hello_is_discarded", reason="of hello, and then another one")
+def server_goes_on_with_half_a_hello(patch: Patch) -> None:
+    """The same on the IPC channel."""
+    _continues(patch, "ipc")
+
+
+@mutant("FRM-6", check="check_half_packet_is_discarded", reason="ends (reset) after")
+def server_goes_on_after_a_reset(patch: Patch) -> None:
+    """The same on the message channel, where the former connection was reset."""
+
+    def drop(original: Any, self: Service, peer: Peer) -> None:
+        if peer.connection.channel == "message" and not peer.connection.input_ended:
+            left["message"] = bytes(peer.connection._decoder._unfinished)
+        original(self, peer)
+
+    left = _left_over(patch)
+    wrap(patch, Service, "_drop", drop)
+
+
+@mutant("FRM-6", check="check_cut_request_is_not_answered", reason="replies to 0 whole requests")
+def server_makes_do_with_a_cut_packet(patch: Patch) -> None:
+    """Takes what has come of a packet for the whole when the stream ends."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        if not data and self._decoder.incomplete:
+            original(self, b" ", now)
+        original(self, data, now)
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-7", reason="the header arrived alone")
+def server_writes_header_and_payload_apart(patch: Patch) -> None:
+    """Sends the header of what it sends, and two milliseconds later the rest."""
+
+    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
+        unsent = peer.connection.unsent
+        if len(unsent) > 4:
+            del unsent[: peer.socket.send(unsent[:4])]
+            time.sleep(0.002)
+        original(self, peer, now)
+
+    wrap(patch, Service, "_flush", flush)
+
+
+def _continues(patch: Patch, channel: str) -> None:
+    """Keep what was incomplete when a connection of a channel ended for the next one."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        if not data and self.channel == channel:
+            left[channel] = bytes(self._decoder._unfinished)
+        original(self, data, now)
+
+    left = _left_over(patch)
+    wrap(patch, Connection, "receive", receive)
+
+
+def _left_over(patch: Patch) -> dict[str, bytes]:
+    """What new connections begin with, by channel."""
+    left: dict[str, bytes] = {}
+
+    def init(original: Any, self: Connection, *arguments: Any) -> None:
+        original(self, *arguments)
+        if rest := left.pop(self.channel, b""):
+            self._decoder.receive(rest)
+
+    wrap(patch, Connection, "__init__", init)
+    return left
+
+
+def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> Any:
+        given = original(self, data, now)
+        if self.channel == channel:
+            self._decoder._unfinished.clear()
+        return given
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant("FRM-6", check="check_half_hello_is_discarded", reason="died")
+def server_dies_of_half_a_hello(patch: Patch) -> None:
+    """Does not expect that a client leaves while it says hello."""
+    said: dict[Connection, bytes] = {}
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        said[self] = (said.get(self, b"") + data)[:64]
+        original(self, data, now)
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "FRM-6" in reason and b"hello" in said.get(self, b""):
+            crash()
+        original(self, reason, now)
+
+    wrap(patch, Connection, "receive", receive)
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("FRM-5", check="check_incomplete_packet_behind_another_size", reason="half a packet behind")
+def server_waits_forever_behind_another_size(patch: Patch) -> None:
+    """Sets no limit to a packet that began while a reply was held back."""
+
+    def go_on(original: Any, self: Connection, now: float) -> None:
+        original(self, now)
+        self._packet_by = math.inf
+
+    wrap(patch, Connection, "go_on", go_on)
+
+
+@mutant("FRM-4", check="check_the_longest_packet", reason="were not answered")
+def server_refuses_the_longest_packet_after_hello(patch: Patch) -> None:
+    """Refuses requests of the greatest length of a client of 1.1."""
+    _refuses_the_longest(patch, b'"get_', greeted=True)
+
+
+@mutant("FRM-4", check="check_the_longest_hello", reason="has no welcome")
+def server_refuses_the_longest_hello(patch: Patch) -> None:
+    """Refuses a hello of the greatest length."""
+    _refuses_the_longest(patch, b'"hello"', greeted=False)
+
+
+@mutant("FRM-4", check="check_the_longest_pose", reason="a pose of 1,048,576 bytes")
+def server_refuses_the_longest_pose(patch: Patch) -> None:
+    """Refuses poses of the greatest length of a client of 1.1."""
+    _refuses_the_longest(patch, b'"camera_pose"', greeted=True)
+
+
+def _refuses_the_longest(patch: Patch, part: bytes, *, greeted: bool) -> None:
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        if len(payload) == LONGEST and part in payload and (self.welcome is not None) == greeted:
+            error = ProtocolError("internal", "so long", requirement="FRM-2")
+            return self._refuse_packet(error, payload, now)
+        return original(self, payload, now)
+
+    wrap(patch, Connection, "_understand", understand)

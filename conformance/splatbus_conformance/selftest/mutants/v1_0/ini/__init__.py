@@ -1,0 +1,1 @@
+"""Init packets: INI (spec 1.0 chapter 4)."""

@@ -1,0 +1,219 @@
+"""Mutants that break INI: what is done with an init packet."""
+
+from typing import Any
+
+from splatbus_client import host_memory, ipc_protocol, reading
+from splatbus_client.events import Declined, Ignored, MustClose
+from splatbus_client.host_memory import CannotOpenError
+from splatbus_wire import decoding, init_packet
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.init_packet import InitPacket
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, crash, init_packets, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
+
+ACCEPTS = "check_accepts_good_init_packets"
+REFUSES = "check_refuses_broken_init_packets"
+
+
+def _declines(patch: Patch, unwanted: Any) -> None:
+    """Decline init packets that something does not suit."""
+
+    def images(original: Any, packet: InitPacket) -> Any:
+        if unwanted(packet):
+            raise CannotOpenError("it does not suit")
+        return original(packet)
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@mutant("INI-8", check=ACCEPTS, reason="was not opened")
+def insists_on_a_tight_ring(patch: Patch) -> None:
+    """Declines a ring whose slots do not follow one another without a gap."""
+    _declines(
+        patch, lambda it: it.ring != init_packet.host_ring(it.width, it.height, it.ring.slots)[0]
+    )
+
+
+@mutant("INI-8", check=ACCEPTS, reason="the most slots was not opened")
+def has_room_for_sixteen_slots(patch: Patch) -> None:
+    """Declines a ring of more than 16 slots."""
+    _declines(patch, lambda it: it.ring.slots > 16)
+
+
+@mutant("INI-8", check=ACCEPTS, reason="the widest image was not opened")
+def limits_the_size_to_16384(patch: Patch) -> None:
+    """Takes images of more than 16,384 pixels a side for nonsense."""
+    _declines(patch, lambda it: max(it.width, it.height) > 16384)
+
+
+@mutant("INI-8", check=ACCEPTS, reason="was not opened")
+def generations_of_32_bits(patch: Patch) -> None:
+    """Has 32 bits for the generation."""
+    _declines(patch, lambda it: it.generation >= 1 << 32)
+
+
+@mutant("INI-9", check=REFUSES, reason="meta/fmtColor")
+def takes_any_format(patch: Patch) -> None:
+    """Reads every image as RGBA32F, whatever the packet says."""
+    init_packets(patch, lambda it: it["meta"].update(fmtColor="RGBA32F"))
+
+
+@mutant("INI-9", check=REFUSES, reason="meta/pitchColor")
+def ignores_the_pitches(patch: Patch) -> None:
+    """Reads rows of 16·w and 4·w bytes, whatever the packet says."""
+    init_packets(
+        patch,
+        lambda it: it["meta"].update(
+            pitchColor=16 * it["meta"]["w"], pitchDepth=4 * it["meta"]["w"]
+        ),
+    )
+
+
+@mutant("INI-9", check=REFUSES, reason="meta/w '64'")
+def reads_sizes_from_strings(patch: Patch) -> None:
+    """Takes a size that is written as a string."""
+    init_packets(patch, lambda it: it["meta"].update(w=int(it["meta"]["w"])))
+
+
+@mutant("INI-9", check=REFUSES, reason="meta/w 32769")
+def has_no_limit_on_the_size(patch: Patch) -> None:
+    """Takes images of any size."""
+    patch.setattr(init_packet, "_MAX_IMAGE_SIZE", 1 << 40)
+
+
+@mutant("INI-9", check=REFUSES, reason="meta/offset")
+def takes_any_offset(patch: Patch) -> None:
+    """Does not look at the offsets of 1.0 where it does not need them."""
+
+    def forget(packet: Json) -> None:
+        packet["meta"].pop("offsetColor", None)
+        packet["meta"].pop("offsetDepth", None)
+
+    init_packets(patch, forget)
+
+
+@mutant("INI-9", check=REFUSES, reason="the testee died")
+def crashes_without_a_format(patch: Patch) -> None:
+    """Crashes on an init packet that lacks a member."""
+
+    def parse(original: Any, message: Json) -> Any:
+        try:
+            return original(message)
+        except ProtocolError as problem:
+            if "is missing" in str(problem):
+                crash()
+            raise
+
+    wrap(patch, ipc_protocol, "decode_from_server_ipc", parse)
+
+
+@mutant("INI-9", check=REFUSES, reason="the testee died")
+def crashes_on_a_first_packet_that_is_broken(patch: Patch) -> None:
+    """Crashes on a broken init packet before it has opened any memory on the connection."""
+
+    def on_payload(original: Any, self: Any, payload: bytes) -> Any:
+        for event in original(self, payload):
+            if isinstance(event, Declined) and not self._slots and "/meta" in event.reason:
+                crash()
+            yield event
+
+    wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
+
+
+@mutant("INI-10", check="check_computes_in_64_bits", reason="4294967296")
+def computes_in_32_bits(patch: Patch) -> None:
+    """Keeps offsets, strides and sizes in 32 bits."""
+
+    def wrap_around(packet: Json) -> None:
+        for part in (packet["ring"], packet["memory"]):
+            for name, value in part.items():
+                if isinstance(value, int):
+                    part[name] = value % (1 << 32)
+
+    init_packets(patch, wrap_around)
+
+
+@mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="the testee died")
+def crashes_on_other_objects(patch: Patch) -> None:
+    """Takes each object without a type for an init packet, and crashes for want of `meta`."""
+
+    def decode(original: Any, payload: bytes) -> Any:
+        try:
+            return original(payload)
+        except ProtocolError as problem:
+            if "INI-11" in str(problem.requirement):
+                crash()
+            raise
+
+    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+
+
+@mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="closed the connection")
+def closes_on_other_objects(patch: Patch) -> None:
+    """Closes the connection on an object that is no init packet."""
+
+    def on_payload(original: Any, self: Any, payload: bytes) -> Any:
+        for event in original(self, payload):
+            closing = isinstance(event, Ignored) and "INI-11" in event.reason
+            yield MustClose("no init packet") if closing else event
+
+    wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
+
+
+STRANGERS = "check_ignores_what_is_no_init_packet"
+
+
+@mutant("INI-11", check=STRANGERS, reason='{"type":"init_packet","version"')
+def takes_what_has_meta_for_an_init_packet(patch: Patch) -> None:
+    """Takes each object with `meta` for an init packet, whatever its `type`."""
+    _takes(patch, lambda kind: True)
+
+
+@mutant("INI-11", check=STRANGERS, reason="on the IPC channel: the testee took")
+def takes_a_type_that_is_no_string_for_none(patch: Patch) -> None:
+    """Looks at a `type` only if it is a string."""
+    _takes(patch, lambda kind: not isinstance(kind, str))
+
+
+def _takes(patch: Patch, overlooked: Any) -> None:
+    def parse(original: Any, payload: bytes) -> Json:
+        message: Json = original(payload)
+        if "meta" in message and overlooked(message.get("type")):
+            message.pop("type", None)
+        return message
+
+    for module in (decoding, ipc_protocol):
+        wrap(patch, module, "parse_object", parse)
+
+
+@mutant(
+    "INI-11",
+    check="check_ignores_what_is_no_init_packet_unheard",
+    reason="no init packets, the first",
+)
+def closes_on_other_objects_in_1_0(patch: Patch) -> None:
+    """Speaks 1.0, and closes the connection on an object that is no init packet."""
+    speaks_1_0(patch)
+    closes_on_other_objects(patch)
+
+
+@mutant("INI-13", check="check_goes_on_without_images", reason="memory that does not exist")
+def exits_without_images(patch: Patch) -> None:
+    """Does not handle that shared memory is missing, and exits."""
+    wrap(patch, host_memory, "_map", _without_handler)
+
+
+def _without_handler(original: Any, *arguments: Any) -> Any:
+    try:
+        return original(*arguments)
+    except FileNotFoundError as missing:
+        raise RuntimeError("nobody expected this") from missing
+
+
+@mutant("INI-13", check="check_goes_on_without_a_device", reason="no device knows: the testee died")
+def crashes_on_cuda_memory(patch: Patch) -> None:
+    """Crashes on an init packet with CUDA handles."""
+    _declines(patch, lambda it: crash() if it.legacy is not None else False)

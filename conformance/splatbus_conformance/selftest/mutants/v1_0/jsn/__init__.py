@@ -1,0 +1,1 @@
+"""Text: JSN (spec 1.0 chapter 2)."""

@@ -1,0 +1,1 @@
+"""Poses: POS (spec 1.0 chapter 6)."""

@@ -1,0 +1,187 @@
+"""Mutants that break POS: they misread poses, or apply those that they should not."""
+
+import math
+import time
+from typing import Any
+
+from splatbus_server.connection import Connection
+from splatbus_server.control import Control
+from splatbus_server.session import Session
+from splatbus_wire import decoding, from_client, plain_poses, rotations
+from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
+from splatbus_wire.poses import IDENTITY
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+
+@mutant("POS-5", check="check_takes_members_by_name", reason="rotation w, z, y, x")
+def server_takes_members_as_they_come(patch: Patch) -> None:
+    """Takes the numbers of a rotation in the order in which they stand."""
+
+    def parse(original: Any, payload: bytes) -> Json:
+        message: Json = original(payload)
+        rotation = message.get("rotation")
+        if isinstance(rotation, dict) and set(rotation) == set("xyzw"):
+            message["rotation"] = dict(zip("xyzw", rotation.values(), strict=True))
+        return message
+
+    patch.setattr(decoding, "plain_pose", lambda payload: None)
+    wrap(patch, decoding, "parse_object", parse)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose", reason="a pose with no position")
+def server_fills_in_what_a_pose_lacks(patch: Patch) -> None:
+    """Takes the origin for a position that is missing."""
+    _repairs(patch, lambda message: {"position": dict.fromkeys("xyz", 0.0)} | message)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm")
+def server_scales_every_rotation(patch: Patch) -> None:
+    """Makes a unit quaternion of every rotation."""
+
+    def scaled(message: Json) -> Json:
+        rotation = message.get("rotation")
+        if not isinstance(rotation, dict) or not all(type(n) is float for n in rotation.values()):
+            return message
+        norm = max(math.hypot(*rotation.values()), 1e-300)
+        return message | {"rotation": {name: part / norm for name, part in rotation.items()}}
+
+    _repairs(patch, scaled)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm 0.989999999")
+def server_rounds_norms(patch: Patch) -> None:
+    """Takes norms that are 0.99 or 1.01 in single precision for ones within the limits."""
+    tolerating(patch, 0.01 + 2.0**-23)
+
+
+@mutant("POS-7", check="check_poses_at_the_limits_are_poses", reason="the valid pose")
+def server_is_strict_with_norms(patch: Patch) -> None:
+    """Refuses rotations whose norm differs from 1 by nearly 0.01."""
+    tolerating(patch, 0.00999)
+
+
+def tolerating(patch: Patch, tolerance: float) -> None:
+    """Judge rotations by another tolerance."""
+    for module in (plain_poses, rotations):
+        patch.setattr(module, "NORM_TOLERANCE", tolerance)
+
+
+@mutant("POS-10", reason="after a message of type", through="POS-5")
+def server_acknowledges_poses(patch: Patch) -> None:
+    """Replies to each pose with the size of the image."""
+
+    def move(
+        original: Any, self: Session, connection: Connection, message: CameraPose | PointCloudPose
+    ) -> Any:
+        connection.send(ViewportSize(64, 48, None))
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("POS-11", check="check_one_connection_has_control", reason="that has no control")
+def server_obeys_everyone(patch: Patch) -> None:
+    """Applies the newest pose, whoever sent it."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> bool:
+        self.poses = self.poses.moved_by(message)
+        return True
+
+    wrap(patch, Control, "move", move)
+
+
+@mutant("POS-11", check="check_one_connection_has_control", reason="no frame shows the pose of the")
+def server_obeys_the_first_forever(patch: Patch) -> None:
+    """Does not pass control on when the connection that has it closes."""
+    wrap(patch, Control, "leave", lambda original, self, connection: False)
+
+
+@mutant("POS-11", check="check_one_connection_has_control", reason="first to send a valid one")
+def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
+    """Gives control to who sends a broken pose first."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        broken = b"camera_pose" in payload and not isinstance(event, CameraPose | PointCloudPose)
+        return CameraPose(IDENTITY, None) if broken and b"cam_idx" not in payload else event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant(
+    "POS-7", check="check_the_newest_camera_is_shown", reason="no frame after the camera had been"
+)
+def server_closes_its_readers_at_a_far_camera(patch: Patch) -> None:
+    """Ends every reader when the camera is far away, though not when it is where nobody looks."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        away = max(map(abs, message.pose.position)) if isinstance(message, CameraPose) else 0.0
+        if 100.0 < away < 10_000.0:
+            for reader in self._readers:
+                reader.end("it cannot be shown that far", time.monotonic())
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)
+
+
+def _repairs(patch: Patch, repair: Any) -> None:
+    """Repair camera poses before they are judged."""
+
+    def parse(original: Any, payload: bytes) -> Json:
+        message: Json = original(payload)
+        return repair(message) if message.get("type") == "camera_pose" else message
+
+    wrap(patch, decoding, "parse_object", parse)
+
+
+@mutant("POS-6", check="check_keeps_the_former_pose_of_the_gaussians", reason="norm")
+def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
+    """Moves the Gaussians by a pose whose rotation has another norm, and does not turn them."""
+
+    def pose(original: Any, kind: Any, message: Any) -> Any:
+        rotation = message.value.get("rotation")
+        members = rotation.values() if isinstance(rotation, dict) else ()
+        norm = math.hypot(*members) if members and all(map(is_number, members)) else 1.0
+        if kind == "point_cloud_pose" and len(members) == 4 and abs(norm - 1.0) > 0.01:
+            message.value["rotation"] = dict(zip("xyzw", IDENTITY.rotation, strict=True))
+        return original(kind, message)
+
+    def is_number(value: Any) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+
+    wrap(patch, from_client, "pose_of_1_0", pose)
+
+
+@mutant("POS-7", check="check_the_last_of_one_piece_is_shown", reason="came in one piece")
+def server_takes_the_first_of_one_piece(patch: Patch) -> None:
+    """Takes one camera until it has passed on what changed."""
+    taken: list[Any] = []
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        if isinstance(message, CameraPose) and self.holder is connection:
+            if taken:
+                return True
+            taken.append(message)
+        return original(self, connection, message)
+
+    def catch_up(original: Any, self: Session, now: float) -> None:
+        taken.clear()
+        original(self, now)
+
+    wrap(patch, Control, "move", move)
+    wrap(patch, Session, "catch_up", catch_up)
+
+
+@mutant("POS-7", check="check_poses_at_the_limits_are_poses", reason="the valid pose")
+def server_takes_no_half_turns(patch: Patch) -> None:
+    """Passes poses over whose scalar is 0, as that of a rotation that was never set."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if isinstance(message, CameraPose) and message.pose.rotation[3] == 0.0:
+            return None
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_move", move)

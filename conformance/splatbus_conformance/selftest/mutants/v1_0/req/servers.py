@@ -1,0 +1,230 @@
+"""Mutants that break REQ: their answers are wrong, too many, too few or too late."""
+
+import itertools
+from typing import Any
+
+from splatbus_server import cli
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.exchange import Exchange
+from splatbus_server.session import Session
+from splatbus_wire.messages import (
+    GetCameraPose,
+    GetScene,
+    GetViewportSize,
+    SetViewport,
+    ViewportSize,
+)
+from splatbus_wire.poses import Pose
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
+
+
+@mutant("REQ-3", reason="64.0 is no plain integer")
+def server_tells_a_size_with_fractions(patch: Patch) -> None:
+    """Writes the size as fractions."""
+    _size(patch, lambda size: [float(part) for part in size])
+
+
+@mutant("REQ-4", reason="the init packet said [64, 48]", through="CHN-12")
+def server_tells_another_size(patch: Patch) -> None:
+    """Tells twice the size of its images."""
+    _size(patch, lambda size: [2 * part for part in size])
+
+
+@mutant("REQ-5", reason="rotation is missing", through="REQ-7")
+def server_tells_no_rotation(patch: Patch) -> None:
+    """Leaves the rotation out of its replies."""
+    messages(patch, lambda it: {k: v for k, v in it.items() if k != "rotation"})
+
+
+@mutant(
+    "REQ-6", check="check_camera_index_is_taken_modulo", reason="every camera from index 2 to 1023"
+)
+def server_stops_at_its_last_camera(patch: Patch) -> None:
+    """Tells the last camera for every index beyond."""
+    _cameras(patch, lambda index: min(max(index, 0), 2))
+
+
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera -1 is")
+def server_counts_from_the_wrong_end(patch: Patch) -> None:
+    """Takes the magnitude of negative indices."""
+    _cameras(patch, lambda index: abs(index) % 3)
+
+
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera 2147483648 is")
+def server_reads_indices_as_32_bits(patch: Patch) -> None:
+    """Keeps the lowest 32 bits of an index."""
+    _cameras(patch, lambda index: ((index + 2**31) % 2**32 - 2**31) % 3)
+
+
+@mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
+def server_answers_in_its_own_order(patch: Patch) -> None:
+    """Answers what arrives together with the sizes first."""
+    _reorders(patch)
+
+
+@mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
+def server_answers_a_hundred_at_most(patch: Patch) -> None:
+    """Drops requests beyond a hundred that wait for an answer."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if len(connection.unsent) < 4000:
+            return original(self, connection, message, *rest)
+        return Refusal("busy", "too many")
+
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="closed the connection")
+def server_closes_on_unknown_types(patch: Patch) -> None:
+    """Closes the message connection on a type that it does not know."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if isinstance(event, Refusal) and event.code == "unknown_type":
+            self.end("who knows that", now)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="the testee replied to it")
+def server_answers_unknown_types(patch: Patch) -> None:
+    """Answers what it does not know with the size of the image."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        unknown = isinstance(event, Refusal) and event.code == "unknown_type"
+        return GetViewportSize(None, None) if unknown else event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
+def server_answers_broken_requests(patch: Patch) -> None:
+    """Takes camera 0 for an index that it cannot read."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if isinstance(event, Refusal) and b"get_camera_pose" in payload:
+            self.ending = None
+            self._linger_until = float("inf")
+            return GetCameraPose(0, None, None)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="without an image")
+def server_answers_between_images(patch: Patch) -> None:
+    """Answers when it has rendered the next image."""
+    _answers_between_images(patch, GetViewportSize | GetCameraPose)
+
+
+@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="'get_scene'")
+def server_tells_of_its_scene_between_images(patch: Patch) -> None:
+    """Tells of its scene when it has rendered the next image."""
+    _answers_between_images(patch, GetScene)
+
+
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by camera")
+def server_passes_over_the_size_that_it_has(patch: Patch) -> None:
+    """Does not answer who asks for images of the size that they have."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        memory = self._exchange.memory
+        if isinstance(message, SetViewport) and message[:2] == (memory.width, memory.height):
+            return None
+        return original(self, connection, message, *rest)
+
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("NEG-28", reason="the request's was", through="NEG-29")
+def server_numbers_its_pongs(patch: Patch) -> None:
+    """Answers pings with ids of its own."""
+    ids = itertools.count(1)
+    messages(patch, of_type("pong", lambda it: it | {"id": next(ids)} if "id" in it else it))
+
+
+def _answers_between_images(patch: Patch, kinds: Any) -> None:
+    waiting: list[tuple[Any, ...]] = []
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if isinstance(message, kinds):
+            waiting.append((original, self, connection, message, *rest))
+            return None
+        return original(self, connection, message, *rest)
+
+    def publish(original: Any, self: Exchange, *arguments: Any) -> Any:
+        given = original(self, *arguments)
+        while waiting:
+            answer, *its = waiting.pop(0)
+            answer(*its)
+        return given
+
+    wrap(patch, Session, "handle", handle)
+    wrap(patch, Exchange, "publish", publish)
+
+
+def _size(patch: Patch, change: Any) -> None:
+    def changed(message: Json) -> Json:
+        if "viewport_size" not in message:
+            return message
+        return message | {"viewport_size": change(message["viewport_size"])}
+
+    messages(patch, changed)
+
+
+def _cameras(patch: Patch, index: Any) -> None:
+    """Come with three cameras, and answer for the one that `index` chooses."""
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if isinstance(message, GetCameraPose):
+            message = message._replace(cam_idx=index(message.cam_idx))
+        return original(self, connection, message, *rest)
+
+    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, cameras=CAMERAS, **named))
+    wrap(patch, Session, "handle", handle)
+
+
+def _reorders(patch: Patch) -> None:
+    """Put the sizes before the cameras in what is about to be sent."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        before = bytes(self.unsent)
+        if isinstance(message, ViewportSize) and before:
+            self.unsent.clear()
+            original(self, message)
+            self.unsent += before
+        else:
+            original(self, message)
+
+    wrap(patch, Connection, "send", send)
+
+
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
+def server_answers_broken_requests_by_the_size(patch: Patch) -> None:
+    """Answers a request for a camera whose index it cannot read by the size of the image."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        event = original(self, payload, now)
+        if isinstance(event, Refusal) and b"get_camera_pose" in payload:
+            self.ending = None
+            self._linger_until = float("inf")
+            return GetViewportSize(None, None)
+        return event
+
+    wrap(patch, Connection, "_understand", understand)

@@ -1,0 +1,196 @@
+"""Mutants that only an adapter shows: what they read and show is wrong."""
+
+import time
+from typing import Any
+
+import numpy as np
+from splatbus_client import adapter, display, mirror
+from splatbus_client.host_memory import HostImages
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.lease import FrameLease
+from splatbus_client.mirror import Copied, Mirror
+from splatbus_client.reading import Reading
+from splatbus_wire.compositing import over_straight
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+SEMANTICS = "check_shows_images_by_their_semantics"
+
+# Images
+
+
+def _whatever_happened(patch: Patch) -> None:
+    patch.setattr(FrameLease, "intact", property(lambda self: True))
+
+
+@mutant(
+    "IMG-13",
+    check="check_releases_when_it_has_read",
+    reason="was released before it was read",
+    axes="opencv",
+)
+def releases_before_it_reads(patch: Patch) -> None:
+    """Gives an image back as soon as it has it, and copies it a moment later."""
+
+    def copied(original: Any, lease: FrameLease) -> Copied:
+        color, depth, kept = lease.color, lease.depth, (lease.seq, lease.camera, lease.semantics)
+        lease.release()
+        time.sleep(0.02)
+        return Copied(kept[0], np.array(color), np.array(depth), *kept[1:])
+
+    _whatever_happened(patch)
+    wrap(patch, mirror, "_copied", copied)
+
+
+@mutant(
+    "IMG-14",
+    check="check_reads_only_what_it_holds",
+    reason="was shown after the client had given",
+    axes="opencv",
+)
+def keeps_no_copy(patch: Patch) -> None:
+    """Shows what lies in the slot now, whether or not it is lent."""
+
+    def copied(original: Any, lease: FrameLease) -> Copied:
+        return Copied(lease.seq, lease.color, lease.depth, lease.camera, lease.semantics)
+
+    wrap(patch, mirror, "_copied", copied)
+
+
+@mutant(
+    "IMG-22",
+    check="check_reads_only_what_it_subscribed_to",
+    reason="it read",
+    axes="opencv",
+)
+def reads_both_channels_always(patch: Patch) -> None:
+    """Subscribes to one channel, and reads both."""
+
+    def lend(original: Any, self: Reading, frame: Any, channels: Any) -> None:
+        original(self, frame, frozenset(("color", "depth")))
+
+    wrap(patch, Reading, "_lend", lend)
+
+
+@mutant(
+    "IMG-22",
+    check="check_reads_only_what_it_subscribed_to",
+    reason="it read depth with color",
+    axes="opencv",
+)
+def reads_at_once_what_it_subscribes_to(patch: Patch) -> None:
+    """Reads a channel of the next image that comes, which may have crossed its `subscribe`."""
+
+    def subscribe(original: Any, self: IpcProtocol, channels: Any) -> None:
+        original(self, channels)
+        self._written = channels
+
+    wrap(patch, IpcProtocol, "subscribe", subscribe)
+
+
+@mutant(
+    "CHN-18",
+    check="check_leaves_the_buffers_when_the_connection_ends",
+    reason="is not what the client read while it was connected",
+    axes="opencv",
+)
+def reads_on_without_a_connection(patch: Patch) -> None:
+    """Shows the memory of the slot that it read last while it is not connected."""
+    views: list[Any] = []
+
+    def copied(original: Any, lease: FrameLease) -> Any:
+        views[:] = [lease.color, lease.depth]
+        return original(lease)
+
+    def newest(self: Mirror) -> Any:
+        if self._kept is None or self._session.status.ipc.connected:  # type: ignore[attr-defined]
+            return self._kept  # type: ignore[attr-defined]
+        return self._kept._replace(color=views[0], depth=views[1])  # type: ignore[attr-defined]
+
+    def keep(self: Mirror, image: Any) -> None:
+        self._kept = image  # type: ignore[attr-defined]
+
+    wrap(patch, mirror, "_copied", copied)
+    patch.setattr(Mirror, "newest", property(newest, keep), raising=False)
+
+
+# What is shown
+
+
+@mutant(
+    "MEM-13",
+    check="check_shows_rows_from_the_bottom_up",
+    reason="rows top-down",
+    axes="opencv",
+)
+def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
+    """Shows the first row of the memory at the top."""
+    for name in ("color", "depth"):
+        wrap(patch, HostImages, name, lambda original, self, slot: original(self, slot)[::-1])
+
+
+@mutant("MEM-13", check=SEMANTICS, reason="(as straight)", axes="opencv")
+def blends_premultiplied_as_straight(patch: Patch) -> None:
+    """Multiplies colour by alpha once more."""
+    patch.setattr(display, "over_premultiplied", over_straight)
+
+
+def _meant(patch: Patch, **otherwise: Any) -> None:
+    def planar(original: Any, color: Any, depth: Any, camera: Any, semantics: Any) -> Any:
+        return original(color, depth, camera, semantics._replace(**otherwise))
+
+    wrap(patch, display, "planar_depth", planar)
+
+
+@mutant("MEM-13", check=SEMANTICS, reason="(as planar_z)", axes="opencv")
+def takes_distances_for_depths(patch: Patch) -> None:
+    """Compares the distance along the ray with the depth of its own geometry."""
+    _meant(patch, depth_kind="planar_z")
+
+
+@mutant("MEM-13", check=SEMANTICS, reason="(as if inf alone were empty)", axes="opencv")
+def knows_one_empty_depth(patch: Patch) -> None:
+    """Takes only infinity for empty."""
+    _meant(patch, depth_empty=float("inf"))
+
+
+@mutant(
+    "BUF-8",
+    check="check_shows_its_geometry_where_the_image_is_empty",
+    reason="an empty pixel",
+    axes="opencv",
+)
+def draws_empty_pixels_in_front(patch: Patch) -> None:
+    """Takes an infinite depth for none at all, and draws the pixel before everything."""
+
+    def planar(original: Any, color: Any, depth: Any, *rest: Any) -> Any:
+        return np.where(np.isposinf(depth), np.float32(0.01), original(color, depth, *rest))
+
+    wrap(patch, display, "planar_depth", planar)
+
+
+@mutant(
+    "BUF-9",
+    check="check_takes_no_odd_depth_for_a_surface",
+    reason="an opaque pixel",
+    axes="opencv",
+)
+def takes_negative_depths(patch: Patch) -> None:
+    """Takes every depth that is less than that of its own geometry for a surface."""
+
+    def planar(original: Any, color: Any, depth: Any, *rest: Any) -> Any:
+        return original(color, np.where(depth < 0, np.float32(0.01), depth), *rest)
+
+    wrap(patch, display, "planar_depth", planar)
+
+
+@mutant("ACC-10", check="check_composes_within_three_ulp", reason="colour: worst", axes="opencv")
+def composes_in_eight_bits(patch: Patch) -> None:
+    """Truncates the image to eight bits a channel before it blends it."""
+
+    def composed(original: Any, color: Any, *rest: Any) -> Any:
+        return original((np.floor(color * 255) / np.float32(255)).astype(np.float32), *rest)
+
+    wrap(patch, adapter, "composed", composed)

@@ -1,0 +1,216 @@
+"""Mutants that compute what they should read, or hold it in too few bits; and that keep the slot of
+a frame which they cannot use.
+"""
+
+import json
+from typing import Any
+
+from splatbus_client import display, ipc_protocol, reading
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.reading import Reading
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.init_packet import InitPacket
+from splatbus_wire.message_types import Closed, Frame
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+UNUSABLE = "check_releases_frames_that_it_cannot_use"
+
+
+@mutant("IMG-14", check="check_reads_only_what_it_holds", reason="was shown after", axes="opencv")
+def guesses_the_slot(patch: Patch) -> None:
+    """Reads the slot that the number of an image would have in a ring that goes round."""
+
+    def lend(original: Any, self: Reading, frame: Frame, channels: Any) -> None:
+        assert self._mapped is not None
+        slots = self._mapped.images._ring.slots  # type: ignore[attr-defined]
+        original(self, frame._replace(slot=frame.seq % slots), channels)
+
+    wrap(patch, Reading, "_lend", lend)
+
+
+@mutant("IMG-14", check="check_reads_only_what_it_holds", reason="was shown after", axes="opencv")
+def guesses_the_layout(patch: Patch) -> None:
+    """Takes the ring for colour without gaps, and depth behind it."""
+
+    def images(original: Any, packet: InitPacket) -> Any:
+        ring = packet.ring
+        assert ring is not None
+        color, depth = 16 * packet.width * packet.height, 4 * packet.width * packet.height
+        tight = ring._replace(
+            color_offset=0,
+            color_stride=color,
+            depth_offset=ring.slots * color,
+            depth_stride=-(-depth // 16) * 16,
+        )
+        return original(packet._replace(ring=tight))
+
+    wrap(patch, reading, "HostImages", images)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def has_three_slots(patch: Patch) -> None:
+    """Keeps three slots of a ring, and takes a frame of a later one for a mistake."""
+
+    def is_open(original: Any, self: IpcProtocol, generation: int, slot: int) -> bool:
+        return slot < 3 and bool(original(self, generation, slot))
+
+    wrap(patch, IpcProtocol, "_is_open", is_open)
+
+
+@mutant(
+    "MEM-13",
+    check="check_shows_images_by_their_semantics",
+    reason="'kind': 'ray_distance'",
+    axes="opencv",
+)
+def takes_the_principal_point_for_the_middle(patch: Patch) -> None:
+    """Computes the ray of a pixel as if the camera looked through the middle of the image."""
+
+    def rays(original: Any, camera: Any) -> Any:
+        return original(camera._replace(cx=camera.width / 2, cy=camera.height / 2))
+
+    wrap(patch, display, "rays", rays)
+
+
+def _shortens(patch: Patch, member: str) -> None:
+    """Hold a member of a frame in 32 bits."""
+
+    def decode(original: Any, payload: bytes) -> Any:
+        if payload.startswith(b'{"type":"frame"'):
+            frame = json.loads(payload)
+            if isinstance(number := frame.get(member), int):
+                payload = json.dumps(frame | {member: number % (1 << 32)}).encode()
+        return original(payload)
+
+    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def holds_image_numbers_in_32_bits(patch: Patch) -> None:
+    """Has 32 bits for the number of an image."""
+    _shortens(patch, "seq")
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def holds_image_numbers_in_single_precision(patch: Patch) -> None:
+    """Reads the number of an image as one of single precision."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        return original(self, frame._replace(seq=frame.seq & ~1 if frame.seq >> 24 else frame.seq))
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="frame 0 was not released within")
+def takes_the_first_number_for_none(patch: Patch) -> None:
+    """Takes an image whose number is 0 for none at all."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        return original(self, frame) if frame.seq else []
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
+@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+def takes_the_last_number_for_none(patch: Patch) -> None:
+    """Takes the greatest number of an image for none at all."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        return [] if frame.seq == 2**53 - 1 else original(self, frame)
+
+    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+
+
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 4")
+def holds_generations_of_frames_in_32_bits(patch: Patch) -> None:
+    """Has 32 bits for the generation of a frame."""
+    _shortens(patch, "generation")
+
+
+@mutant("OPN-5", check="check_closes_the_former_memory", reason="was not closed after")
+def guesses_the_former_generation(patch: Patch) -> None:
+    """Says that it has closed the generation before the newest, as if they were counted."""
+
+    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+        if generation in self._retired:
+            self._retired.remove(generation)
+            del self._slots[generation]
+            self._send(Closed(self._last_generation - 1))
+
+    wrap(patch, IpcProtocol, "closed", closed)
+
+
+@mutant("INI-8", check="check_accepts_good_init_packets", reason="was not opened")
+def takes_generations_from_one_on_alone(patch: Patch) -> None:
+    """Takes the first init packet of a connection for a further one unless its generation is 1."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        first = not self._last_generation
+        return iter(()) if first and packet.generation != 1 else original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+
+
+def _keeps(patch: Patch, *pointers: str) -> None:
+    """Do not give back the slot of a frame that is broken at one of these places."""
+
+    def on_broken(original: Any, self: IpcProtocol, payload: bytes, problem: str) -> Any:
+        if b'"frame"' in payload and any(f"at {pointer}" in problem for pointer in pointers):
+            return iter(())
+        return original(self, payload, problem)
+
+    wrap(patch, IpcProtocol, "_on_broken", on_broken)
+
+
+@mutant("IMG-12", check=UNUSABLE, reason="camera")
+def keeps_the_slot_of_a_frame_without_a_camera(patch: Patch) -> None:
+    """Does not give back a frame whose camera is missing or no object."""
+    _keeps(patch, "/camera [")
+
+
+@mutant("IMG-12", check=UNUSABLE, reason="camera/rotation")
+def keeps_the_slot_of_a_frame_without_a_rotation(patch: Patch) -> None:
+    """Does not give back a frame whose camera has a rotation that is none."""
+    _keeps(patch, "/camera/rotation")
+
+
+@mutant("IMG-12", check=UNUSABLE, reason="camera/width")
+def keeps_the_slot_of_a_frame_of_another_width(patch: Patch) -> None:
+    """Does not give back a frame whose camera has another width than its memory."""
+
+    def lend(original: Any, self: Reading, frame: Frame, channels: Any) -> None:
+        assert self._mapped is not None
+        if frame.camera.width == self._mapped.images.size[0]:
+            original(self, frame, channels)
+
+    wrap(patch, Reading, "_lend", lend)
+
+
+@mutant("IMG-12", check=UNUSABLE, reason="time")
+def keeps_the_slot_of_a_frame_without_time(patch: Patch) -> None:
+    """Does not give back a frame whose time is missing or no number."""
+    _keeps(patch, "/time")
+
+
+@mutant("IMG-12", check=UNUSABLE, reason="objects")
+def keeps_the_slot_of_a_frame_with_odd_objects(patch: Patch) -> None:
+    """Does not give back a frame whose objects are malformed."""
+    _keeps(patch, "/objects")
+
+
+@mutant("IMG-12", check=UNUSABLE, reason="the testee died")
+def crashes_on_a_malformed_frame(patch: Patch) -> None:
+    """Crashes on a frame that lacks a member."""
+
+    def decode(original: Any, payload: bytes) -> Any:
+        try:
+            return original(payload)
+        except ProtocolError as problem:
+            if b'"frame"' in payload and "is missing" in str(problem):
+                crash()
+            raise
+
+    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)

@@ -1,0 +1,207 @@
+"""Mutants that break IMG: which images they make, and which frames they send."""
+
+from dataclasses import replace
+from typing import Any
+
+from splatbus_server.connection import Connection
+from splatbus_server.exchange import BOTH, Exchange, Image
+from splatbus_server.memory import Memory
+from splatbus_server.session import Reader, Session
+from splatbus_wire.messages import OpenFailed, Release, SetTime
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+FURTHEST = 1_000_000
+RESTS = "check_publishes_what_changed_only"
+
+
+@mutant("IMG-1", reason="fx is")
+def server_tells_no_focal_length(patch: Patch) -> None:
+    """Leaves an intrinsic out of the camera of a frame."""
+
+    def change(frame: Json) -> Json:
+        return frame | {"camera": {n: v for n, v in frame["camera"].items() if n != "fx"}}
+
+    messages(patch, of_type("frame", change))
+
+
+@mutant("IMG-1", reason="comes after", through="IMG-2")
+def server_counts_images_down(patch: Patch) -> None:
+    """Gives each image a number less than the last."""
+    messages(patch, of_type("frame", lambda frame: frame | {"seq": FURTHEST - frame["seq"]}))
+
+    def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
+        return original(self, connection, message._replace(seq=FURTHEST - message.seq))
+
+    wrap(patch, Session, "_release", release)
+
+
+def lends_unopened(patch: Patch) -> None:
+    """Take whoever was sent an init packet for one who has opened the memory."""
+
+    def announce(
+        original: Any, self: Session, to: Connection, reader: Reader, memory: Memory, now: float
+    ) -> None:
+        original(self, to, reader, memory, now)
+        reader.opened.add(memory.generation)
+
+    wrap(patch, Session, "_announce", announce)
+
+
+@mutant("IMG-2", check="check_lends_one_at_a_time", reason="a frame came before opened")
+def server_lends_at_once(patch: Patch) -> None:
+    """Sends a frame behind the init packet."""
+    lends_unopened(patch)
+
+
+@mutant("IMG-2", reason="has not been opened", through="IMG-2")
+def server_does_not_wait_for_opened(patch: Patch) -> None:
+    """Sends a frame behind the init packet."""
+    lends_unopened(patch)
+
+
+@mutant("IMG-2", check="check_lends_one_at_a_time", reason="came while one was held")
+def server_takes_images_back(patch: Patch) -> None:
+    """Ends each lease as soon as the frame is sent, and sends the next image when there is one."""
+
+    def lend(original: Any, self: Session, to: Connection, reader: Reader, memory: Memory) -> None:
+        original(self, to, reader, memory)
+        if reader.lease is not None:
+            self._exchange.take_back(to, reader.lease)
+            reader.lease = None
+
+    wrap(patch, Session, "_lend", lend)
+
+
+def grants_frames(patch: Patch) -> None:
+    """Take every reader for one that declared frames."""
+
+    def has(original: Any, self: Connection, capability: str) -> bool:
+        return original(self, capability) or (capability == "frames" and self.channel == "ipc")
+
+    wrap(patch, Connection, "has", has)
+
+
+@mutant(
+    "IMG-23",
+    check="check_sends_no_frames_that_were_not_agreed",
+    reason="although welcome lists no frames",
+)
+def server_sends_frames_to_all(patch: Patch) -> None:
+    """Sends frames to whoever has opened the memory."""
+    grants_frames(patch)
+
+
+@mutant("IMG-23", reason="although no welcome lists frames", through="IMG-23")
+def server_forgets_who_takes_frames(patch: Patch) -> None:
+    """Sends frames to whoever has opened the memory."""
+    grants_frames(patch)
+
+
+@mutant("IMG-3", check="check_announces_the_newest", reason="although that of")
+def server_lends_the_image_before(patch: Patch) -> None:
+    """Lends one who has missed images the last but one."""
+    shown: dict[int, Image] = {}
+    had: dict[Any, int] = {}
+
+    def lend(original: Any, self: Exchange, client: Any, memory: Memory, wants: Any) -> Any:
+        image: Image | None = original(self, client, memory, wants)
+        if image is None:
+            return None
+        shown[image.seq] = image
+        missed, had[client] = image.seq - had.get(client, image.seq), image.seq
+        former = shown.get(image.seq - 1)
+        return image._replace(view=former.view) if missed > 1 and former else image
+
+    wrap(patch, Exchange, "lend", lend)
+
+
+@mutant("IMG-10", check=RESTS, reason="images were published that show the same")
+def server_never_rests(patch: Patch) -> None:
+    """Renders as often as it can, whether or not anything moves."""
+
+    def next_view(original: Any, self: Exchange, timeout: Any, changed: bool) -> Any:
+        return original(self, timeout, True)
+
+    wrap(patch, Exchange, "next_view", next_view)
+
+
+@mutant("IMG-10", check=RESTS, reason="after a pose that changed nothing")
+def server_renders_each_pose(patch: Patch) -> None:
+    """Renders whenever a pose comes, even if it is the same."""
+
+    def move(original: Any, self: Exchange, *arguments: Any) -> None:
+        self._shown = None
+        original(self, *arguments)
+
+    wrap(patch, Exchange, "move", move)
+
+
+@mutant("IMG-11", check="check_sends_what_is_new", reason="no frame came when the camera had moved")
+def server_forgets_who_was_reading(patch: Patch) -> None:
+    """Sends each image when it is made, and to nobody who was still reading another then."""
+
+    def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
+        ring = self._exchange.memory.ring
+        if ring.newest is not None:
+            ring._seen[connection] = ring.newest.seq
+        return original(self, connection, message)
+
+    wrap(patch, Session, "_release", release)
+
+
+@mutant("IMG-21", check="check_writes_only_what_is_wanted", reason="which no open connection wants")
+def server_writes_both_always(patch: Patch) -> None:
+    """Writes colour and depth, whatever its readers subscribe to."""
+
+    def next_view(original: Any, *arguments: Any) -> Any:
+        view = original(*arguments)
+        return view if view is None else replace(view, wants=BOTH)
+
+    wrap(patch, Exchange, "next_view", next_view)
+
+
+NOTHING = "check_publishes_nothing_for_what_changes_nothing"
+
+
+def published_after(patch: Patch, is_reason: Any) -> None:
+    """Make a further image of what is shown after some messages that steer."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        refusal = original(self, connection, message)
+        if is_reason(message, refusal):
+            with self._exchange._lock:
+                self._exchange._shown = None
+                self._exchange._changed.notify_all()
+        return refusal
+
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("IMG-10", check=NOTHING, reason="which changes nothing")
+def server_publishes_when_it_refuses(patch: Patch) -> None:
+    """Makes a further image when it has refused a pose."""
+    published_after(patch, lambda message, refusal: refusal is not None)
+
+
+@mutant("IMG-10", check=NOTHING, reason="which changes nothing")
+def server_publishes_at_the_same_time(patch: Patch) -> None:
+    """Makes a further image for a time, though the scene was shown at that already."""
+    published_after(patch, lambda message, refusal: isinstance(message, SetTime))
+
+
+@mutant("IMG-2", check="check_lends_nothing_after_closed", reason="came after open_failed")
+def server_lends_after_open_failed(patch: Patch) -> None:
+    """Goes on lending to a reader that says, after `opened`, that it could not open the memory."""
+
+    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        reader = self._readers.get(connection)
+        opened = set(reader.opened) if reader else set()
+        refusal = original(self, connection, message)
+        if reader is not None and isinstance(message, OpenFailed):
+            reader.opened |= opened
+        return refusal
+
+    wrap(patch, Session, "_answered", answered)

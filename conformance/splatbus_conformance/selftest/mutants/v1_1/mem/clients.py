@@ -1,0 +1,182 @@
+"""Mutants that break MEM: shared memory, rings, what pixels mean."""
+
+import re
+from typing import Any
+
+from splatbus_client import reading
+from splatbus_client.host_memory import CannotOpenError
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire import init_packet
+from splatbus_wire.init_packet import InitPacket, Ring
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, crash, init_packets, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+MEASURES = "check_measures_the_memory"
+NAMES = "check_refuses_bad_names"
+RING = "check_keeps_the_ring_within_the_memory"
+MEMBERS = "check_refuses_broken_members"
+
+
+@mutant("MEM-6", check=MEASURES, reason="one byte shorter than announced")
+def does_not_measure_the_memory(patch: Patch) -> None:
+    """Answers `opened` without a look at how long the memory is."""
+    says_opened(patch, "bytes long")
+
+
+@mutant("MEM-6", check=MEASURES, reason="missing: the testee took it as valid")
+def answers_opened_without_memory(patch: Patch) -> None:
+    """Answers `opened` although there is no such memory."""
+    says_opened(patch, "no shared memory")
+
+
+@mutant("MEM-6", check=MEASURES, reason="the testee died")
+def reads_past_the_end_of_the_memory(patch: Patch) -> None:
+    """Maps memory that is too short, reads past its end, and is killed."""
+
+    def images(original: Any, packet: InitPacket) -> Any:
+        try:
+            return original(packet)
+        except CannotOpenError as problem:
+            if "bytes long" in str(problem):
+                crash()
+            raise
+
+    wrap(patch, reading, "HostImages", images)
+
+
+def says_opened(patch: Patch, where: str) -> None:
+    """Answer `opened` where the memory cannot be opened for a reason that has these words."""
+
+    def open_failed(original: Any, self: IpcProtocol, packet: InitPacket, reason: str) -> None:
+        if where in reason:
+            self.opened(packet)
+        else:
+            original(self, packet, reason)
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+
+
+@mutant("MEM-7", check=NAMES, reason="(a path)")
+def opens_any_name(patch: Patch) -> None:
+    """Opens whatever file the name leads to."""
+    patch.setattr(init_packet, "_SHM_NAME", re.compile(".*", re.DOTALL))
+
+
+@mutant("MEM-7", check=NAMES, reason="31 characters")
+def takes_longer_names(patch: Patch) -> None:
+    """Takes names of up to 255 characters."""
+    patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[A-Za-z0-9._-]{1,255}"))
+
+
+@mutant("MEM-7", check=NAMES, reason="a dot before it")
+def takes_hidden_names(patch: Patch) -> None:
+    """Takes names that begin with a dot."""
+    patch.setattr(init_packet, "_SHM_NAME", re.compile(r"[A-Za-z0-9._-]{1,30}"))
+
+
+@mutant("MEM-7", check=NAMES, reason="a line break behind it")
+def takes_a_line_break_after_the_name(patch: Patch) -> None:
+    """Tests names by a pattern that ends in `$`, which a line break may follow."""
+    pattern = re.compile(r"(?!\.)[A-Za-z0-9._-]{1,30}\n?")
+    patch.setattr(init_packet, "_SHM_NAME", pattern)
+
+
+@mutant("MEM-7", check=NAMES, reason="beyond ASCII")
+def takes_letters_beyond_ascii(patch: Patch) -> None:
+    r"""Tests names by `\\w`, which is more than ASCII."""
+    patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[\w.-]{1,30}"))
+
+
+@mutant("MEM-10", check=RING, reason="with memory/bytes")
+def does_not_compare_the_ring_with_the_memory(patch: Patch) -> None:
+    """Does not compare the ring with the size of the memory."""
+    patch.setattr(init_packet, "_check_slots", lambda *_: None)
+
+
+@mutant("MEM-10", check=RING, reason="18446744073709551616")
+def computes_in_64_bits_that_overflow(patch: Patch) -> None:
+    """Takes integers of 64 bits modulo 2⁶⁴."""
+
+    def wrap_around(packet: Json) -> None:
+        for name, value in packet["ring"].items():
+            packet["ring"][name] = value % (1 << 64)
+
+    init_packets(patch, wrap_around)
+
+
+@mutant("MEM-10", check=RING, reason="4611686018427387904, ring/slots 5")
+def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
+    """Computes the end of the ring in 64 bits without a look at overflow."""
+    patch.setattr(init_packet, "MAX_SAFE_INTEGER", 1 << 63)
+
+    def check_slots(original: Any, ring: Ring, pixels: int, memory_bytes: int) -> None:
+        ends = (
+            ring.color_offset + (ring.slots - 1) * ring.color_stride + 16 * pixels,
+            ring.depth_offset + (ring.slots - 1) * ring.depth_stride + 4 * pixels,
+        )
+        if max(end % (1 << 64) for end in ends) > memory_bytes:
+            original(ring, pixels, memory_bytes)
+
+    wrap(patch, init_packet, "_check_slots", check_slots)
+
+
+@mutant("MEM-11", check=MEMBERS, reason="with version '1.2'")
+def takes_any_version_that_begins_with_1(patch: Patch) -> None:
+    """Takes an init packet of a version that it does not know."""
+
+    def later(packet: Json) -> None:
+        if packet["version"].startswith("1.2"):
+            packet["version"] = "1.1"
+
+    init_packets(patch, later)
+
+
+@mutant("MEM-11", check=MEMBERS, reason="memory/kind 'posix_shm'")
+def takes_any_kind_of_memory(patch: Patch) -> None:
+    """Takes every kind of memory for memory of the host."""
+    init_packets(patch, lambda it: it["memory"].update(kind="host_shm"))
+
+
+@mutant("MEM-11", check=MEMBERS, reason="ring/")
+def takes_slots_that_overlap(patch: Patch) -> None:
+    """Does not see that slots overlap."""
+    patch.setattr(init_packet, "_check_overlaps", lambda _: None)
+
+
+@mutant("MEM-11", check=MEMBERS, reason="ring/colorOffset")
+def takes_slots_that_are_not_aligned(patch: Patch) -> None:
+    """Takes offsets that are no multiples of 16."""
+    patch.setattr(init_packet, "_ALIGNMENT", 1)
+
+
+@mutant("MEM-11", check=MEMBERS, reason="semantics/alpha")
+def guesses_an_unknown_alpha(patch: Patch) -> None:
+    """Takes an alpha that it does not know for straight."""
+    init_packets(patch, lambda it: it["semantics"].update(alpha="straight"))
+
+
+@mutant("MEM-11", check=MEMBERS, reason="no semantics")
+def does_without_semantics(patch: Patch) -> None:
+    """Takes what it likes for granted where the packet does not say what pixels mean."""
+    good = {
+        "rows": "bottom_up",
+        "alpha": "straight",
+        "colorSpace": "srgb",
+        "depth": {"kind": "planar_z", "estimator": "expected", "empty": "inf"},
+        "unitMetres": None,
+        "origin": [0, 0, 0],
+    }
+    init_packets(patch, lambda it: it.setdefault("semantics", good))
+
+
+@mutant("MEM-11", check="check_refuses_generations_that_do_not_grow", reason="after generation")
+def takes_old_generations(patch: Patch) -> None:
+    """Takes an init packet whose generation it has seen before."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        self._last_generation = min(self._last_generation, (packet.generation or 1) - 1)
+        return original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)

@@ -1,0 +1,242 @@
+"""Mutants that keep what they should forget, or forget what they should keep, once something was
+before: another size, another error, a former request or connection.
+"""
+
+from collections import Counter
+from typing import Any
+
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.control import Control, Poses
+from splatbus_server.reader import Reader
+from splatbus_server.session import Session
+from splatbus_server.viewport import Change, Viewport
+from splatbus_wire import decoding, framing, from_client
+from splatbus_wire.messages import GetViewportSize, ViewportSize
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+
+@mutant("FRM-3", check="check_bad_length_closes_later", reason="on a connection that was served")
+def server_trusts_whom_it_has_served(patch: Patch) -> None:
+    """Looks at the first length on a connection, and passes over bad ones that come later."""
+
+    def receive(original: Any, self: framing.PacketDecoder, data: bytes) -> None:
+        length = int.from_bytes(data[:4], "little")
+        bad = not 1 <= length <= framing._MAX_PAYLOAD_BYTES
+        if not (bad and self._offset and not self._unfinished):
+            original(self, data)
+
+    wrap(patch, framing.PacketDecoder, "receive", receive)
+
+
+@mutant("NEG-6", check="check_answers_a_hello_that_comes_late", reason="had no welcome")
+def server_greets_only_who_greets_first(patch: Patch) -> None:
+    """Ignores a hello that is not the first message of its connection."""
+
+    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        if self in spoken and self.welcome is None and b'"hello"' in payload:
+            return Refusal("unknown_type", "too late")
+        spoken.add(self)
+        return original(self, payload, now)
+
+    spoken: set[Connection] = set()
+    wrap(patch, Connection, "_understand", understand)
+
+
+@mutant("NEG-26", check="check_goes_on_after_an_error", reason="the connection did not go on")
+def server_has_enough_of_errors(patch: Patch) -> None:
+    """Closes a connection after a hundred errors."""
+
+    def send_error(original: Any, self: Connection, *arguments: Any) -> None:
+        original(self, *arguments)
+        counted[self] += 1
+        if counted[self] == 100:
+            self.end("enough", 0.0)
+
+    counted: Counter[Connection] = Counter()
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-28", check="check_answers_repeat_an_id_that_was_used", reason="was answered by")
+def server_gives_an_id_back_once(patch: Patch) -> None:
+    """Leaves the id out of a reply whose id the reply before it had."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        id = getattr(message, "id", None)
+        if id is not None and newest.get(self) == id:
+            message = message._replace(id=None)
+        newest[self] = id
+        original(self, message)
+
+    newest: dict[Connection, int | None] = {}
+    wrap(patch, Connection, "send", send)
+
+
+@mutant("REQ-7", check="check_answers_what_came_before_a_broken_request", reason="replies to")
+def server_discards_replies_when_it_closes(patch: Patch) -> None:
+    """Throws away what is unsent when a broken request has it close the connection."""
+
+    def refuse(original: Any, self: Connection, *arguments: Any) -> Any:
+        refusal = original(self, *arguments)
+        if self.ending is not None:
+            self.unsent.clear()
+        return refusal
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@mutant(
+    "NEG-29", check="check_answers_what_follows_another_size_after_it", reason="and their answers"
+)
+def server_lets_pings_pass_another_size(patch: Patch) -> None:
+    """Answers a ping behind a set_viewport whose reply is held back, if it is the next."""
+    _handles_while_held(patch, b'"ping"')
+
+
+@mutant(
+    "NEG-29", check="check_answers_what_follows_another_size_after_it", reason="and their answers"
+)
+def server_forgets_sizes_behind_another(patch: Patch) -> None:
+    """Drops a set_viewport that came behind one whose reply is held back."""
+
+    def begin(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
+        original(self, asker, request)
+        waiting = asker._decoder._payloads
+        if asker.is_held:
+            kept = [each for each in waiting if b"set_viewport" not in each]
+            waiting.clear()
+            waiting.extend(kept)
+
+    wrap(patch, Viewport, "set", begin)
+
+
+@mutant(
+    "CHN-16",
+    check="check_answers_behind_another_size_before_the_end",
+    reason="answers to 40 requests",
+)
+def server_keeps_few_requests_behind_another_size(patch: Patch) -> None:
+    """Keeps thirty of the requests that came behind one whose reply is held back."""
+
+    def go_on(original: Any, self: Connection, now: float) -> None:
+        original(self, now)
+        waiting = self._decoder._payloads
+        while len(waiting) > 30:
+            waiting.pop()
+
+    wrap(patch, Connection, "go_on", go_on)
+
+
+@mutant("REQ-4", check="check_tells_everybody_of_the_newest_size", reason="who asked before")
+def server_tells_each_the_size_of_the_first_time(patch: Patch) -> None:
+    """Tells a connection the size that images had when it first asked."""
+
+    def answer(original: Any, self: Session, connection: Any, request: Any, now: float) -> Any:
+        if not isinstance(request, GetViewportSize):
+            return original(self, connection, request, now)
+        memory = self._exchange.memory
+        size = sizes.setdefault(connection, (memory.width, memory.height))
+        connection.send(ViewportSize(*size, request.id))
+        return None
+
+    sizes: dict[Any, tuple[int, int]] = {}
+    wrap(patch, Session, "_answer", answer)
+
+
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+def server_makes_memory_anew_of_a_later_size(patch: Patch) -> None:
+    """Takes only the size that images had at first for the one that they have."""
+
+    def begin(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
+        memory = self._exchange.memory
+        first.append((memory.width, memory.height))
+        if (memory.width, memory.height) != request[:2] or request[:2] == first[0]:
+            original(self, asker, request)
+        else:
+            self._change = Change(asker, request, memory)
+            self.chores.append(self._change.allocate)
+            asker.hold()
+
+    first: list[tuple[int, int]] = []
+    wrap(patch, Viewport, "set", begin)
+
+
+@mutant("CAM-2", check="check_a_tag_that_was_used_comes_again", reason="and the first frame of it")
+def server_sends_a_tag_once(patch: Patch) -> None:
+    """Takes a tag that it has sent on a connection for one that was answered."""
+
+    def frame(original: Any, self: Reader, image: Any) -> Any:
+        told = original(self, image)
+        tag = told.camera.tag
+        if tag is not None and newest.get(id(self)) == tag:
+            return told._replace(camera=told.camera._replace(tag=None))
+        newest[id(self)] = tag or newest.get(id(self), "")
+        return told
+
+    newest: dict[int, str] = {}
+    wrap(patch, Reader, "frame", frame)
+
+
+@mutant(
+    "CTL-3", check="check_lens_and_time_end_with_their_client", reason="had reset its connection"
+)
+def server_keeps_the_lens_of_who_was_lost(patch: Patch) -> None:
+    """Leaves intrinsics and time in force of a connection that did not end its stream."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        former, had = self.poses, self.holder is connection
+        given = original(self, connection)
+        if had and not connection.input_ended:
+            self.poses = self.poses._replace(intrinsics=former.intrinsics, time=former.time)
+        return given
+
+    wrap(patch, Control, "leave", leave)
+
+
+@mutant("POS-7", check="check_poses_of_any_time_are_poses", reason="with the timestamp")
+def server_passes_over_older_poses(patch: Patch) -> None:
+    """Ignores a pose whose timestamp is less than the greatest that anybody has sent."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        moment = getattr(message, "timestamp", None)
+        if moment is not None:
+            newest.append(moment)
+            if moment < max(newest):
+                return None
+        return original(self, connection, message)
+
+    newest: list[float] = []
+    wrap(patch, Session, "_move", move)
+
+
+@mutant("OBJ-5", check="check_a_scale_that_is_absent_is_1", reason="a pose without one came")
+def server_keeps_a_scale_that_is_not_said(patch: Patch) -> None:
+    """Leaves an object its scale when a pose of it has none."""
+
+    def parse(original: Any, message: Any) -> Any:
+        pose = original(message)
+        return pose if "scale" in message.value else pose._replace(scale=0.0)
+
+    def put(original: Any, self: Poses, placement: Any) -> Poses:
+        if not placement.scale:
+            placement = placement._replace(scale=self.objects[placement.object].scale)
+        moved: Poses = original(self, placement)
+        return moved
+
+    patch.setattr(decoding, "plain_pose", lambda payload: None)
+    wrap(patch, from_client, "_object_pose", parse)
+    wrap(patch, Poses, "_placed", put)
+
+
+def _handles_while_held(patch: Patch, part: bytes) -> None:
+    def next_event(original: Any, self: Connection, now: float) -> Any:
+        waiting = self._decoder._payloads
+        passing = next((each for each in waiting if part in each), None)
+        if self.is_held and passing is not None:
+            waiting.remove(passing)
+            return self._understand(passing, now)
+        return original(self, now)
+
+    wrap(patch, Connection, "next_event", next_event)

@@ -1,0 +1,244 @@
+"""Mutants that break NEG: their errors, and their replies after `hello`."""
+
+from typing import Any
+
+from splatbus_server import connection as connections
+from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.framing import PacketDecoder
+from splatbus_wire.messages import ErrorMessage
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
+from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS
+
+
+def reports_to_all(patch: Patch) -> None:
+    """Send each error, whether or not there was a hello."""
+
+    def send_error(
+        original: Any, self: Connection, code: str, text: str, pointer: Any = None, id: Any = None
+    ) -> None:
+        self.send(ErrorMessage(code, text[:1000], id=id, pointer=pointer))
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
+def server_reports_to_clients_of_1_0(patch: Patch) -> None:
+    """Tells everybody what was wrong, on both channels."""
+    reports_to_all(patch)
+
+
+@mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
+def server_reports_before_hello(patch: Patch) -> None:
+    """Tells everybody what was wrong."""
+    reports_to_all(patch)
+
+
+@mutant("NEG-23", reason="is not in the table", through="NEG-26")
+def server_has_codes_of_its_own(patch: Patch) -> None:
+    """Makes up a code."""
+    messages(patch, of_type("error", lambda error: error | {"code": "bad_" + error["code"]}))
+
+
+@mutant("NEG-23", reason="no JSON Pointer", through="NEG-26")
+def server_points_without_a_slash(patch: Patch) -> None:
+    """Writes pointers without the slash before them."""
+    messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))
+
+
+@mutant("NEG-23", reason="no string of up to", through="NEG-26")
+def server_reports_at_length(patch: Patch) -> None:
+    """Says more than 1,024 characters."""
+    messages(patch, of_type("error", lambda error: error | {"message": "wrong! " * 200}))
+
+
+@mutant("NEG-23", reason="waits for an answer", through="NEG-29")
+def server_reports_what_it_answers_twice(patch: Patch) -> None:
+    """Says twice what is wrong with a request."""
+
+    def send_error(original: Any, self: Connection, code: str, *more: Any, **named: Any) -> None:
+        for _ in range(2 if code not in CLOSING_ERRORS else 1):
+            original(self, code, *more, **named)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-25", check="check_closes_after_an_error_that_ends", reason="the testee waited")
+def server_reads_on_after_a_bad_header(patch: Patch) -> None:
+    """Reports a bad header, drops it and what was read with it, and goes on."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "[FRM-3]" in reason:
+            self._decoder = PacketDecoder()
+        else:
+            original(self, reason, now)
+
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("NEG-25", reason="sent after", through="NEG-25")
+def server_repeats_its_last_error(patch: Patch) -> None:
+    """Says twice why it closes."""
+
+    def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
+        for _ in range(2 if code in CLOSING_ERRORS else 1):
+            original(self, code, *more)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-26", check="check_goes_on_after_an_error", reason="the connection did not go on")
+def server_closes_after_every_error(patch: Patch) -> None:
+    """Ends a connection after whatever it reports on it."""
+
+    def refuse(
+        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
+    ) -> Any:
+        refusal = original(self, error, payload, now)
+        self.end("enough is enough", now)
+        return refusal
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@mutant("NEG-28", reason="type is missing", through="NEG-29")
+def server_replies_as_in_1_0(patch: Patch) -> None:
+    """Leaves the type out of its replies after welcome too."""
+    messages(patch, of_type("viewport_size", without("type")))
+
+
+@mutant("NEG-28", reason="id is missing", through="NEG-29")
+def server_forgets_ids(patch: Patch) -> None:
+    """Does not say which request a camera answers."""
+    messages(patch, of_type("camera", without("id")))
+
+
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by one with id")
+def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
+    """Says nothing to a request that breaks REQ-2."""
+
+    def refuse(
+        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
+    ) -> Any:
+        if _type_and_id(payload)[0] in REQUESTS:
+            return Refusal(error.code, str(error))
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+def last_comes_first(patch: Patch) -> None:
+    """Send what is said before what has been said, and not been sent yet."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        waiting = bytes(self.unsent)
+        self.unsent.clear()
+        original(self, message)
+        self.unsent += waiting
+
+    wrap(patch, Connection, "send", send)
+
+
+@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by")
+def server_answers_the_last_first(patch: Patch) -> None:
+    """Answers requests that arrive together from the last to the first."""
+    last_comes_first(patch)
+
+
+@mutant("NEG-29", reason="answers a request after", through="NEG-29")
+def server_answers_backwards(patch: Patch) -> None:
+    """Answers requests that arrive together from the last to the first."""
+    last_comes_first(patch)
+
+
+@mutant("NEG-32", check="check_reports_what_is_no_rotation", reason="no error")
+def server_keeps_quiet_about_rotations(patch: Patch) -> None:
+    """Drops a pose whose quaternion is no rotation without a word."""
+
+    def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
+        if code != "invalid_rotation":
+            original(self, code, *more)
+
+    wrap(patch, Connection, "_send_error", send_error)
+
+
+@mutant("NEG-32", check="check_reports_what_is_no_rotation", reason="invalid_message")
+def server_calls_rotations_messages(patch: Patch) -> None:
+    """Reports `invalid_message` for whatever is wrong with a pose."""
+    messages(
+        patch,
+        of_type(
+            "error",
+            lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
+        ),
+    )
+
+
+@mutant(
+    "NEG-23",
+    check="check_errors_name_the_request_that_they_answer",
+    reason="which lacks its id",
+)
+def server_takes_the_first_id_for_none(patch: Patch) -> None:
+    """Leaves the id out of an error where it is 0."""
+    messages(patch, of_type("error", lambda it: it if it.get("id") else without("id")(it)))
+
+
+@mutant("NEG-34", check="check_ends_in_good_order", reason="still reads what a client says")
+def server_listens_to_last_words_for_ever(patch: Patch) -> None:
+    """Reads on after an error that ends, for as long as the client does not end its side."""
+    patch.setattr(connections, "LINGER_SECONDS", 600.0)
+
+
+@mutant("NEG-34", check="check_ends_in_good_order", reason="the connection was reset")
+def server_closes_with_bytes_unread(patch: Patch) -> None:
+    """Closes a connection as soon as the error is on its way."""
+    patch.setattr(
+        Connection, "over", property(lambda self: self.ending is not None and not self.unsent)
+    )
+
+
+@mutant("NEG-35", check="check_refuses_broken_hellos", reason="was answered by null")
+def server_ignores_broken_hellos(patch: Patch) -> None:
+    """Waits for a better `hello`."""
+
+    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
+        if _type_and_id(payload)[0] == "hello" and self.welcome is None:
+            return Refusal(error.code, str(error))
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@mutant("NEG-35", check="check_refuses_broken_hellos", reason="waited")
+def server_forgives_broken_hellos(patch: Patch) -> None:
+    """Reports a broken `hello`, and waits for a better one."""
+
+    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+        if "NEG-35" not in reason:
+            original(self, reason, now)
+
+    wrap(patch, Connection, "end", end)
+
+
+@mutant(
+    "NEG-23",
+    check="check_errors_about_no_request_name_none",
+    reason="which has the id of a request",
+)
+def server_names_the_last_request_in_errors(patch: Patch) -> None:
+    """Puts the id of the newest request into every error."""
+    newest: dict[Connection, int] = {}
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        if isinstance(message, ErrorMessage):
+            message = message._replace(id=message.id or newest.get(self))
+        elif getattr(message, "id", None) is not None:
+            newest[self] = message.id
+        original(self, message)
+
+    wrap(patch, Connection, "send", send)

@@ -1,0 +1,320 @@
+"""Mutants that break NEG: how they answer `hello`."""
+
+from collections.abc import Callable
+from typing import Any
+
+from splatbus_server import api
+from splatbus_server import connection as connections
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.memory import Memory
+from splatbus_server.session import Reader, Session
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.init_packet import CudaMemory, LegacyBuffers
+from splatbus_wire.messages import (
+    ErrorMessage,
+    Hello,
+    SubscribeTelemetry,
+    ViewportSize,
+    Welcome,
+    encode,
+)
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
+from splatbus_conformance.wire.message_kinds import CAPABILITIES
+
+Answer = Welcome | ErrorMessage
+HANDLE = b"a handle that nobody can open".ljust(64, b".")
+
+
+def greets(patch: Patch, around: Callable[..., Answer]) -> None:
+    """Answer each hello by a function of the usual answer, the hello and the server's terms."""
+
+    def answer_hello(original: Any, hello: Hello, **terms: Any) -> Answer:
+        return around(lambda as_if: original(as_if, **terms), hello, terms)
+
+    wrap(patch, connections, "answer_hello", answer_hello)
+
+
+def stays(patch: Patch, reason: str) -> None:
+    """Go on where a connection should end for this reason."""
+
+    def end(original: Any, self: Connection, why: str, now: float) -> None:
+        if reason not in why:
+            original(self, why, now)
+
+    wrap(patch, Connection, "end", end)
+
+
+@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="welcome names 1.1")
+def server_prefers_its_newest_version(patch: Patch) -> None:
+    """Speaks 1.1 wherever hello lists it, whatever stands before it."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        newest_first = tuple(sorted(hello.versions, key=lambda version: version != "1.1"))
+        given: Answer = usual(hello._replace(versions=newest_first))
+        return given
+
+    greets(patch, answer)
+
+
+HAS = "check_has_what_it_grants"
+
+
+@mutant("NEG-7", check=HAS, reason="it grants subscribe, and says unsupported")
+def server_grants_what_it_denies(patch: Patch) -> None:
+    """Answers each subscription to colour and depth as if that had not been agreed upon."""
+
+    def subscribe(original: Any, self: Session, connection: Connection, channels: Any) -> Any:
+        return connection.complain(Refusal("unsupported", "nobody agreed on that"))
+
+    wrap(patch, Session, "_subscribe", subscribe)
+
+
+@mutant("NEG-7", check=HAS, reason="it grants telemetry, and says unknown_type")
+def server_grants_what_it_does_not_know(patch: Patch) -> None:
+    """Grants telemetry, and does not know what a subscription to it is."""
+
+    def handle(original: Any, self: Session, connection: Connection, message: Any, now: Any) -> Any:
+        if isinstance(message, SubscribeTelemetry):
+            return connection.complain(Refusal("unknown_type", "what is that?"))
+        return original(self, connection, message, now)
+
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="sent no welcome")
+def server_wants_to_know_who_says_hello(patch: Patch) -> None:
+    """Takes a hello whose client has no name for a broken one."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        if not hello.client.name:
+            raise ProtocolError("invalid_message", "who is there?", requirement="NEG-2")
+        given: Answer = usual(hello)
+        return given
+
+    greets(patch, answer)
+
+
+@mutant("NEG-6", reason="hello lists", through="NEG-10")
+def server_welcomes_who_speaks_another_version(patch: Patch) -> None:
+    """Names its own version in welcome, whether or not hello lists it."""
+    greets(patch, lambda usual, hello, terms: usual(hello._replace(versions=("1.1",))))
+
+
+@mutant("NEG-7", check="check_grants_what_both_have", reason="and granted")
+def server_grants_frames_with_reinit_only(patch: Patch) -> None:
+    """Forgets that it has frames where hello does not list reinit."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        listed = [c for c in hello.capabilities if c != "frames" or "reinit" in hello.capabilities]
+        given: Answer = usual(hello._replace(capabilities=tuple(listed)))
+        return given
+
+    greets(patch, answer)
+
+
+@mutant("NEG-7", reason="hello does not list", through="NEG-7")
+def server_lists_all_that_it_can(patch: Patch) -> None:
+    """Lists in welcome what it has, whatever hello lists."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        given: Answer = usual(hello)
+        if isinstance(given, Welcome):
+            return given._replace(capabilities=tuple(terms["capabilities"]))
+        return given
+
+    greets(patch, answer)
+
+
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given no welcome")
+def server_refuses_unknown_capabilities(patch: Patch) -> None:
+    """Takes a hello with a capability that it does not know for an invalid message."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        if set(hello.capabilities) - set(CAPABILITIES["ipc"]):
+            raise ProtocolError("invalid_message", "there is no such capability", requirement="")
+        given: Answer = usual(hello)
+        return given
+
+    greets(patch, answer)
+
+
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given nothing")
+def server_reads_four_capabilities(patch: Patch) -> None:
+    """Has room for four capabilities, and reads none of a longer list."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        listed = hello.capabilities if len(hello.capabilities) <= 5 else ()
+        given: Answer = usual(hello._replace(capabilities=listed))
+        return given
+
+    greets(patch, answer)
+
+
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="neither reacted nor went on")
+def server_announces_nothing_to_strangers(patch: Patch) -> None:
+    """Welcomes a client with a capability that it does not know, and announces no memory to it."""
+
+    def handle(original: Any, self: Session, connection: Connection, *arguments: Any) -> Any:
+        message = arguments[0]
+        if isinstance(message, Hello) and set(message.capabilities) - set(CAPABILITIES["ipc"]):
+            return None
+        return original(self, connection, *arguments)
+
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("NEG-9", check="check_ignores_unknown_types", reason="closed the connection")
+def server_closes_at_unknown_types(patch: Patch) -> None:
+    """Ends a connection on which it does not know the type of a message."""
+
+    def refuse(
+        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
+    ) -> Any:
+        if error.code == "unknown_type":
+            self.end("there is no such type", now)
+        return original(self, error, payload, now)
+
+    wrap(patch, Connection, "_refuse_packet", refuse)
+
+
+@mutant("NEG-10", check="check_refuses_unknown_versions", reason="not told what is supported")
+def server_keeps_its_versions_to_itself(patch: Patch) -> None:
+    """Refuses versions without saying which it speaks."""
+    messages(patch, of_type("error", without("supported")))
+
+
+@mutant("NEG-10", check="check_refuses_unknown_versions", reason="was refused, and not closed")
+def server_keeps_whom_it_does_not_understand(patch: Patch) -> None:
+    """Refuses versions, and waits for another hello."""
+    stays(patch, "unsupported_version")
+
+
+@mutant("NEG-10", reason="is no version", through="NEG-10")
+def server_supports_what_is_no_version(patch: Patch) -> None:
+    """Names its versions with a letter before them."""
+
+    def named(message: Any) -> Any:
+        supported = message.get("supported")
+        return message | {"supported": [f"v{v}" for v in supported]} if supported else message
+
+    messages(patch, of_type("error", named))
+
+
+@mutant(
+    "NEG-11",
+    check="check_waits_for_who_can_open_its_memory",
+    reason="an init packet after a hello that lists nothing",
+)
+def server_announces_host_memory_after_each_hello(patch: Patch) -> None:
+    """Sends the init packet after each hello."""
+
+    def greet(original: Any, self: Session, connection: Connection, now: float) -> Any:
+        if connection.channel == "ipc" and not connection.has("host_shm"):
+            self._readers[connection] = Reader()
+            return None
+        return original(self, connection, now)
+
+    wrap(patch, Session, "_greet", greet)
+
+
+@mutant("NEG-30", reason="server is")
+def server_welcomes_without_a_name(patch: Patch) -> None:
+    """Does not say in welcome who it is."""
+    messages(patch, of_type("welcome", without("server")))
+
+
+@mutant("NEG-31", reason="a second welcome", through="NEG-26")
+def server_welcomes_twice(patch: Patch) -> None:
+    """Answers a second hello like the first."""
+
+    def greet(original: Any, self: Connection, hello: Hello, now: float) -> Any:
+        if self.welcome is not None:
+            self.send(self.welcome)
+            return Refusal("invalid_message", "hello was said before")
+        return original(self, hello, now)
+
+    wrap(patch, Connection, "_greet", greet)
+
+
+def announces_cuda_memory(patch: Patch, **changes: Any) -> list[Memory]:
+    """Announce memory on a device that nobody has, and no other; every memory that is made."""
+    made: list[Memory] = []
+
+    def init(original: Any, self: Memory, *arguments: Any, **named: Any) -> None:
+        original(self, *arguments, **named)
+        usual = self.init_packet
+        assert usual.ring is not None
+        memory = CudaMemory("GPU-" + "-".join(("0" * 8, *["0" * 4] * 3, "0" * 12)), HANDLE, 2**40)
+        self.init_packet = usual._replace(
+            legacy=LegacyBuffers(HANDLE, HANDLE, HANDLE),
+            memory=memory,
+            ring=usual.ring._replace(events=(HANDLE,) * usual.ring.slots),
+        )
+        made.append(self)
+
+    wrap(patch, Memory, "__init__", init)
+    patch.setattr(api, "CAPABILITIES", ("cuda_ipc",))
+    return made
+
+
+def at_once(patch: Patch, made: list[Memory], *, version: bool = True) -> None:
+    """Send the init packet as soon as there is a connection, and nothing about it later; nothing at
+    all where a token is required (NEG-18).
+    """
+
+    def connect(original: Any, self: Connection, channel: str, terms: Any, now: float) -> None:
+        original(self, channel, terms, now)
+        if channel == "ipc" and terms.token is None:
+            packet = made[-1].init_packet
+            if not version:
+                packet = packet._replace(version=None, generation=None, memory=None, ring=None)
+                packet = packet._replace(semantics=None)
+            self.send(packet)
+
+    wrap(patch, Connection, "__init__", connect)
+    patch.setattr(Session, "_answered", lambda *_: None)
+
+
+@mutant("NEG-15", check="check_sends_cuda_memory_at_once", reason="the version of its init packet")
+def server_announces_cuda_memory_as_in_1_0(patch: Patch) -> None:
+    """Sends each connection at once what 1.0 has, although it speaks 1.1."""
+    at_once(patch, announces_cuda_memory(patch), version=False)
+
+
+@mutant("NEG-15", check="check_sends_cuda_memory_at_once", reason="no init packet came before")
+def server_announces_cuda_memory_after_hello(patch: Patch) -> None:
+    """Waits for hello before it says where in CUDA memory its images are."""
+    made = announces_cuda_memory(patch)
+
+    def greet(original: Any, self: Session, connection: Connection, now: float) -> None:
+        if connection.channel == "ipc":
+            connection.send(made[-1].init_packet)
+
+    wrap(patch, Session, "_greet", greet)
+    patch.setattr(Session, "_answered", lambda *_: None)
+
+
+@mutant(
+    "NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="welcome names 1.0 and lists"
+)
+def server_grants_capabilities_to_1_0(patch: Patch) -> None:
+    """Lists in a `welcome` for 1.0 what it can do."""
+    grant = {"capabilities": ["host_shm"]}
+    messages(patch, of_type("welcome", lambda w: w | grant if w["version"] == "1.0" else w))
+
+
+@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="was sent")
+def server_speaks_1_1_after_all(patch: Patch) -> None:
+    """Agrees to 1.0, and replies as in 1.1."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        if isinstance(message, ViewportSize):
+            self.unsent += encode(message, typed_replies=True)
+        else:
+            original(self, message)
+
+    wrap(patch, Connection, "send", send)

@@ -1,0 +1,122 @@
+"""Mutants that break NEG: how they guard their token."""
+
+import math
+import time
+from typing import Any
+
+from splatbus_server import settings
+from splatbus_server.connection import Connection
+from splatbus_wire import negotiation
+from splatbus_wire.messages import ErrorMessage, Welcome
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_1.neg.servers import stays
+
+REFUSES = "check_refuses_other_tokens"
+
+
+@mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
+def server_waits_for_hello_for_ever(patch: Patch) -> None:
+    """Has no deadline for hello."""
+
+    def connect(original: Any, self: Connection, *arguments: Any) -> None:
+        original(self, *arguments)
+        self._hello_by = math.inf
+
+    wrap(patch, Connection, "__init__", connect)
+
+
+@mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
+def server_waits_for_who_says_something(patch: Patch) -> None:
+    """Gives who says anything ten seconds more for hello."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        original(self, data, now)
+        if self._hello_by < math.inf:
+            self._hello_by = now + 10.0
+
+    wrap(patch, Connection, "receive", receive)
+
+
+@mutant(
+    "NEG-17",
+    check="check_listens_on_loopback_without_a_token",
+    reason="and requires no token",
+)
+def server_listens_to_everybody(patch: Patch) -> None:
+    """Listens where it is told to, with and without a token."""
+    wrap(patch, settings, "is_loopback", lambda original, host: True)
+
+
+@mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
+def server_compares_as_far_as_the_token_goes(patch: Patch) -> None:
+    """Takes the beginning of the token for the token."""
+
+    def same(original: Any, given: str, wanted: str) -> bool:
+        return given != "" and wanted.startswith(given)
+
+    wrap(patch, negotiation, "_same", same)
+
+
+@mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
+def server_ignores_the_case_of_the_token(patch: Patch) -> None:
+    """Takes capital letters for small ones."""
+
+    def same(original: Any, given: str, wanted: str) -> bool:
+        return given.lower() == wanted.lower()
+
+    wrap(patch, negotiation, "_same", same)
+
+
+@mutant("NEG-18", check=REFUSES, reason="was refused, and not closed")
+def server_keeps_whom_it_refuses(patch: Patch) -> None:
+    """Lets a client that does not know the token try again."""
+    stays(patch, "unauthorized")
+
+
+@mutant("NEG-18", reason="sent beside unauthorized", through="NEG-18")
+def server_explains_its_refusal(patch: Patch) -> None:
+    """Says more than `unauthorized` to who does not know the token."""
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        original(self, message)
+        if isinstance(message, ErrorMessage) and message.code == "unauthorized":
+            original(self, ErrorMessage("unsupported", "there is a token to be known"))
+
+    wrap(patch, Connection, "send", send)
+
+
+@mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="without hello got a reply")
+def server_serves_1_0_without_a_token(patch: Patch) -> None:
+    """Asks those who say hello for the token, and no others."""
+    patch.setattr(Connection, "_is_heard", property(lambda self: True))
+
+
+@mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="with the token failed")
+def server_is_steered_without_a_token(patch: Patch) -> None:
+    """Takes poses from those who have said no hello, though it replies to no request of theirs."""
+    patch.setattr(Connection, "_is_heard", property(lambda self: True))
+
+    def send(original: Any, self: Connection, message: Any) -> None:
+        if self.welcome is not None or isinstance(message, ErrorMessage | Welcome):
+            original(self, message)
+
+    wrap(patch, Connection, "send", send)
+
+
+@mutant(
+    "NEG-17",
+    check="check_listens_on_loopback_without_a_token",
+    reason="and requires no token",
+)
+def server_takes_its_time_to_listen_to_everybody(patch: Patch) -> None:
+    """The same, and without a token it takes six seconds to start."""
+
+    def is_loopback(original: Any, host: str) -> bool:
+        if not original(host):
+            time.sleep(6.0)
+        return True
+
+    wrap(patch, settings, "is_loopback", is_loopback)

@@ -1,0 +1,192 @@
+"""Mutants that break OBJ, SCN and TIM-4: where objects are, and what they say of their scene."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from splatbus_server import api, cli, demo
+from splatbus_server.control import Poses
+from splatbus_server.raycast import Raycaster
+from splatbus_server.session import MESSAGE_CAPABILITIES
+from splatbus_server.view import View
+from splatbus_wire.messages import PointCloudPose
+from splatbus_wire.poses import Pose
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
+from splatbus_conformance.selftest.mutants.v1_1.cam.lenses import read_again
+from splatbus_conformance.selftest.mutants.v1_1.ctl import unsaid
+
+LISTED, PUT = "check_frames_list_what_was_moved", "check_objects_are_where_they_were_put"
+CAMERAS = {"cameras": [Pose((float(n), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for n in range(3)]}
+KEEPS, SCENE = "check_keeps_the_former_pose_of_an_object", "check_tells_of_its_scene"
+
+
+def objects_told(patch: Patch, change: Any) -> None:
+    """Change what frames list."""
+
+    def told(frame: Json) -> Json:
+        return frame | {"objects": change(frame["objects"])} if frame.get("objects") else frame
+
+    messages(patch, of_type("frame", told))
+
+
+@mutant(
+    "OBJ-2", check="check_point_cloud_pose_is_of_the_default_object", reason="by point_cloud_pose"
+)
+def server_keeps_the_scale(patch: Patch) -> None:
+    """Leaves the scale of the Gaussians as it was with a pose that has none."""
+
+    def moved(original: Any, self: Poses, message: Any) -> Any:
+        after = original(self, message)
+        if not isinstance(message, PointCloudPose):
+            return after
+        scale = self.objects["default"].scale
+        placed = {"default": after.objects["default"]._replace(scale=scale)}
+        return after._replace(objects={**after.objects, **placed})
+
+    wrap(patch, Poses, "moved_by", moved)
+
+
+@mutant("OBJ-3", check="check_reports_unknown_objects", reason='answered by "no error"')
+def server_ignores_unknown_objects(patch: Patch) -> None:
+    """Says nothing of an object that it has not."""
+    unsaid(patch, "unknown_object")
+
+
+@mutant("OBJ-3", check="check_reports_unknown_objects", reason='[["unknown_object", null]]')
+def server_does_not_point_at_objects(patch: Patch) -> None:
+    """Reports an unknown object, and does not say where."""
+
+    def bare(error: Json) -> Json:
+        unknown = error["code"] == "unknown_object"
+        return {n: it for n, it in error.items() if not (unknown and n == "pointer")}
+
+    messages(patch, of_type("error", bare))
+
+
+@mutant("OBJ-4", check=KEEPS, reason="applied it")
+def server_takes_any_scale(patch: Patch) -> None:
+    """Takes a scale that is none for 1."""
+    read_again(patch, "_object_pose", lambda message: message | {"scale": 1.0})
+
+
+@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+def server_scales_nothing(patch: Patch) -> None:
+    """Renders every object in its own size."""
+    wrap(
+        patch,
+        demo,
+        "_object_pose",
+        lambda original, *arguments: replace(original(*arguments), scale=1.0),
+    )
+
+
+@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+def server_scales_where_objects_are(patch: Patch) -> None:
+    """Scales an object's position as well."""
+
+    def pose(original: Any, *arguments: Any) -> Any:
+        asked = original(*arguments)
+        x, y, z = asked.position
+        return replace(asked, position=(asked.scale * x, asked.scale * y, asked.scale * z))
+
+    wrap(patch, demo, "_object_pose", pose)
+
+
+@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+def server_moves_all_objects_at_once(patch: Patch) -> None:
+    """Puts every object where the default one is."""
+    wrap(patch, View, "of", lambda original, self, name: self)
+
+
+@mutant("OBJ-6", check="check_depth_is_in_world_units", reason="of the depths are not those")
+def server_stores_depth_in_units_of_the_object(patch: Patch) -> None:
+    """Stores depths as the renderer has them, in the units of what is seen."""
+
+    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool) -> Any:
+        image = original(self, scene, camera, wanted)
+        if image.depth is None:
+            return image
+        return image._replace(depth=(image.depth / scene.pose.scale).astype(np.float32))
+
+    wrap(patch, Raycaster, "render", render)
+
+
+@mutant("OBJ-7", check=LISTED, reason="a frame does not list default")
+def server_does_not_say_where_objects_are(patch: Patch) -> None:
+    """Leaves objects out of its frames."""
+    messages(patch, of_type("frame", lambda m: {n: it for n, it in m.items() if n != "objects"}))
+
+
+@mutant("OBJ-7", check=LISTED, reason="a frame ")
+def server_says_where_objects_were(patch: Patch) -> None:
+    """Lists in each frame what the one before it should have listed."""
+    former: list[Any] = []
+
+    def before(objects: Any) -> Any:
+        former.append(objects)
+        return former[-2:][0]
+
+    objects_told(patch, before)
+
+
+@mutant("OBJ-7", reason="scale is missing", through="OBJ-7")
+def server_tells_no_scale(patch: Patch) -> None:
+    """Lists objects without their scale."""
+    objects_told(
+        patch, lambda objects: [{n: v for n, v in it.items() if n != "scale"} for it in objects]
+    )
+
+
+def scene_told(patch: Patch, change: Any) -> None:
+    """Change what is told of the scene."""
+    messages(patch, of_type("scene", lambda scene: scene | change(scene)))
+
+
+@mutant("SCN-2", check=SCENE, reason="one is not known")
+def server_lists_an_object_that_is_not_there(patch: Patch) -> None:
+    """Tells of a chair that nobody can move."""
+    chair = {"id": "chair", "name": "", "gaussians": 0, "bounds": None}
+    scene_told(patch, lambda scene: {"objects": [*scene["objects"], chair]})
+
+
+@mutant("SCN-2", check=SCENE, reason="and they come again after 3")
+def server_forgets_a_camera(patch: Patch) -> None:
+    """Tells of one camera fewer than it has."""
+    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, **named | CAMERAS))
+    scene_told(patch, lambda scene: {"cameras": scene["cameras"] - 1})
+
+
+@mutant("SCN-2", check=SCENE, reason="the origin of the scene")
+def server_tells_another_origin(patch: Patch) -> None:
+    """Tells another origin than its init packet does."""
+    scene_told(patch, lambda scene: {"origin": [1.0, 2.0, 3.0]})
+
+
+@mutant("SCN-2", reason="is beyond max", through="SCN-2")
+def server_turns_bounds_round(patch: Patch) -> None:
+    """Swaps the ends of bounds."""
+    trusts_its_scene(patch)
+
+    def turned(item: Json) -> Json:
+        box = item["bounds"]
+        return item | {"bounds": box and {"min": box["max"], "max": box["min"]}}
+
+    scene_told(patch, lambda scene: {"objects": [turned(it) for it in scene["objects"]]})
+
+
+@mutant("TIM-4", check="check_grants_time_to_the_animated_alone", reason="timeRange is null")
+def server_grants_time_of_a_still_scene(patch: Patch) -> None:
+    """Grants `time`, whether or not anything moves."""
+    scene_told(patch, lambda scene: {"timeRange": None})
+    wrap(
+        patch,
+        api,
+        "Terms",
+        lambda original, server, offered, token: original(
+            server, offered | {"message": MESSAGE_CAPABILITIES}, token
+        ),
+    )

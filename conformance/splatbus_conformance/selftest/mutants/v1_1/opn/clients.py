@@ -1,0 +1,269 @@
+"""Mutants that break OPN: the answers to init packets, and the memory."""
+
+from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
+from typing import Any
+
+from splatbus_client.events import Announced, MustClose
+from splatbus_client.host_memory import HostImages
+from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_client.reading import Reading
+from splatbus_wire.init_packet import HostMemory, InitPacket
+from splatbus_wire.messages import Closed, Opened, OpenFailed, encode
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_1.mem.clients import says_opened
+from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
+
+ONCE = "check_answers_each_init_packet_once"
+FORMER = "check_closes_the_former_memory"
+ALONE = "check_leaves_the_memory_alone"
+
+KEPT: list[Any] = []
+"""What a mutant does not let go."""
+
+
+@mutant("OPN-1", reason="is answered a second time")
+def answers_twice(patch: Patch) -> None:
+    """Answers `opened` twice."""
+
+    def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
+        self._out += encode(Opened(packet.generation))
+        original(self, packet)
+
+    wrap(patch, IpcProtocol, "opened", opened)
+
+
+@mutant("OPN-13", reason="generation is missing")
+def answers_without_a_generation(patch: Patch) -> None:
+    """Answers `opened` without saying what."""
+    messages(patch, of_type("opened", without("generation")))
+
+
+@mutant("OPN-13", reason="reason is missing", through="MEM-6")
+def declines_without_a_reason(patch: Patch) -> None:
+    """Answers `open_failed` without a reason."""
+    messages(patch, of_type("open_failed", without("reason")))
+
+
+@mutant("OPN-3", reason='reason is "", no string of 1', through="MEM-6")
+def declines_with_an_empty_reason(patch: Patch) -> None:
+    """Answers `open_failed` with an empty reason."""
+    messages(patch, of_type("open_failed", lambda failed: failed | {"reason": ""}))
+
+
+@mutant("OPN-3", reason="no string of 1 to 1,024", through="MEM-6")
+def declines_at_length(patch: Patch) -> None:
+    """Answers `open_failed` with a reason of 2,000 characters."""
+    messages(patch, of_type("open_failed", lambda failed: failed | {"reason": "no " * 667}))
+
+
+@mutant("OPN-5", reason="is closed before a later one is answered", through="NEG-4")
+def closes_before_it_opens(patch: Patch) -> None:
+    """Says that the old memory is closed before it answers for the new."""
+
+    def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
+        for generation in self._slots:
+            self._out += encode(Closed(generation))
+        original(self, packet)
+
+    wrap(patch, IpcProtocol, "opened", opened)
+
+
+@mutant("OPN-13", reason="generation is 0, no integer from 1")
+def counts_generations_from_zero(patch: Patch) -> None:
+    """Answers with a generation that is one too small."""
+    _answers_for(patch, -1)
+
+
+@mutant("OPN-11", reason="had generation")
+def answers_for_the_next_generation(patch: Patch) -> None:
+    """Answers with a generation that is one too large."""
+    _answers_for(patch, 1)
+
+
+def _answers_for(patch: Patch, away: int) -> None:
+    messages(patch, of_type("opened", lambda it: it | {"generation": it["generation"] + away}))
+
+
+@mutant("OPN-1", check=ONCE, reason="no answer to")
+def wants_to_know_who_says_welcome(patch: Patch) -> None:
+    """Ignores a `welcome` of a server that has no name, or no version."""
+
+    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+        return original(self, welcome) if all(welcome.server) else iter(())
+
+    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+
+
+@mutant("OPN-1", check=ONCE, reason="no answer to")
+def answers_success_alone(patch: Patch) -> None:
+    """Says nothing when memory cannot be opened."""
+    patch.setattr(IpcProtocol, "open_failed", lambda *_: None)
+
+
+@mutant("OPN-1", check=ONCE, reason="no answer to")
+def answers_the_last_of_several(patch: Patch) -> None:
+    """Of several init packets that come at once, opens and answers the last alone."""
+
+    def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
+        events = list(original(self, data, now))
+        announced = [event for event in events if isinstance(event, Announced)]
+        return [event for event in events if event not in announced[:-1]]
+
+    wrap(patch, IpcProtocol, "receive", receive)
+
+
+@mutant("OPN-1", check=ONCE, reason="answers more than one")
+def says_opened_after_open_failed(patch: Patch) -> None:
+    """Answers `opened` after `open_failed`, for the same generation."""
+
+    def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
+        original(self, packet, reason)
+        self._out += encode(Opened(packet.generation))
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+
+
+@mutant("OPN-2", check="check_maps_before_it_says_so", reason="does not exist")
+def says_opened_of_what_is_not_there(patch: Patch) -> None:
+    """Answers `opened` although there is no such memory."""
+    says_opened(patch, "no shared memory")
+
+
+@mutant("OPN-2", check="check_maps_before_it_says_so", reason="had not mapped the memory")
+def maps_when_the_first_frame_comes(patch: Patch) -> None:
+    """Answers `opened` at once, and maps the memory when it is needed."""
+
+    def opens(original: Any, self: Reading, packet: Any) -> None:
+        assert self._machine is not None
+        self._machine.opened(packet)
+
+    wrap(patch, Reading, "_open", opens)
+
+
+@mutant("OPN-3", check="check_says_why_it_failed", reason="1 to 1024 are asked for")
+def quotes_what_it_was_sent(patch: Patch) -> None:
+    """Quotes the whole init packet in the reason."""
+
+    def longer(failed: Json) -> Json:
+        return failed | {"reason": failed["reason"] + 2000 * "."}
+
+    messages(patch, of_type("open_failed", longer))
+
+
+@mutant("OPN-4", check="check_keeps_the_connection_after_failing", reason="after open_failed")
+def closes_after_failing(patch: Patch) -> None:
+    """Closes the connection after `open_failed`."""
+    failed: set[IpcProtocol] = set()
+
+    def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
+        original(self, packet, reason)
+        failed.add(self)
+
+    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    wrap(patch, IpcProtocol, "deadline", lambda o, self: 0.0 if self in failed else o(self))
+    wrap(
+        patch,
+        IpcProtocol,
+        "expire",
+        lambda o, self, now: [MustClose("failed")] if self in failed else o(self, now),
+    )
+
+
+@mutant("OPN-5", check=FORMER, reason="was not closed after")
+def never_says_closed(patch: Patch) -> None:
+    """Unmaps the former memory, and does not say so."""
+    patch.setattr(IpcProtocol, "closed", lambda *_: None)
+
+
+@mutant("OPN-5", check=FORMER, reason="still has its memory")
+def says_closed_and_keeps_the_memory(patch: Patch) -> None:
+    """Says that the former memory is closed, and keeps it mapped."""
+
+    def close(self: HostImages) -> bool:
+        KEPT.append(self._map)
+        return True
+
+    patch.setattr(HostImages, "close", close)
+
+
+@mutant("OPN-5", check=FORMER, reason="closed was sent")
+def says_closed_twice(patch: Patch) -> None:
+    """Says twice that memory is closed."""
+
+    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+        if generation in self._retired:
+            self._out += encode(Closed(generation))
+        original(self, generation)
+
+    wrap(patch, IpcProtocol, "closed", closed)
+
+
+@mutant("OPN-6", check="check_ignores_what_it_was_not_granted", reason="took it as valid")
+def takes_what_was_not_agreed(patch: Patch) -> None:
+    """Opens further init packets whether `welcome` lists `reinit` or not."""
+
+    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+        yield from original(self, welcome)
+        self.capabilities |= {"reinit"}
+
+    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+
+
+@mutant("OPN-6", reason="although welcome does not list reinit", through="OPN-6")
+def declines_what_was_not_agreed(patch: Patch) -> None:
+    """Answers `open_failed` to a further init packet, where `welcome` does not list `reinit`."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if self._last_generation and "reinit" not in self.capabilities:
+            self._out += encode(OpenFailed(packet.generation, "not agreed"))
+        return original(self, packet)
+
+    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+
+
+@mutant("OPN-10", check=ALONE, reason="it wrote to the memory while")
+def writes_to_the_memory(patch: Patch) -> None:
+    """Marks in the memory that it was here."""
+
+    def images(original: Any, self: HostImages, packet: InitPacket) -> None:
+        original(self, packet)
+        assert isinstance(packet.memory, HostMemory)
+        with Path("/dev/shm", packet.memory.name).open("r+b") as memory:
+            memory.write(b"here")
+
+    wrap(patch, HostImages, "__init__", images)
+
+
+@mutant("OPN-10", check=ALONE, reason="it removed the memory")
+def removes_the_memory(patch: Patch) -> None:
+    """Removes the memory when the connection ends."""
+    names: list[str] = []
+
+    def images(original: Any, self: HostImages, packet: InitPacket) -> None:
+        original(self, packet)
+        assert isinstance(packet.memory, HostMemory)
+        names.append(packet.memory.name)
+
+    def end(original: Any, self: Reading) -> None:
+        original(self)
+        for name in names:
+            Path("/dev/shm", name).unlink(missing_ok=True)
+
+    wrap(patch, HostImages, "__init__", images)
+    wrap(patch, Reading, "end", end)
+
+
+@mutant("OPN-10", check=ALONE, reason="the memory was removed when the testee ended")
+def tracks_the_memory_as_its_own(patch: Patch) -> None:
+    """Opens the memory with a library that removes it when the process ends."""
+
+    def images(original: Any, self: HostImages, packet: InitPacket) -> None:
+        original(self, packet)
+        assert isinstance(packet.memory, HostMemory)
+        KEPT.append(SharedMemory(packet.memory.name))
+
+    wrap(patch, HostImages, "__init__", images)

@@ -1,0 +1,180 @@
+"""Mutants that break TIM, PNG and TEL: time in the scene, the server's clock, telemetry."""
+
+import time
+from typing import Any
+
+from splatbus_server import session
+from splatbus_server.connection import Connection
+from splatbus_server.control import Poses
+from splatbus_server.session import Session
+from splatbus_server.telemetry import Readings
+from splatbus_wire.messages import SetTime
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.mutant import mutant
+
+SETS, PONG = "check_renders_at_the_time_that_was_set", "check_pong_tells_the_clock"
+NUMBERS, ASKED = "check_numbers_what_it_tells", "check_tells_what_was_asked_for_alone"
+
+
+def pongs(patch: Patch, change: Any) -> None:
+    """Change members of `pong`."""
+    messages(patch, of_type("pong", lambda pong: pong | change(pong)))
+
+
+@mutant("TIM-2", check=SETS, reason="and the next frame has time")
+def server_takes_any_time(patch: Patch) -> None:
+    """Renders at times that the scene has not."""
+    patch.setattr(session, "within", lambda message, time_range: message)
+
+
+@mutant("TIM-2", check=SETS, reason="and the next frame has time")
+def server_plays_on(patch: Patch) -> None:
+    """Takes no notice of the time that is set."""
+
+    def moved(original: Any, self: Poses, message: Any) -> Any:
+        return self if isinstance(message, SetTime) else original(self, message)
+
+    wrap(patch, Poses, "moved_by", moved)
+
+
+@mutant("TIM-3", check="check_frames_tell_the_time_of_their_image", reason="and what moves is not")
+def server_tells_the_time_before(patch: Patch) -> None:
+    """Tells in each frame the time of the one before it."""
+    former: list[Any] = []
+
+    def before(frame: Json) -> Json:
+        former.append(frame["time"])
+        return frame | {"time": former[-2:][0]}
+
+    messages(patch, of_type("frame", before))
+
+
+@mutant("PNG-2", check=PONG, reason="t of pong is")
+def server_returns_its_own_time(patch: Patch) -> None:
+    """Answers with its own time twice."""
+    pongs(patch, lambda pong: {"t": pong["serverTime"]})
+
+
+@mutant("PNG-2", reason="the ping's was", through="PNG-2")
+def server_rounds_what_it_returns(patch: Patch) -> None:
+    """Returns `t` in whole milliseconds."""
+    pongs(patch, lambda pong: {"t": round(pong["t"], 3)})
+
+
+@mutant("PNG-2", check=PONG, reason="one of them was not read in between")
+def server_tells_the_time_of_day(patch: Patch) -> None:
+    """Tells another clock in `pong` than in frames."""
+    pongs(patch, lambda pong: {"serverTime": time.time()})
+
+
+@mutant("PNG-2", check=PONG, reason="one of them was not read in between")
+def server_reads_its_clock_now_and_then(patch: Patch) -> None:
+    """Reads its clock ten times a second, and tells what it read last."""
+    last = [0.0]
+
+    def read(pong: Json) -> Json:
+        if pong["serverTime"] > last[0] + 0.1:
+            last[0] = pong["serverTime"]
+        return {"serverTime": last[0]}
+
+    pongs(patch, read)
+
+
+@mutant("PNG-3", check="check_the_clock_goes_on", reason="serverTime went back")
+def server_sets_its_clock(patch: Patch) -> None:
+    """Sets its clock back by a second with every tenth ping."""
+    count = [0]
+
+    def late(pong: Json) -> Json:
+        count[0] += 1
+        return {"serverTime": pong["serverTime"] - (count[0] % 10 == 0)}
+
+    pongs(patch, late)
+
+
+@mutant("PNG-3", reason="renderedAt is", through="PNG-3")
+def server_renders_in_the_past(patch: Patch) -> None:
+    """Says of every second image that it was rendered ten seconds ago."""
+
+    def past(frame: Json) -> Json:
+        return frame | {"renderedAt": frame["renderedAt"] - 10.0 * (frame["seq"] % 2)}
+
+    messages(patch, of_type("frame", past))
+
+
+def telemetry(patch: Patch, change: Any) -> None:
+    """Change members of `telemetry`."""
+    messages(patch, of_type("telemetry", lambda told: told | change(told)))
+
+
+@mutant("TEL-2", check=NUMBERS, reason="the numbers of telemetry are")
+def server_does_not_count_telemetry(patch: Patch) -> None:
+    """Gives every telemetry the number 1."""
+    telemetry(patch, lambda told: {"seq": 1})
+
+
+@mutant("TEL-2", check=NUMBERS, reason="time of a telemetry")
+def server_tells_telemetry_by_the_time_of_day(patch: Patch) -> None:
+    """Tells another clock in `telemetry` than in `pong`."""
+    telemetry(patch, lambda told: {"time": time.time()})
+
+
+@mutant("TEL-2", reason="which is not in the table", through="TEL-2")
+def server_tells_a_kind_of_its_own(patch: Patch) -> None:
+    """Calls a scalar a number."""
+
+    def renamed(series: Json) -> Json:
+        return series | {"kind": "number"} if series["kind"] == "scalar" else series
+
+    telemetry(patch, lambda told: {"series": [renamed(it) for it in told["series"]]})
+
+
+@mutant("TEL-3", check=ASKED, reason="to who has come after a subscriber")
+def server_tells_the_next_what_one_asked_for(patch: Patch) -> None:
+    """Goes on telling what a client had subscribed to, to the next that comes."""
+    left: list[Any] = []
+
+    def unsubscribe(original: Any, self: Readings, connection: Any) -> None:
+        if connection in self._subscribers:
+            left.append(self._subscribers[connection].names)
+        original(self, connection)
+
+    def handle(
+        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
+    ) -> Any:
+        if left and connection.has("telemetry") and connection not in self._readings._subscribers:
+            self._readings.subscribe(connection, left.pop())
+        return original(self, connection, message, *rest)
+
+    wrap(patch, Readings, "unsubscribe", unsubscribe)
+    wrap(patch, Session, "handle", handle)
+
+
+@mutant("TEL-3", check=ASKED, reason="was subscribed to, of")
+def server_tells_everything(patch: Patch) -> None:
+    """Sends all series to whoever has subscribed to some."""
+
+    def subscribe(original: Any, self: Readings, connection: Any, names: Any) -> None:
+        original(self, connection, None)
+
+    wrap(patch, Readings, "subscribe", subscribe)
+
+
+@mutant("TEL-3", reason="which the client has not subscribed to", through="TEL-3")
+def server_tells_a_series_more(patch: Patch) -> None:
+    """Adds a series of its own to what was asked for."""
+    added = {"name": "splats", "kind": "scalar", "value": 6.0}
+    telemetry(patch, lambda told: {"series": [*told["series"], added]})
+
+
+@mutant("TEL-3", check=ASKED, reason="was subscribed to, of")
+def server_takes_no_list_of_series(patch: Patch) -> None:
+    """Refuses a subscription that names series, so that the one before it stays in force."""
+
+    def subscribe(original: Any, self: Readings, connection: Any, names: Any) -> None:
+        if names is None:
+            original(self, connection, names)
+
+    wrap(patch, Readings, "subscribe", subscribe)

@@ -1,0 +1,248 @@
+"""Mutants that break VPT, and what OPN says of memory that was replaced."""
+
+from dataclasses import replace
+from typing import Any
+
+from splatbus_server import viewport
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.memory import Memory
+from splatbus_server.service import Service
+from splatbus_server.session import Session
+from splatbus_server.viewport import Change, Viewport
+from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_0.cnv.servers import cameras
+
+ANSWERS, TELLS = (
+    "check_answers_with_the_size_or_an_error",
+    "check_tells_every_reader_of_another_size",
+)
+KEEPS = "check_keeps_former_memory_until_it_is_closed"
+
+
+def unhindered(patch: Patch, requirement: str, words: str) -> None:
+    """Change the size of images although this should hinder it."""
+
+    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+        refusal: Refusal | None = original(self, asker)
+        stands = refusal is not None and requirement in refusal.reason and words in refusal.reason
+        return None if stands else refusal
+
+    wrap(patch, Session, "_hindrance", hindrance)
+
+
+@mutant(
+    "NEG-29",
+    check="check_answers_what_follows_another_size_after_it",
+    reason="and their answers",
+)
+def server_answers_while_it_makes_memory(patch: Patch) -> None:
+    """Goes on answering requests while it has not yet answered a `set_viewport`."""
+    patch.setattr(Connection, "hold", lambda self: None)
+
+
+@mutant("VPT-2", check=ANSWERS, reason="was answered by")
+def server_rounds_sizes_up(patch: Patch) -> None:
+    """Says that images have a width that four divides, whatever was asked for."""
+
+    def size(width: int, height: int, id: int | None = None) -> ViewportSize:
+        return ViewportSize(-(-width // 4) * 4, height, id)
+
+    patch.setattr(viewport, "ViewportSize", size)
+
+
+@mutant("VPT-2", check=ANSWERS, reason="and then the size is told as")
+def server_tells_the_former_size(patch: Patch) -> None:
+    """Agrees to a size, and leaves images as they are."""
+    wrap(patch, Viewport, "_replace", lambda original, self, change: None)
+
+
+@mutant("VPT-2", reason="was asked for", through="VPT-2")
+def server_swaps_sides(patch: Patch) -> None:
+    """Answers with the height first."""
+    patch.setattr(viewport, "ViewportSize", lambda w, h, id=None: ViewportSize(h, w, id))
+
+
+@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", reason="without reinit")
+def server_cuts_off_who_cannot_follow(patch: Patch) -> None:
+    """Changes the size, whoever reads."""
+    unhindered(patch, "VPT-3", "")
+
+
+@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", reason="had gone")
+def server_remembers_who_could_not_follow(patch: Patch) -> None:
+    """Changes no size any more once there was a reader without `reinit`."""
+    remembered: list[Refusal] = []
+
+    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+        refusal: Refusal | None = original(self, asker)
+        if refusal is not None and refusal.code == "unsupported":
+            remembered.append(refusal)
+        return remembered[-1] if remembered else refusal
+
+    wrap(patch, Session, "_hindrance", hindrance)
+
+
+@mutant("VPT-2", check=ANSWERS, reason="was refused, and then the size is told as")
+def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
+    """Tells the size that was asked for last, whether images have it or not."""
+    asked: list[int] = []
+
+    def answer(original: Any, self: Session, connection: Connection, *more: Any) -> Any:
+        request = more[0]
+        if isinstance(request, SetViewport):
+            asked[:] = request.width, request.height
+            if request.width == 1:
+                return connection.complain(Refusal("unsupported", "too small", id=request.id))
+        if isinstance(request, GetViewportSize) and asked:
+            width, height = asked
+            connection.send(ViewportSize(width, height, request.id))
+            return None
+        return original(self, connection, *more)
+
+    wrap(patch, Session, "_answer", answer)
+
+
+@mutant("VPT-4", check="check_obeys_who_has_control", reason="a client without control")
+def server_changes_the_size_for_anyone(patch: Patch) -> None:
+    """Changes the size, whoever asks."""
+    unhindered(patch, "VPT-4", "steers")
+
+
+@mutant("VPT-4", check="check_has_memory_twice_at_most", reason="former memory is in use")
+def server_has_memory_without_end(patch: Patch) -> None:
+    """Changes the size, whoever still reads what was before."""
+    unhindered(patch, "VPT-4", "memory")
+
+
+@mutant("VPT-5", check=TELLS, reason="no init packet within 5 s")
+def server_tells_those_who_take_frames(patch: Patch) -> None:
+    """Sends a further init packet to clients with `frames` alone."""
+
+    def announce(
+        original: Any, self: Session, connection: Connection, reader: Any, *more: Any
+    ) -> None:
+        if connection.has("frames") or not reader.told:
+            original(self, connection, reader, *more)
+
+    wrap(patch, Session, "_announce", announce)
+
+
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+def server_makes_the_same_memory_again(patch: Patch) -> None:
+    """Has new memory also for the size that its images have."""
+
+    def set_size(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
+        self._change = Change(asker, request, self._exchange.memory)
+        self.chores.append(self._change.allocate)
+        asker.hold()
+
+    wrap(patch, Viewport, "set", set_size)
+
+
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
+    """The same, and ends a message connection when another comes."""
+    server_makes_the_same_memory_again(patch)
+
+    def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
+        former = [peer for peer in self._peers if peer.connection.channel == channel == "message"]
+        original(self, channel, listener)
+        for peer in former:
+            self._drop(peer)
+
+    wrap(patch, Service, "_accept", accept)
+
+
+@mutant("VPT-7", check="check_frees_former_memory", reason="is there")
+def server_frees_nothing(patch: Patch) -> None:
+    """Keeps former memory, and forgets it."""
+    kept: list[Memory] = []
+    patch.setattr(Memory, "close", lambda self: kept.append(self))
+
+
+@mutant("VPT-8", check="check_closes_who_does_not_let_go", reason="keeps former memory, for 1")
+def server_waits_for_ever(patch: Patch) -> None:
+    """Lets a client keep former memory."""
+    wrap(patch, Session, "_end_who_keeps", lambda original, self, now: None)
+
+
+@mutant("OPN-8", check=KEEPS, reason="is gone")
+def server_frees_memory_at_once(patch: Patch) -> None:
+    """Frees former memory when there is other, whoever reads it."""
+    forgets(patch, lambda reader, generation: True)
+
+
+def forgets(patch: Patch, forgotten: Any) -> None:
+    """Forget that a reader has former memory, of some generations."""
+
+    def free(original: Any, self: Session, now: float) -> None:
+        for reader in self._readers.values():
+            former = [number for number in reader.announced if number < reader.told]
+            for number in former:
+                if forgotten(reader, number):
+                    del reader.announced[number]
+        original(self, now)
+
+    wrap(patch, Session, "_free", free)
+
+
+@mutant("OPN-8", check=KEEPS, reason="that one is another")
+def server_wipes_former_memory(patch: Patch) -> None:
+    """Overwrites memory that was replaced, before it is freed."""
+
+    def successor(original: Any, self: Memory, *size: int) -> Any:
+        made = original(self, *size)
+        for slot in range(self.ring.slots):
+            self.color(slot)[:] = 0.0
+        return made
+
+    wrap(patch, Memory, "successor", successor)
+
+
+@mutant("OPN-8", check="check_keeps_former_memory_for_who_may_open_it", reason="and may open")
+def server_frees_what_nobody_has_opened(patch: Patch) -> None:
+    """Frees former memory once those who said that they had opened it have closed it."""
+    forgets(patch, lambda reader, generation: generation not in reader.opened)
+
+
+@mutant("OPN-14", check="check_closed_ends_the_lease", reason="is sent none of the memory")
+def server_waits_for_the_release(patch: Patch) -> None:
+    """Takes a frame for held until it is released, whatever becomes of its memory."""
+
+    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        reader = self._readers.get(connection)
+        lease = reader.lease if reader is not None else None
+        refusal = original(self, connection, message)
+        if reader is not None:
+            reader.lease = lease
+        return refusal
+
+    wrap(patch, Session, "_answered", answered)
+
+
+@mutant("IMG-5", check="check_images_of_another_size_are_right", reason="of the pixels of an image")
+def server_keeps_the_lens_of_the_first_size(patch: Patch) -> None:
+    """Renders images of all sizes with the focal length in pixels that the first had."""
+    first: list[Any] = []
+
+    def former(camera: Any) -> Any:
+        first.append(camera)
+        return replace(camera, fx=first[0].fx, fy=first[0].fy)
+
+    cameras(patch, former)
+
+
+@mutant("VPT-4", check="check_obeys_who_has_control", reason="a client that waits for control")
+def server_obeys_who_waits_for_control(patch: Patch) -> None:
+    """Changes the size for a client that has posed, though another one has control."""
+
+    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+        refusal: Refusal | None = original(self, asker)
+        stands = refusal is not None and "steers" in refusal.reason
+        return None if stands and asker in self._control._sent else refusal
+
+    wrap(patch, Session, "_hindrance", hindrance)

@@ -1,0 +1,394 @@
+"""A trial of a client, from its connecting to judgement: the harness plays the server."""
+
+from collections.abc import Callable
+from typing import Any
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
+from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
+from splatbus_conformance.images.memory.device import Device
+from splatbus_conformance.trials import memory_pace
+from splatbus_conformance.trials.returning import absence, return_seconds, tries_to_go_on
+from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.testee.adapter import Adapted, ClientCrashed, Greeting
+from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
+from splatbus_conformance.trials.testee.probe_advice import NAMES, does_not_come
+from splatbus_conformance.trials.testee.process import Testee
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, Trial
+from splatbus_conformance.wire.messages import Json, encode
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import Connection, Peer
+
+MANY_CONNECTIONS = 6
+"""From which on the quick profile delivers only what it has to."""
+MISSED_SECONDS = 3.0
+"""After which it is said that a testee is waited for."""
+
+
+class ClientTrial(Trial):
+    """What a check of a client has in hand: the role that the harness plays as well."""
+
+    def __init__(
+        self,
+        requirement: Requirement,
+        peer: Peer,
+        role: Role,
+        testee: Testee,
+        facts: ClientFacts,
+        patience: float,
+        stand_in: StandIn | None = None,
+        device: Device | None = None,
+    ) -> None:
+        super().__init__(requirement, peer, testee, patience)
+        self.stand_in = stand_in
+        self.device = device
+        self._calls_before = len(stand_in.calls()) if stand_in else 0
+        self.role = role
+        self.facts = facts
+        self._used: set[Connection] = set()
+        peer.on_open = role.on_open
+        peer.on_packet = role.on_packet
+
+    def affords(self) -> bool:
+        """In the quick profile not, once the testee needs many connections.
+
+        A client may close the connection on whatever is wrong, and each case then costs it a pause.
+        """
+        return self.thorough or len(self.peer.connections) < MANY_CONNECTIONS
+
+    def judge(self, outcome: str, what: str) -> None:
+        """As of every trial; one that ends once its server has gone does no less than wait."""
+        if outcome == "exits" and self.facts.leaves and "waits" in self.requirement.acceptable:
+            outcome = "waits"
+        super().judge(outcome, what)
+
+    # Meeting the testee
+
+    def connection(self, channel: Channel, seconds: float | None = None) -> Connection:
+        """A connection of the testee on this channel that this trial has not used yet.
+
+        Closes those that it has used, so that the testee makes a new one, and starts it anew where
+        that does not help. One that was seen to come back, and does not, has lost a vital sign.
+        Skips the check if none comes within the run's patience.
+        """
+        seconds = return_seconds(self) if seconds is None else seconds
+        if self._used and "exits" not in self.requirement.acceptable:
+            self.charge_its_end()
+        if self.testee.ended() or self._takes_a_start(channel):
+            self.end_testee()
+            if not self.testee.asked_to_start(self.purpose):
+                self.not_observable("it would take a further start of the client by hand")
+        started = self.testee.ensure_running()
+        found = self._past_probes(channel, seconds)
+        if found is None and not started:
+            self.peer.close_all()  # some come back to both channels or to none
+            found = self._past_probes(channel, min(seconds, RETURN_SECONDS))
+        if found is None and not started:
+            if channel in self.facts.returns:
+                self._note_loss(does_not_come(channel, self.testee), channel)
+            self.end_testee()
+            if self.testee.ensure_running():
+                found = self._past_probes(channel, seconds)
+        if found is None:
+            self.not_observable(f"the testee made no connection on the {channel} channel")
+        return found
+
+    def charge_its_end(self) -> None:
+        """That what was sent has ended the process is charged to the sentence that forbids it."""
+        ended = self.testee.ended()
+        if ended and not self.killed and not self.facts.leaves:
+            self._note_loss(f"its process {ended}")
+            self.end_testee()
+
+    def renew(self) -> None:
+        """Have the next connection be made by a testee that was just started, where that can be."""
+        if self.testee.expendable:
+            self.end_testee()
+
+    def _takes_a_start(self, channel: Channel) -> bool:
+        """Only a testee that is started anew connects there: this one has done so, and is gone."""
+        came = self.peer.last_opened[channel] > self.testee.started
+        comes = channel in self.facts.returns or channel not in self.facts.connects
+        return came and not comes and self._unused(channel) is None
+
+    def _past_probes(self, channel: Channel, seconds: float) -> Connection | None:
+        """A new connection; of a testee that has just been started, one that it means to keep."""
+        found = self.next_connection(channel, seconds)
+        probes = self.facts.probes.get(channel, 0)
+        while found is not None and self._since_start(channel) <= probes:
+            self._answer_until_it_ends(found)
+            found = self.next_connection(channel, seconds)
+        return found
+
+    def _answer_until_it_ends(self, probe: Connection) -> None:
+        """Whatever the check withholds from the testee's other connections."""
+        heard, answered = self.role.with_(probe).heard, 0
+
+        def ends() -> bool:
+            nonlocal answered
+            for request in heard[answered:] if not self.role.replies else ():
+                if answer := self.role.answer(probe, request):
+                    self.role.say(probe, answer)
+            answered = len(heard)
+            return probe.ended is not None
+
+        self.wait(ends)
+
+    def _since_start(self, channel: Channel) -> int:
+        """How many connections the testee has made on a channel since it was started."""
+        born = self.testee.started
+        on_it = [c for c in self.peer.connections if c.channel == channel and c.opened >= born]
+        return len(on_it) if born else 1 + self.facts.probes.get(channel, 0)
+
+    def _note_loss(self, what: str, channel: Channel | None = None) -> None:
+        alive = any(connection.channel == channel for connection in self.peer.connections)
+        self.losses.append(Loss(what, None if alive else channel, list(self.peer.entries)))
+
+    def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
+        """Close those of this channel that were used; a new one, if it comes in time.
+
+        None of a testee that has hung, died or exited: unlike `connection`, this starts no other.
+        """
+        for used in self._used:
+            if used.channel == channel:
+                used.close()
+        seconds = return_seconds(self) if seconds is None else seconds
+        for part in (min(seconds, MISSED_SECONDS), seconds - MISSED_SECONDS):
+            self.peer.until(lambda: self._unused(channel) or self.testee.ended(), part)
+            if part == MISSED_SECONDS and not self._unused(channel):
+                self.testee.missed(channel)
+        found = self._unused(channel)
+        if found is not None:
+            self._used.add(found)
+            self.facts.was_away(absence(self.peer, found, self.testee.started))
+        return found
+
+    def greeted(self, channel: Channel) -> Connection:
+        """A new connection on which the testee has said `hello` and was given `welcome`."""
+        connection = self.connection(channel)
+        self._answers(lambda: self.role.with_(connection).welcome)
+        if self.role.with_(connection).welcome is None:
+            if self.facts.speaks_1_1(channel) and not connection.ended:
+                self._note_loss(f"it says no hello on the {NAMES[channel]} channel any more")
+                self.renew()
+            self.not_observable("the testee said no hello on this connection")
+        return connection
+
+    def for_init_packet(self) -> Connection:
+        """A greeted IPC connection that may be sent one more init packet: the last one if it may.
+
+        Only with `role.offers_memory` off, so that the check sends every init packet itself.
+        """
+        for connection in reversed(self.peer.connections):
+            alive = connection in self._used and connection.open and not connection.ended
+            if alive and connection.channel == "ipc" and self._takes_another(connection):
+                return connection
+        return self.greeted("ipc")
+
+    def reassure(self, channel: Channel) -> None:
+        """Serve a connection well, the newest if it is open: a client may wait twice as long after
+        each that came to nothing, and a check that has many of them would wait most of the time.
+        """
+        speaks = self.facts.speaks_1_1(channel)
+        if channel not in self.facts.returns or not (speaks or channel == "msg"):
+            return
+        withheld = self.role.welcomes, self.role.replies
+        self.role.welcomes = self.role.replies = True
+        newest = [c for c in self.peer.connections if c.channel == channel and c in self._used][-1:]
+        on_it = [c for c in newest if not c.gone] or [self.connection(channel)]
+        dealings = self.role.with_(on_it[0])
+        self.wait(lambda: (dealings.welcome if speaks else dealings.heard) or on_it[0].ended)
+        self.role.welcomes, self.role.replies = withheld
+
+    # Asking the adapter beside it
+
+    @property
+    def greeting(self) -> Greeting:
+        """What the adapter says of itself."""
+        assert self.facts.adapter is not None, "a check that asks needs an adapter"
+        return self.facts.adapter
+
+    def ask(self, command: str, **members: Any) -> Json:
+        """Give the adapter a command; its answer.
+
+        A client that dies over it violates the requirement. Raises AdapterBroken.
+        """
+        self.give(command, **members)
+        return self.take(command)
+
+    def give(self, command: str, **members: Any) -> None:
+        """Give the adapter a command, and do not wait: `take` the answer before the next."""
+        self._adapted().give(command, **members)
+
+    def take(self, command: str) -> Json:
+        """The answer to a command that was given, as `ask` has it."""
+        try:
+            return self._adapted().take(command)
+        except ClientCrashed as crash:
+            self.violated(f"told to {command}, {crash}")
+
+    def _adapted(self) -> Adapted:
+        assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
+        return self.testee
+
+    # Reading what it did with device memory
+
+    def calls(self) -> list[Call]:
+        """The calls of the stand-in CUDA runtime since the trial began."""
+        return self.stand_in.calls()[self._calls_before :] if self.stand_in else []
+
+    # Waiting and watching
+
+    def wait(self, condition: Callable[[], Any], seconds: float | None = None) -> bool:
+        """As of every trial; without a limit of its own, as long as this testee's pace asks for."""
+        return super().wait(condition, self.facts.effect_seconds if seconds is None else seconds)
+
+    def _answers(self, condition: Callable[[], Any]) -> bool:
+        """Wait for an answer, and note how long it took."""
+        began = self.peer.clock()
+        if came := self.wait(condition):
+            self.facts.took(self.peer.clock() - began)
+        return came
+
+    def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
+        """Whether the testee ends this connection in time."""
+        return self.wait(lambda: connection.ended, seconds)
+
+    def uses(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
+        """Wait, at this testee's pace, until memory is opened or read; whether it is."""
+        return self.wait(condition, memory_pace.patience(self.facts.memory_seconds, seconds))
+
+    def opens(self, connection: Connection) -> bool:
+        """Whether the testee opens the memory that was offered last on this connection."""
+        dealings = self.role.with_(connection)
+        return self.uses(lambda: dealings.generation in dealings.opened or connection.ended) and (
+            dealings.generation in dealings.opened
+        )
+
+    def releases(self, connection: Connection, seq: int) -> bool:
+        """Whether the testee releases this frame."""
+        dealings = self.role.with_(connection)
+        return self.uses(lambda: seq in dealings.released or connection.ended) and (
+            seq in dealings.released
+        )
+
+    def says_hello(self, connection: Connection) -> bool:
+        """Whether the testee says `hello` on this connection."""
+        return self._answers(lambda: self.role.with_(connection).hello)
+
+    def arrives(self, channel: Channel, seconds: float, after: int = 0) -> bool:
+        """Whether there are more than `after` connections on this channel in time."""
+        return self.wait(
+            lambda: sum(c.channel == channel for c in self.peer.connections) > after, seconds
+        )
+
+    # Scripts, and what becomes of them
+
+    def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
+        """Deliver scripts on a greeted IPC connection, then a good init packet as the control.
+
+        Returns `ignores` (the good packet was opened), `declines` or `accepts` (one that the
+        scripts announced), `refuses` (the good packet), `closes` (and came back), `exits`, `dies`
+        or `hangs`.
+        """
+        dealings = self.role.with_(connection)
+        heard = len(dealings.heard)
+        for script in scripts:
+            connection.send(script)
+        # A client without reinit may ignore the good packet for a further one (OPN-6).
+        further = self._takes_further(connection)
+        good = packet(encode(self.role.init_packet(connection)))
+        generation = dealings.generation
+        connection.send(good)
+
+        def reacts() -> bool:
+            return generation in dealings.opened | dealings.failed or connection.ended is not None
+
+        in_time = self.wait(reacts, EFFECT_SECONDS if further else REACTION_SECONDS)
+        if further and not in_time:
+            # To close late is to hang; to open late is to be busy, and no sentence limits that.
+            self.wait(lambda: reacts() or self.fate(), self.patience)
+            if connection.ended and not self.wait(lambda: self.fate(), 0.05):
+                return "hangs"
+        answers = {
+            str(message.get("type"))
+            for message in dealings.heard[heard:]
+            if message.get("generation") != generation
+        }
+        if "opened" in answers:
+            return "accepts"
+        outcome = "declines" if "open_failed" in answers else "ignores"
+        if generation in dealings.opened:
+            self.delivered += 1
+            return outcome
+        if generation in dealings.failed:
+            return "refuses"
+        if connection.ended or further or self.fate():
+            return self._end_of(connection, "ipc")
+        return outcome if self.comes_back("ipc") else self.fate() or "hangs"
+
+    def outcome_on_msg(self, connection: Connection) -> str:
+        """What the testee does after what it was sent on the message channel, as above."""
+        before = len(connection.packets)
+        self.wait(
+            lambda: len(connection.packets) > before + 1 or connection.ended,
+            1.0 if self.facts.poses else REACTION_SECONDS,
+        )
+        if not connection.ended and len(connection.packets) > before + 1:
+            self.delivered += 1
+            return "ignores"
+        if not connection.ended and self.fate() is None:
+            return "ignores" if self.comes_back("msg") else self.fate() or "hangs"
+        return self._end_of(connection, "msg")
+
+    def comes_back(self, channel: Channel) -> bool:
+        """Whether the testee connects to this channel again and says something that it means.
+
+        A client that speaks 1.0 has nothing to say on the IPC channel. One that never comes back
+        has gone on if it closed the connection, and lives or left as it does; else nobody knows.
+        """
+        if channel not in self.facts.returns:
+            self._expect_closed(channel)
+            return self.fate() is None or (self.fate() == "exits" and self.facts.leaves)
+        return tries_to_go_on(self, channel)[1]
+
+    def _end_of(self, connection: Connection, channel: Channel) -> str:
+        self.wait(lambda: self.fate(), 0.05)
+        if self.fate() == "exits" and self.facts.leaves and connection.ended:
+            self.delivered += 1
+            return "closes"
+        if fate := self.fate():
+            return fate
+        if not connection.ended:
+            return "hangs"
+        return "closes" if self.comes_back(channel) else self.fate() or "hangs"
+
+    def _expect_closed(self, channel: Channel) -> None:
+        """A testee that never comes back shows by closing, and living on, that it goes on."""
+        on_it = [c for c in self.peer.connections if c.channel == channel and c in self._used]
+        if not (self.testee.expendable and on_it and on_it[-1].ended):
+            self.not_observable(
+                f"the testee is not known to come back to the {channel} channel: one that goes on "
+                "there and one that does not look alike"
+            )
+        self.delivered += 1
+
+    def _unused(self, channel: Channel) -> Connection | None:
+        return next(
+            (
+                c
+                for c in self.peer.connections
+                if c.channel == channel and c not in self._used and c.open and not c.ended
+            ),
+            None,
+        )
+
+    def _takes_further(self, connection: Connection) -> bool:
+        return "reinit" in self.role.with_(connection).granted
+
+    def _takes_another(self, connection: Connection) -> bool:
+        dealings = self.role.with_(connection)
+        first = dealings.welcome is not None and not dealings.generation
+        return first or self._takes_further(connection)

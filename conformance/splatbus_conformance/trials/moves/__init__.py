@@ -1,0 +1,1 @@
+"""What several checks do with a trial: steer, resize, lend, capture, misbehave."""

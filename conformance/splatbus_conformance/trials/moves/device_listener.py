@@ -1,0 +1,118 @@
+"""Whether a client still listens on the IPC channel, by the good device memory that it opens.
+
+What is broken comes first on its connection, since some clients read no other packet there.
+"""
+
+from contextlib import ExitStack
+
+from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, Layout
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import Connection
+
+GLANCE_SECONDS = 0.02
+"""For a client to close, before it is sent the next packet."""
+
+
+class Listening:
+    """A server of 1.0 that sends what a check wants, and good init packets.
+
+    Each good packet names memory of its own, so that it is seen which of them was opened.
+    """
+
+    def __init__(self, trial: ClientTrial, held: ExitStack) -> None:
+        self._trial, self._held = trial, held
+        trial.role.speaks, trial.role.offers_memory = "1.0", False
+        held.callback(self._leave)
+        self._further: Connection | None = None
+        """A connection on which a further packet was taken."""
+        first = self.image()
+        if not self.opens(self.fresh(), first):
+            trial.not_observable("the testee did not open good device memory")
+        self._reads = trial.uses(lambda: first.copies(trial.calls()))
+        """It was seen to copy what it opened."""
+
+    def image(self, width: int = 64, height: int = 48, layout: Layout | None = None) -> DeviceImage:
+        """An image in device memory, drawn and complete; freed in the end."""
+        assert self._trial.device is not None, "a check of device memory needs a device"
+        image = DeviceImage(self._trial.device, width, height, layout)
+        self._held.callback(image.free)
+        self._held.callback(self._leave)
+        image.draw(1)
+        image.event.begin()
+        image.event.complete()
+        return image
+
+    def fresh(self) -> Connection:
+        """A new connection on which nothing has been sent."""
+        self._further = None
+        return self._trial.connection("ipc")
+
+    def opens(self, connection: Connection, image: DeviceImage, payload: bytes = b"") -> bool:
+        """Whether the testee opens an image whose packet is sent here, spelled so if so it is."""
+        connection.send(packet(payload or encode(image.init_packet())))
+        return self.comes_to_open(connection, image)
+
+    def takes(self, connection: Connection, image: DeviceImage, payload: bytes) -> bool:
+        """As `opens`; and it reads it, if it reads at all: some die between the two."""
+        trial = self._trial
+        if not (self.opens(connection, image, payload) and self._reads):
+            return image.opened(trial.calls())
+        trial.uses(lambda: image.copies(trial.calls()) or connection.ended)
+        return bool(image.copies(trial.calls()))
+
+    def comes_to_open(self, connection: Connection, image: DeviceImage) -> bool:
+        """Whether the testee opens an image whose packet was sent."""
+        trial = self._trial
+        trial.uses(lambda: image.opened(trial.calls()) or connection.ended)
+        return image.opened(trial.calls())
+
+    def outcome_of(self, script: bytes, *, later: bool = False) -> str:
+        """Send bytes first on a new connection, then a good packet there, or on the next.
+
+        Returns `ignores` or `closes` (and the good one was opened), `exits`, `dies` or `hangs`. Of
+        a testee that does not return it shows that it listens if it notices the end of its stream;
+        nothing if it does not.
+
+        Args:
+            script: what is sent.
+            later: on a connection on which it has taken another packet, if it does take more.
+        """
+        trial, good = self._trial, self.image()
+        at_first = self._further is None or self._further.ended is not None or not later
+        connection = self.fresh() if at_first else self._further
+        assert connection is not None
+        connection.send(script)
+        if not trial.ends(connection, GLANCE_SECONDS):
+            connection.send(packet(encode(good.init_packet())))
+            seen = trial.wait(
+                lambda: good.opened(trial.calls()) or connection.ended, REACTION_SECONDS
+            )
+            if seen and not connection.ended:
+                self._further = connection
+                trial.delivered += 1
+                return "ignores"
+        outcome = "closes" if connection.ended else "ignores"
+        if "ipc" not in trial.facts.returns:
+            connection.end_stream()
+            noticed = trial.ends(connection)
+            trial.wait(trial.fate, REACTION_SECONDS)
+            trial.delivered += noticed
+            return (trial.fate() or outcome) if noticed else self._died()
+        connection.close()
+        again = trial.next_connection("ipc")
+        if again is None or not self.opens(again, good):
+            return trial.fate() or "hangs"
+        trial.delivered += 1
+        return outcome
+
+    def _died(self) -> str:
+        return "dies" if self._trial.fate() == "dies" else ""
+
+    def _leave(self) -> None:
+        """Memory is freed after the connections that may know of it (CUD-4)."""
+        for connection in self._trial.peer.connections:
+            if connection.channel == "ipc":
+                connection.close()

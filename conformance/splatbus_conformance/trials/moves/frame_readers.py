@@ -1,0 +1,93 @@
+"""Readers of a server's images, as its checks use them."""
+
+from typing import NoReturn
+
+from splatbus_conformance.trials.server import ServerTrial, shows
+from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.sockets import Connection
+
+LENDS = ("1.1", "frames")
+"""What a server must have shown that lends images."""
+
+
+def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
+    """No frame came to a reader that waits for one, from a server that has sent frames before.
+
+    That is a violation, unless the reader was closed in favour of a later one, or somebody else may
+    have control of the scene.
+    """
+    if (reader.ended and gave_way(trial, reader)) or not trial.testee.expendable:
+        trial.not_observable(what)
+    trial.violated(f"{what}, as it did when it was met")
+
+
+def gave_way(trial: ServerTrial, ended: Connection) -> bool:
+    """Whether a connection may have been ended in favour of a later one on its channel (CHN-13)."""
+    on_it = (it for it in trial.peer.connections if it.channel == ended.channel)
+    return any(it.opened > ended.opened for it in on_it)
+
+
+def pause_for_an_image(trial: ServerTrial, least: float) -> float:
+    """How long to wait for a frame that must not come, at least so many seconds: as long as it
+    takes this server to show a reader, who comes and goes, that the camera has moved; twice.
+    """
+    reader = trial.reading()
+    trial.wait(lambda: frames_of(trial, reader) or reader.ended)
+    began = trial.peer.clock()
+    if trial.sees(reader, trial.move()) is None:
+        fell_silent(trial, reader, "the server sent no frame of the newest pose")
+    reader.close()
+    return max(least, 2.0 * (trial.peer.clock() - began))
+
+
+def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:
+    """The frames that came on a connection; the list grows."""
+    return trial.viewer.with_(connection).frames
+
+
+def holding(trial: ServerTrial) -> tuple[Connection, Json]:
+    """A new reader, and the frame that it holds."""
+    connection = trial.reading()
+    trial.viewer.with_(connection).holds = True
+    frames = frames_of(trial, connection)
+    trial.wait(lambda: frames or connection.ended)
+    if not frames:
+        fell_silent(trial, connection, "the server sent no frame")
+    return connection, frames[0]
+
+
+def beside(trial: ServerTrial, *others: Connection) -> Connection:
+    """One more reader; skips the check where the server serves fewer at a time."""
+    connection = trial.reading()
+    trial.rest(0.0)
+    if any(other.ended for other in others):
+        trial.not_observable("the server ends a connection in favour of a later one")
+    return connection
+
+
+def pinning(trial: ServerTrial, connection: Connection) -> Json | None:
+    """Have a reader hold an image that no other reader holds: the frame, or None if none comes."""
+    dealings = trial.viewer.with_(connection)
+    dealings.holds = False
+    if trial.sees(connection, trial.move()) is None:
+        return None
+    dealings.holds = True
+    return following(trial, connection, trial.move())
+
+
+def following(trial: ServerTrial, connection: Connection, pose: Json) -> Json | None:
+    """The frame of this pose that a reader holds once it has given back those before it, which a
+    server sends all the time whose scene moves by itself; None if it does not come in time.
+    """
+    dealings = trial.viewer.with_(connection)
+    clock = trial.peer.clock
+    deadline = clock() + EFFECT_SECONDS
+    while not connection.ended and clock() < deadline:
+        held = dealings.held
+        if held is not None and shows(held, pose):
+            return held
+        if held is not None:
+            trial.viewer.release(connection, held)
+        trial.wait(lambda: dealings.held or connection.ended, deadline - clock())
+    return None

@@ -1,0 +1,400 @@
+"""A trial of a server: the harness plays its clients."""
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+
+from splatbus_schemas.requirements import Requirement
+
+from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
+from splatbus_conformance.images.memory.device import Device
+from splatbus_conformance.trials import controls
+from splatbus_conformance.trials.scripted_client import Viewer
+from splatbus_conformance.trials.testee.process import Launched, Testee
+from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS, ServerFacts, reach
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, Trial
+from splatbus_conformance.wire.json_values import finites, within
+from splatbus_conformance.wire.message_kinds import REPLIES
+from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import Connection, Peer
+
+STEP = 2.0**-4
+"""How far apart the places are where a trial poses the camera, in scene units."""
+GREETINGS = 10
+"""How often a server is greeted that closes at once: it may not have seen the last viewer leave."""
+LATE_SECONDS = 1.0
+_places = itertools.count(1)
+
+
+class ServerTrial(Trial):
+    """What a check of a server has in hand: the viewer that the harness plays as well."""
+
+    def __init__(
+        self,
+        requirement: Requirement,
+        peer: Peer,
+        viewer: Viewer,
+        testee: Testee,
+        facts: ServerFacts,
+        patience: float,
+        stand_in: StandIn | None = None,
+        device: Device | None = None,
+    ) -> None:
+        super().__init__(requirement, peer, testee, patience)
+        self.viewer = viewer
+        self.facts = facts
+        self.stand_in = stand_in
+        self.device = device
+        peer.on_open = viewer.on_open
+        peer.on_packet = viewer.on_packet
+        self._mover: Connection | None = None
+        self._unheard = False
+        """A connection was neither closed nor served."""
+
+    # Meeting the testee
+
+    def dial(self, channel: Channel) -> Connection:
+        """A new connection that is served, and agreed on nothing.
+
+        To most servers nothing need be said for that; one that requires a token was given it, and
+        has said `welcome`.
+        """
+        if self.facts.unauthorized:
+            self.not_observable("the server asks for a token that it was not given")
+        if self.viewer.token is None:
+            return self.before_hello(channel)
+        return self.greeted(channel, capabilities=[])
+
+    def dial_narrowly(self, channel: Channel) -> Connection:
+        """The same, where little of what the server sends fits into the systems' buffers."""
+        self.peer.narrow = True
+        try:
+            return self.dial(channel)
+        finally:
+            self.peer.narrow = False
+
+    def before_hello(self, channel: Channel) -> Connection:
+        """A new connection on which nothing was said, for what is said first; starts the server if
+        it has ended, which is a vital sign that it has lost, unless the check has ended it.
+        """
+        if ended := self.testee.ended():
+            if not self.killed:
+                self.losses.append(Loss(f"its process {ended}", None, list(self.peer.entries)))
+            self.testee.stop()
+        self.testee.ensure_running()
+        connection = self.reached(channel)
+        if connection is None:
+            if self.fate() == "dies":
+                self.judge("dies", f"a connection to the {channel} channel")
+            self.not_observable(f"the server accepts no connection on the {channel} channel")
+        return connection
+
+    def greeted(self, channel: Channel, **changes: object) -> Connection:
+        """A new connection that was given `welcome`; with members of `hello` changed as named."""
+        connection, answer = self.answered(channel, **changes)
+        if answer is None:
+            self.not_observable("the server answers no hello")
+        if answer["type"] != "welcome":
+            self.not_observable("the server gives this hello no welcome")
+        return connection
+
+    def answered(self, channel: Channel, **changes: object) -> tuple[Connection, Json | None]:
+        """A new connection with members of `hello` changed as named, and the answer to that: a
+        `welcome` or an `error`; None if the server closes, or says neither in time.
+        """
+        for _ in range(GREETINGS):
+            connection = self.before_hello(channel)
+            heard = self.viewer.with_(connection).heard
+            self.viewer.greet(connection, **changes)
+            self.wait(lambda: _answer(heard) or connection.ended)  # noqa: B023
+            if heard or not connection.ended:
+                break
+            self.rest(0.05)
+        return connection, _answer(heard)
+
+    def require_all(self, *connections: Connection) -> None:
+        """Skip the check if the server, which may (CHN-13), ends one for those that came later."""
+        for connection in connections:
+            if connection.channel == "msg" and not connection.ended:
+                self.answers(connection)
+        if any(connection.ended for connection in connections):
+            self.not_observable(f"the server keeps fewer than {len(connections)} connections")
+
+    def ready(self, channel: Channel, **changes: object) -> Connection:
+        """A new connection that was given `welcome`, with memory open if the server gives any."""
+        connection = self.greeted(channel, **changes)
+        self._is_told_of_memory(connection)
+        return connection
+
+    def _is_told_of_memory(self, connection: Connection) -> bool:
+        """Whether memory is announced in time, as when the server was met, or none is due."""
+        dealings = self.viewer.with_(connection)
+        due = self.facts.opens and bool({"host_shm", "cuda_ipc"} & set(dealings.granted))
+        self.wait(lambda: not due or dealings.init_packets or connection.ended)
+        return not due or bool(dealings.init_packets)
+
+    def commanding(self, **changes: object) -> Connection:
+        """A new message connection that was given `welcome`, from which `move` poses the camera."""
+        self._mover = self.greeted("msg", **changes)
+        return self._mover
+
+    def outcome(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on a connection of either channel, by that channel's control."""
+        by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
+        return by(connection, *scripts)
+
+    def reading(self, **changes: object) -> Connection:
+        """A new IPC connection on which images are announced and their memory is open here."""
+        connection = self.greeted("ipc", **changes)
+        dealings = self.viewer.with_(connection)
+        if not self.wait(lambda: dealings.memory or dealings.refusal or connection.ended):
+            self.not_observable("the server announced no memory")
+        if dealings.memory is None:
+            self.not_observable(f"the memory cannot be opened here: {dealings.refusal}")
+        return connection
+
+    @contextlib.contextmanager
+    def relaunched(self, **environment: str) -> Iterator[None]:
+        """The server is launched anew with these variables, and as usual afterwards."""
+        testee = self.testee
+        if not isinstance(testee, Launched):
+            self.not_observable("only a server that the harness launches can be launched anew")
+        token = self.viewer.token
+        self.peer.close_all()
+        self._mover = None
+        try:
+            testee.add_to_environment(environment)
+            yield
+        finally:
+            self.peer.close_all()
+            testee.add_to_environment({})
+            self.viewer.token = token
+
+    # Asking
+
+    def replies(self, connection: Connection) -> list[Json]:
+        """Everything on a message connection that is no `welcome` and no `error`, in order."""
+        heard = self.viewer.with_(connection).heard
+        return [message for message in heard if message.get("type") not in ("welcome", "error")]
+
+    def ask(self, connection: Connection, request: Json) -> Json | None:
+        """The next thing that the server says after a request; None if it says nothing in time."""
+        heard = self.viewer.with_(connection).heard
+        before = len(heard)
+        self.viewer.say(connection, request)
+        self.wait(lambda: len(heard) > before or connection.ended)
+        return heard[before] if len(heard) > before else None
+
+    def answers(self, connection: Connection) -> bool:
+        """Whether the server answers a good request on this connection: the positive control."""
+        return self._is_answered(connection, [controls.one(self._tells_ids(connection))])
+
+    def _tells_ids(self, connection: Connection) -> bool:
+        welcome = self.viewer.with_(connection).welcome
+        return self.facts.repeats_ids and within(welcome, "version") == "1.1"
+
+    def _is_answered(self, connection: Connection, requests: list[Json]) -> bool:
+        heard = self.viewer.with_(connection).heard
+        before = len(heard)
+        connection.send(b"".join(packet(self.viewer.encode(request)) for request in requests))
+
+        self.wait(lambda: controls.are_answered(requests, heard[before:]) or connection.ended)
+        came = controls.are_answered(requests, heard[before:])
+        self.delivered += came
+        return came
+
+    # Scripts, and what becomes of them
+
+    def judge(self, outcome: str, what: str) -> None:
+        """The same; who had to say hello may be told by an `error` what is ignored."""
+        acceptable = self.requirement.acceptable
+        if outcome == "reports" and self.viewer.token is not None and outcome not in acceptable:
+            outcome = "ignores"
+        super().judge(outcome, what)
+
+    def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
+        """Deliver scripts on a message connection, then good requests as the control, for whose
+        replies none to the scripts can be taken.
+
+        Returns `ignores` (the good requests were answered, and nothing else), `reports` (so was the
+        script, by an `error`), `replies` (by something else), `closes` (and a new connection is
+        served), `exits`, `dies` or `hangs`.
+        """
+        dealings = self.viewer.with_(connection)
+        before = len(dealings.heard)
+        for script in scripts:
+            connection.send(script)
+        requests = controls.both(self._tells_ids(connection))
+        if self._is_answered(connection, requests):
+            said = [message.get("type") for message in dealings.heard[before:]]
+            if len(said) == len(requests):
+                return "ignores"
+            return "reports" if said.count("error") == len(said) - len(requests) else "replies"
+        return self.end_of(connection, LATE_SECONDS)  # it was waited for while an answer was
+
+    def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
+        """Deliver scripts on an IPC connection; the control is that images still follow the camera,
+        or, where none can, that the connection stays open.
+
+        Returns `ignores`, `reports`, `replies`, `closes` (and a new connection is served),
+        `exits`, `dies` or `hangs`.
+        """
+        dealings = self.viewer.with_(connection)
+        errors, before = len(dealings.errors()), len(dealings.heard)
+        for script in scripts:
+            connection.send(script)
+        if not self._is_told_of_memory(connection):
+            return self.end_of(connection)
+        if dealings.memory is not None and "frames" in dealings.granted:
+            goes_on = self.sees(connection, self.move()) is not None
+        else:
+            self.wait(lambda: connection.ended, REACTION_SECONDS)
+            goes_on = not connection.ended
+        if goes_on and not connection.ended:
+            self.delivered += 1
+            if any(it.get("type") in REPLIES for it in dealings.heard[before:]):
+                return "replies"
+            return "reports" if len(dealings.errors()) > errors else "ignores"
+        return self.end_of(connection)
+
+    def serves(self) -> bool:
+        """Whether new connections are served on both channels: requests are answered on one, and
+        on the other whatever the server says first was said.
+
+        Beside another of ours, a new one may be closed instead (CHN-13).
+        """
+        return not self.fate() and self._serves_on("msg") and self._serves_on("ipc")
+
+    def _serves_on(self, channel: Channel, until: float = 0.0) -> bool:
+        said_first = self.facts.welcome[channel] or self.facts.at_once
+        if not self.facts.listens[channel] or (channel == "ipc" and not said_first):
+            return True
+        connection = self.served(channel)
+        if connection is None:
+            return False
+        heard = self.viewer.with_(connection).heard
+        if channel == "msg":
+            served = self.answers(connection)
+        else:
+            if self.facts.welcome[channel] and self.viewer.token is None:
+                self.viewer.greet(connection, capabilities=[])
+            served = self.wait(lambda: heard or connection.ended) and bool(heard)
+        others = (c for c in self.peer.connections if c.channel == channel and c is not connection)
+        served = served or (connection.ended is not None and any(not c.gone for c in others))
+        until = until or self.peer.clock() + EFFECT_SECONDS
+        if not served and connection.ended and self.peer.clock() < until:
+            self.rest(GONE_SECONDS)  # it has not seen yet, perhaps, who has gone
+            return self._serves_on(channel, until)
+        connection.close()
+        return served
+
+    def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
+        """Whether the server ends this connection in time."""
+        return self.wait(lambda: connection.ended, seconds)
+
+    def served(self, channel: Channel) -> Connection | None:
+        """A new connection, on which a token was said if the server requires one; None if it
+        accepts none.
+        """
+        connection = self.reached(channel)
+        if connection is not None and self.viewer.token is not None:
+            self.viewer.greet(connection, capabilities=[])
+        return connection
+
+    def reached(self, channel: Channel) -> Connection | None:
+        """A new connection on which nothing was said, or None; where one is served at a time and
+        none is held, one that stays.
+
+        There, the next is refused until the server has seen that the last has gone.
+        """
+        kept = (c for c in self.peer.connections if c.channel == channel)
+        retries = self.facts.alone[channel] and all(c.gone for c in kept)
+        deadline = self.peer.clock() + EFFECT_SECONDS
+        while True:
+            connection = reach(self.peer, self.testee, channel, self.patience)
+            if connection is None or not retries:
+                return connection
+            self._take_place(connection)
+            if not connection.ended or self.peer.clock() > deadline:
+                return connection
+            connection.close()
+
+    def _take_place(self, connection: Connection) -> None:
+        """Wait until it is closed, or served, which an answer shows; that is forgotten."""
+        asks = connection.channel == "msg" and self.facts.answers and not self._unheard
+        if not asks or self.facts.welcome["msg"]:
+            self.rest(GONE_SECONDS)
+            return
+        self.viewer.say(connection, controls.VIEWPORT_REQUEST)
+        self._unheard = not self.wait(lambda: connection.packets or connection.ended)
+        connection.packets.clear()
+        self.viewer.with_(connection).heard.clear()
+
+    def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:
+        """What becomes of a connection that is to end within this time: `closes` (and new ones are
+        served), `exits`, `dies` or `hangs`.
+        """
+        if self.ends(connection, seconds):
+            connection.close()
+            if self.serves():
+                return "closes"
+        self.wait(self.fate, 0.05)
+        return self.fate() or "hangs"
+
+    # Images
+
+    def move(self, pose: Json | None = None) -> Json:
+        """Pose the camera, from the first connection of this trial to pose (POS-11): where it has
+        not been lately, unless it is told where. The scene is put where it was at first (POS-13).
+        Returns the pose.
+        """
+        mover = self.mover()
+        if pose is None:
+            row, column = divmod(next(_places), 64)
+            pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
+        self.viewer.say(mover, pose)
+        return pose
+
+    def mover(self) -> Connection:
+        """The connection from which `move` poses."""
+        if self._mover is None or self._mover.gone:
+            self._mover = self.dial("msg")
+            self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
+        return self._mover
+
+    def pass_control(self, connection: Connection) -> None:
+        """Pose from this connection from now on; that from which `move` has posed is closed."""
+        if self._mover is not None:
+            self._mover.close()
+        self._mover = connection
+
+    def sees(
+        self, connection: Connection, pose: Json, seconds: float = EFFECT_SECONDS
+    ) -> Json | None:
+        """The first frame on this connection that was rendered from this pose, if it comes."""
+        frames = self.viewer.with_(connection).frames
+        others = 0
+
+        def found() -> Json | None:
+            nonlocal others
+            while others < len(frames) and not shows(frames[others], pose):
+                others += 1
+            return frames[others] if others < len(frames) else None
+
+        self.wait(lambda: found() or connection.ended, seconds)
+        return found()
+
+
+def shows(frame: Json, pose: Json) -> bool:
+    """Whether a frame says that its camera was where this pose put it."""
+    position = finites(within(frame, "camera", "position"), 3)
+    meant = pose["position"].values()
+    return position is not None and all(
+        abs(is_ - wanted) < STEP / 4 for is_, wanted in zip(position, meant, strict=True)
+    )
+
+
+def _answer(heard: list[Json]) -> Json | None:
+    return next((m for m in heard if m.get("type") in ("welcome", "error")), None)

@@ -1,0 +1,89 @@
+"""What other processes hold, where the system shows it: evidence of what never crosses the wire.
+
+Only Linux shows it, and only of processes of one's own; elsewhere nothing is known.
+"""
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from splatbus_conformance.wire.json_reading import shorten
+
+PROC = Path("/proc")
+
+
+def holders(name: str) -> list[int]:
+    """Other processes that have the shared memory `name` mapped or open, as far as is shown."""
+    path = f"/dev/shm/{name}"
+    return [pid for pid in _others() if _maps(pid, path) or path in _open_files(pid)]
+
+
+def owner(port: int, peer_port: int) -> int | None:
+    """The process whose TCP connection goes from `port` to `peer_port`, if that is shown."""
+    socket = _socket(f":{port:04X}", f":{peer_port:04X}")
+    return next((pid for pid in _others() if socket in _open_files(pid)), None) if socket else None
+
+
+def group(pid: int) -> int | None:
+    """The group of processes that a process is in, where there are groups and it is there."""
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):
+            return os.getpgid(pid)
+    return None
+
+
+def members(group_: int) -> list[int]:
+    """The processes of a group, as far as is shown."""
+    return [pid for pid in _others() if group(pid) == group_]
+
+
+def listener(port: int) -> str:
+    """Which process listens on a TCP port, if that is shown; else nothing."""
+    socket = _socket(f":{port:04X}", ":0000")
+    for pid in (*_others(), os.getpid()):
+        if socket and socket in _open_files(pid):
+            return f"process {pid} ({_command(pid)})"
+    return ""
+
+
+def _command(pid: int) -> str:
+    with contextlib.suppress(OSError):
+        words = (PROC / str(pid) / "cmdline").read_bytes().decode("utf-8", "replace").split("\0")
+        return shorten(" ".join(words).strip())
+    return "?"
+
+
+def _others() -> Iterator[int]:
+    if PROC.is_dir():
+        for entry in PROC.iterdir():
+            if entry.name.isdecimal() and int(entry.name) != os.getpid():
+                yield int(entry.name)
+
+
+def _maps(pid: int, path: str) -> bool:
+    with contextlib.suppress(OSError):
+        lines = (PROC / str(pid) / "maps").read_text("utf-8", "replace").splitlines()
+        return any(line.removesuffix(" (deleted)").endswith(f" {path}") for line in lines)
+    return False
+
+
+def _open_files(pid: int) -> set[str]:
+    found: set[str] = set()
+    with contextlib.suppress(OSError):
+        for entry in (PROC / str(pid) / "fd").iterdir():
+            with contextlib.suppress(OSError):
+                found.add(str(entry.readlink()).removesuffix(" (deleted)"))
+    return found
+
+
+def _socket(local: str, remote: str) -> str | None:
+    """What an open file of this connection is called."""
+    for table in ("tcp", "tcp6"):
+        with contextlib.suppress(OSError):
+            for line in (PROC / "net" / table).read_text().splitlines()[1:]:
+                fields = line.split()
+                if fields[1].endswith(local) and fields[2].endswith(remote):
+                    return f"socket:[{fields[9]}]"
+    return None

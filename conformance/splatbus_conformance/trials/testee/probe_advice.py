@@ -1,0 +1,170 @@
+"""What the first meeting with a testee suggests to its author, before any verdict.
+
+Functions from what was seen to sentences.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from splatbus_conformance.trials.testee.process import Testee
+from splatbus_conformance.wire.first_bytes import cut_short, misread, recognised
+from splatbus_conformance.wire.json_values import strings
+from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
+from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.recording import Channel
+
+NAMES: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
+
+
+class Met(NamedTuple):
+    """One connection, as it was seen while both sides were left alone."""
+
+    channel: Channel
+    port: int
+    """The harness's."""
+    heard: Sequence[Json] = ()
+    """The objects that the testee sent."""
+    refused: bytes = b""
+    """What it sent from a header on that is none."""
+    unread: bytes = b""
+    """The first payload that is no JSON."""
+    ended: bool = False
+    """The testee closed it, unasked."""
+    offered: str = ""
+    """What it was told of images before it closed, last: an init packet or a size; or nothing."""
+    failed: str = ""
+    """The reason that its `open_failed` gave."""
+    process: int | None = None
+    """Which process is at the other end, where that is shown."""
+    unfinished: bytes = b""
+    """What came of a payload that is not complete."""
+
+
+def on_client(met: Sequence[Met], wanted: dict[Channel, int], launched: int | None) -> list[str]:
+    """What the first meeting suggests to the author of a client.
+
+    Args:
+        met: its connections.
+        wanted: the port of each channel.
+        launched: the process that the harness started, if it has none but this, and processes can
+            be told apart here.
+    """
+    return [
+        *_foreign(met),
+        *(_swapped_client(met) or _one_channel(met, wanted)),
+        *_size(met),
+        *_several(met, launched),
+    ]
+
+
+def on_server(met: Sequence[Met]) -> list[str]:
+    """What the first meeting suggests to the author of a server, or to who started it."""
+    return [*_foreign(met), *_swapped_server(met)]
+
+
+def _foreign(met: Sequence[Met]) -> list[str]:
+    """What is no packet, or no JSON, is said once for each channel."""
+    found: dict[Channel, str] = {}
+    for it in met:
+        if it.refused:
+            known = recognised(it.refused)
+            told = f"bytes that are no packet: {it.refused[:8].hex(' ')}"
+        elif it.unread and misread(it.unread):
+            known, told = misread(it.unread), f"a payload that is no JSON: {it.unread[:12]!r}"
+        elif known := cut_short(it.unfinished):
+            told = f"a payload of which more was announced: {it.unfinished[:12]!r}"
+        else:
+            continue
+        text = f"On the {NAMES[it.channel]} channel came {told}"
+        found.setdefault(it.channel, f"{text}; {known} (FRM-1)." if known else f"{text} (FRM-1).")
+    return list(found.values())
+
+
+def _swapped_client(met: Sequence[Met]) -> list[str]:
+    for it in met:
+        kinds = [message.get("type") for message in it.heard]
+        astray = [kind for kind in kinds if it.channel == "ipc" and kind in CLIENT_1_0]
+        if astray:
+            return [_swapped(f"{astray[0]} came on the IPC channel, port {it.port}")]
+        hello = next((message for message in it.heard if message.get("type") == "hello"), None)
+        if hello and (of := _others(it.channel, hello)):
+            return [_swapped(f"the hello on the {NAMES[it.channel]} channel, port {it.port}, {of}")]
+    return []
+
+
+def _swapped_server(met: Sequence[Met]) -> list[str]:
+    for it in met:
+        if it.channel == "msg" and any(_is_init_packet(message) for message in it.heard):
+            return [_swapped(f"an init packet came on the message channel, port {it.port}")]
+        welcome = next((message for message in it.heard if message.get("type") == "welcome"), None)
+        if welcome and (of := _others(it.channel, welcome)):
+            what = f"the welcome on the {NAMES[it.channel]} channel, port {it.port},"
+            return [_swapped(f"{what} {of}")]
+    return []
+
+
+def _swapped(what: str) -> str:
+    return f"The two ports may be swapped: {what}. --ports takes the IPC port first (6001,6000)."
+
+
+def _is_init_packet(message: Json) -> bool:
+    return message.get("type") is None and any(name in message for name in INIT_MEMBERS)
+
+
+def _others(channel: Channel, message: Json) -> str:
+    """Which capabilities are those of the other channel, if all are."""
+    other: Channel = "msg" if channel == "ipc" else "ipc"
+    named = set(strings(message.get("capabilities")) or ())
+    strange = named & set(CAPABILITIES[other]) if not named & set(CAPABILITIES[channel]) else ()
+    return f"lists what belongs to the other: {', '.join(sorted(strange))}" if strange else ""
+
+
+def _one_channel(met: Sequence[Met], wanted: dict[Channel, int]) -> list[str]:
+    seen = {it.channel for it in met}
+    return [
+        f"Nothing connected to the {NAMES[channel]} channel, port {port}: what is said there is "
+        "not judged. If your client uses it, look at its port"
+        for channel, port in wanted.items()
+        if channel not in seen
+    ]
+
+
+def _size(met: Sequence[Met]) -> list[str]:
+    """Some clients stop when images are not of their own size; others close to begin in earnest."""
+    stayed = {it.channel for it in met if not it.ended}
+    for it in met:
+        if it.failed:
+            return [f"Your client could not open the memory of {it.offered}: it says {it.failed!r}"]
+        if it.ended and it.offered and it.channel not in stayed:
+            return [
+                f"Your client closed its {NAMES[it.channel]} connection when it was told of "
+                f"{it.offered}. If it insists on the size of its own view, give that: "
+                "--viewport 1920x1080"
+            ]
+    return []
+
+
+def _several(met: Sequence[Met], launched: int | None) -> list[str]:
+    """Who else connects, such as a client that was left over from before."""
+    for channel in NAMES:
+        here = [it.process for it in met if it.channel == channel and it.process is not None]
+        if len(set(here)) > 1:
+            which = " and ".join(map(str, dict.fromkeys(here)))
+            return [
+                f"Several processes connect to the {NAMES[channel]} channel: {which}. Is one left "
+                "over from before? End it: the harness takes all of them for one client"
+            ]
+    strange = [it.process for it in met if it.process not in (None, launched)]
+    if launched is not None and strange:
+        return [
+            f"Process {strange[0]} connects, which the harness did not start. Is it left over from "
+            "before? End it: the harness takes it for your client"
+        ]
+    return []
+
+
+def does_not_come(channel: Channel, testee: Testee) -> str:
+    """In words, that a client which came back when it was met does so no more."""
+    if ended := testee.ended():
+        return f"its process {ended}"
+    return f"it does not connect to the {NAMES[channel]} channel any more"

@@ -1,0 +1,329 @@
+"""The first meeting with a server: what it does when a friendly client comes.
+
+Checks ask no more of it than it has shown here.
+"""
+
+import time
+from dataclasses import dataclass, field
+
+from splatbus_conformance.images.captured import Photograph, photograph_of, shows_the_scene
+from splatbus_conformance.images.known_scene import Setting
+from splatbus_conformance.images.memory.device import why_no_device
+from splatbus_conformance.images.pinhole import Placed, placed_in
+from splatbus_conformance.plan import NoVerdict
+from splatbus_conformance.rules.v1_0.ini import size
+from splatbus_conformance.trials.scripted_client import Dealings, Viewer
+from splatbus_conformance.trials.testee import diagnostics, probe_advice
+from splatbus_conformance.trials.testee.process import Testee, not_met
+from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.json_values import finite, finites, texts, within
+from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import CHANNELS, DIAL_SECONDS, Connection, Peer
+
+REPLY_SECONDS = 2.0
+AT_ONCE_SECONDS = 0.5
+GONE_SECONDS = 0.05
+"""Until a server has noticed that a connection was closed, and has room for the next."""
+FRAME_SECONDS = 5.0
+WHOLE_SECONDS = 0.1
+"""Time for the first image to be whole, should it not be when its frame comes (IMG-6)."""
+DEFAULT, BALL = "default", "ball"
+"""The objects of `conformance/SCENE.md`, if it has two."""
+AN_ID = 7
+
+
+@dataclass
+class ServerFacts:
+    """What the server showed of itself when it was first met."""
+
+    listens: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, True))
+    """It accepts connections on that channel."""
+    alone: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, False))
+    """It serves one connection at a time on that channel: of two, one is closed or not answered."""
+    welcome: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
+    answers: bool = False
+    """It answered a request for the size."""
+    repeats_ids: bool = True
+    """So did one with an `id`, with that, where it was asked with one (NEG-28)."""
+    init_packet: Json | None = None
+    """The first that a client of 1.1 was sent, or else a client of 1.0."""
+    at_once: bool = False
+    """It sends an init packet before anybody has said `hello`: its images are in CUDA memory."""
+    opens: bool = False
+    """Its images can be opened here."""
+    renders: bool = False
+    """It sent a `frame`."""
+    first: Photograph | None = None
+    """The image that it showed before anybody had posed anything."""
+    scene_known: bool = False
+    """That image is of the scene of `conformance/SCENE.md`."""
+    scene: Json | None = None
+    """The reply to `get_scene`."""
+    unauthorized: bool = False
+    """It requires a token that it was not given."""
+    guarded: bool = False
+    """It requires the token that it was given."""
+    size: tuple[int, int] = (0, 0)
+    device: str = ""
+    """On which its CUDA memory is read: a GPU, or the stand-in; nothing if there is none."""
+
+    device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
+    """Why nothing is seen of what it does with device memory, or None."""
+    advice: list[str] = field(default_factory=list)
+    """What the meeting suggests to its author, or to who started it."""
+
+    def __str__(self) -> str:
+        """What it did when friendly clients came."""
+        where = " and ".join(probe_advice.NAMES[it] for it in CHANNELS if self.listens[it])
+        parts = [f"it speaks {self.version()}", f"listens on {where}"]
+        if self.unauthorized:
+            parts.append("asks for a token that it was not given: put it into SPLATBUS_TOKEN")
+        if self.guarded:
+            parts.append("requires the token that it was given")
+        if self.size != (0, 0):
+            parts.append(f"announces images of {self.size[0]}x{self.size[1]}")
+        parts.append("sends frames" if self.renders else "sends no frame")
+        if self.scene_known:
+            parts.append("shows the scene that the harness knows")
+        return ", ".join(parts)
+
+    def version(self) -> str:
+        """The newest version that it speaks: it is judged by that."""
+        return "1.1" if any(self.welcome.values()) or self.unauthorized else "1.0"
+
+    def capabilities(self, channel: Channel = "ipc") -> list[str]:
+        """What it granted on a channel to a client that offered everything."""
+        return texts(within(self.welcome[channel], "capabilities"))
+
+    def objects(self) -> list[str]:
+        """The ids of the objects that `scene` lists; `default` where it tells nothing."""
+        listed = within(self.scene, "objects")
+        ids = [within(it, "id") for it in listed] if isinstance(listed, list) else []
+        return texts(ids) or [DEFAULT]
+
+    def time_range(self) -> tuple[float, float] | None:
+        """First and last time of the scene, if it is animated."""
+        told = finites(within(self.scene, "timeRange"), 2)
+        return (told[0], told[1]) if told else None
+
+    def setting(
+        self,
+        frame: Json,
+        default: Placed | None = None,
+        ball: Placed | None = None,
+    ) -> Setting:
+        """How the known scene is to look in an image with its objects here, or where its frame says
+        that they are: whoever moved them last may be gone, and they stay (CTL-5).
+        """
+        seconds = (finite(frame.get("time")) if self.time_range() else None) or 0.0
+        return Setting(
+            default or placed_in(frame, DEFAULT),
+            (ball or placed_in(frame, BALL)) if BALL in self.objects() else None,
+            seconds,
+        )
+
+    def at_once_is_late(self) -> bool:
+        """No init packet came at once, from one who has nothing else to say there: a busy machine
+        makes this too, so it is waited for once more, and longer.
+        """
+        if self.at_once or self.guarded or self.unauthorized:
+            return False
+        lent = within(within(self.init_packet, "memory"), "kind")
+        return self.welcome["ipc"] is None or lent == "cuda_ipc"
+
+    def lacks(self, need: str) -> str | None:
+        """Why a check that needs this can show nothing, or None if it can."""
+        kind, _, of = need.partition(":")
+        if kind == "1.1":
+            return None if self.version() == "1.1" else "the server speaks 1.0 only"
+        if kind == "stand-in":
+            return self.device_unseen
+        if kind == "device":
+            return why_no_device(self.device, self.device_unseen)
+        if kind == "capability":
+            granted = *self.capabilities("ipc"), *self.capabilities("msg")
+            known, why = of in granted, f"does not grant the capability {of}"
+        elif kind == "opens":
+            known, why = self.opens, "announces no memory that can be opened here"
+        elif kind == "frames":
+            known, why = self.renders, "sent no frame"
+        elif kind == "pixels":
+            known, why = self.first is not None, "shows no image that can be read here"
+        elif kind == "scene":
+            known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
+        elif kind == "cuda" and self.guarded:
+            known, why = False, "requires a token, and announces nothing to who says nothing"
+        elif kind == "cuda":
+            known, why = self.at_once, "announces no CUDA memory"
+        else:
+            raise ValueError(f"a check needs {need!r}, which nobody knows")
+        return None if known else f"the server {why}"
+
+
+def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> ServerFacts:
+    """Meet the server as a well-behaved client of 1.0, then of 1.1.
+
+    Raises NoVerdict if it accepts no connections on either channel within `patience` seconds.
+    """
+    peer.clear()
+    peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
+    testee.ensure_running()
+    facts = ServerFacts()
+    old = {channel: reach(peer, testee, channel, patience) for channel in CHANNELS}
+    facts.listens = {channel: connection is not None for channel, connection in old.items()}
+    if not any(facts.listens.values()):
+        where = " and ".join(_refusal(peer, channel) for channel in CHANNELS)
+        raise not_met(testee, "server", where, peer.host, patience)
+    if (old_msg := old["msg"]) is not None:
+        viewer.ask(old_msg, {"type": "get_viewport_size"})
+        peer.until(lambda: old_msg.packets or old_msg.ended or testee.ended(), REPLY_SECONDS)
+        facts.answers = bool(old_msg.packets)
+    if (old_ipc := old["ipc"]) is not None:
+        peer.until(lambda: old_ipc.packets or testee.ended(), AT_ONCE_SECONDS)
+        facts.init_packet = next(iter(viewer.with_(old_ipc).init_packets), None)
+        facts.at_once = facts.init_packet is not None
+    peer.close_all()
+    peer.pump(GONE_SECONDS)
+    for channel in (channel for channel in CHANNELS if facts.listens[channel]):
+        connection = reach(peer, testee, channel, patience)
+        if connection is None:
+            continue
+        viewer.greet(connection)
+        dealings = viewer.with_(connection)
+        peer.until(lambda: dealings.welcome or connection.ended, REPLY_SECONDS)  # noqa: B023
+        facts.welcome[channel] = dealings.welcome
+        facts.unauthorized |= "unauthorized" in dealings.errors()
+        if channel == "ipc" and dealings.welcome:
+            dealings.holds = True
+            peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
+            peer.pump(WHOLE_SECONDS)
+            facts.first = _first(dealings)
+            facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
+            facts.opens = dealings.memory is not None
+            facts.renders = bool(dealings.frames)
+        if channel == "msg" and dealings.welcome:
+            said = len(dealings.heard)
+            viewer.ask(connection, {"type": "get_viewport_size", "id": AN_ID})
+            peer.until(lambda: len(dealings.heard) > said or connection.ended, REPLY_SECONDS)  # noqa: B023
+            facts.answers |= len(dealings.heard) > said
+            facts.repeats_ids = any(it.get("id") == AN_ID for it in dealings.heard[said:])
+        if channel == "msg" and "scene" in dealings.granted:
+            viewer.ask(connection, {"type": "get_scene"})
+            peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
+            facts.scene = _scene(dealings)
+    facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
+    if facts.listens["ipc"] and facts.at_once_is_late():
+        later = reach(peer, testee, "ipc", patience)
+        peer.until(lambda: later is None or later.ended or later.packets, FRAME_SECONDS)
+        told = viewer.with_(later).init_packets if later is not None else []
+        facts.at_once = bool(told)
+        facts.init_packet = facts.init_packet or next(iter(told), None)
+    if facts.first is not None:
+        facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
+    facts.advice = probe_advice.on_server([_met(it, viewer) for it in peer.connections])
+    facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
+    peer.close_all()
+    peer.pump(GONE_SECONDS)
+    for channel in (channel for channel in CHANNELS if facts.listens[channel]):
+        facts.alone[channel] = _serves_one(channel, peer, viewer, testee, facts, patience)
+    peer.close_all()
+    ended = testee.ended()
+    if ended and not (facts.answers or facts.init_packet or any(facts.welcome.values())):
+        raise NoVerdict(diagnostics.ended_by_itself(f"the server {ended}", testee.output()))
+    return facts
+
+
+def _serves_one(
+    channel: Channel,
+    peer: Peer,
+    viewer: Viewer,
+    testee: Testee,
+    facts: ServerFacts,
+    patience: float,
+) -> bool:
+    """Whether, of two connections on a channel, one is closed, or is not answered while the other
+    is there; a further one may be kept waiting before it is closed (CHN-13).
+    """
+    pair = [it for _ in range(2) if (it := reach(peer, testee, channel, patience))]
+    if channel == "msg" and facts.answers:
+        for connection in pair:
+            if facts.guarded:
+                viewer.greet(connection, capabilities=[])
+            viewer.ask(connection, {"type": "get_viewport_size"})
+        most = 1 + facts.guarded
+        peer.until(
+            lambda: any(it.ended for it in pair) or all(len(it.packets) >= most for it in pair),
+            EFFECT_SECONDS,
+        )
+        answered = [len(it.packets) >= most for it in pair]
+        return any(it.ended for it in pair) or (any(answered) and not all(answered))
+    peer.pump(GONE_SECONDS)
+    return any(it.ended for it in pair)
+
+
+def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool:
+    """Whether the server requires the token that it was given."""
+    if viewer.token is None:
+        return False
+    for channel in CHANNELS:
+        if (connection := reach(peer, testee, channel, patience)) is not None:
+            viewer.greet(connection, token=None)
+            heard = viewer.with_(connection)
+            peer.until(lambda: heard.heard or connection.ended, REPLY_SECONDS)  # noqa: B023
+            if "unauthorized" in heard.errors():
+                return True
+    return False
+
+
+def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:
+    """A new connection, tried again until the server listens, for so many seconds from its start;
+    once it did, it has no longer than it may let a client wait (CHN-13).
+    """
+    found: list[Connection] = []
+    if testee.expendable:
+        listens = peer.last_opened[channel] > testee.started
+        left = 0.0 if listens else testee.started + seconds - time.monotonic()
+        seconds = min(seconds, max(EFFECT_SECONDS, left))
+
+    def tried() -> bool:
+        try:
+            found.append(peer.dial(channel, min(DIAL_SECONDS, seconds)))
+        except OSError:
+            return testee.ended() is not None
+        return True
+
+    peer.until(tried, seconds)
+    return found[0] if found else None
+
+
+def _first(dealings: Dealings) -> Photograph | None:
+    if dealings.memory is None or not dealings.frames:
+        return None
+    return photograph_of(dealings.frames[0], dealings.memory, dealings.init_packets[-1])
+
+
+def _scene(dealings: Dealings) -> Json | None:
+    return next((said for said in dealings.heard if said.get("type") == "scene"), None)
+
+
+def _met(connection: Connection, viewer: Viewer) -> probe_advice.Met:
+    unread = (it.payload for it in connection.packets if read(it.payload).value is None)
+    return probe_advice.Met(
+        connection.channel,
+        connection.testee_port,
+        [value for it in connection.packets if (value := read(it.payload).value) is not None],
+        connection.no_packet,
+        next(unread, b""),
+    )
+
+
+def _refusal(peer: Peer, channel: Channel) -> str:
+    """An address, and what is said there."""
+    address = f"{channel} {peer.host}:{peer.ports[channel]}"
+    try:
+        peer.dial(channel, REPLY_SECONDS).close()
+    except OSError as error:
+        return f"{address} ({error.strerror or error})"
+    return address

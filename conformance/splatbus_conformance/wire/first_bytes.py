@@ -1,0 +1,69 @@
+"""What bytes are that are no packets: the usual mistakes of framing, told by the first bytes."""
+
+import json
+import re
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.wire.packets import HEADER
+
+MOST: int = LIMITS["max_payload_bytes"]
+_HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|CONNECT|PATCH|PRI) |HTTP/\d")
+_TLS = re.compile(rb"\x16\x03[\x00-\x04]", re.DOTALL)
+_NAMED_LENGTH = re.compile(rb"content-length:", re.IGNORECASE)
+_SPELLED_LENGTH = re.compile(rb"\d{1,7}\s*[:,]?\s*\{")
+_JSON = re.compile(rb"(\xef\xbb\xbf)?\s*[{\[]")
+FOREIGN = (
+    (_TLS, "this is the first message of TLS, and SplatBus goes over plain TCP"),
+    (_NAMED_LENGTH, "this is a header of text; the length goes as four bytes before each message"),
+    (_SPELLED_LENGTH, "the length is spelled in digits, where four bytes have to hold it"),
+)
+
+
+def recognised(data: bytes) -> str:
+    """What a stream is whose first four bytes are no length (FRM-2), as the end of a sentence.
+
+    Nothing if it is not known.
+
+    Args:
+        data: the stream from that header on, as far as it came.
+    """
+    if _HTTP.match(data):
+        if b"upgrade: websocket" in data.lower():
+            return "this opens a WebSocket, and SplatBus goes over plain TCP"
+        return "this is HTTP, and SplatBus goes over plain TCP: a browser or a web library came"
+    for pattern, meaning in FOREIGN:
+        if pattern.match(data):
+            return meaning
+    if _JSON.match(data):
+        line = ", and no line break after it" if b"\n" in data else ""
+        return f"this is JSON without a header: the length goes as four bytes before it{line}"
+    if 1 <= (length := int.from_bytes(data[:HEADER], "big")) <= MOST:
+        return f"in the other byte order it is {length:,}: the length has to be little-endian"
+    return ""
+
+
+def misread(payload: bytes) -> str:
+    """What a payload is that is no JSON because its header is of another kind, as above."""
+    if payload[:HEADER] == bytes(HEADER) and payload[HEADER : HEADER + 1] == b"{":
+        return "four bytes of 0 stand before the JSON: the header has four bytes, not eight"
+    if payload[:1] == b"{" and not _is_json(payload):
+        if _is_json(payload[:-HEADER]):
+            return "four bytes stand behind the JSON: the length does not count the header"
+        if payload.endswith(b"\0") and _is_json(payload.rstrip(b"\0")):
+            return "a byte of 0 stands behind the JSON: the text has no terminator"
+    if payload[:2] in (b"{\0", b"\xff\xfe", b"\0{", b"\xfe\xff"):
+        return "the text is UTF-16, where UTF-8 is wanted"
+    return ""
+
+
+def cut_short(begun: bytes) -> str:
+    """What a payload is whose end never came, as above."""
+    return "it is whole: the length does not count the header" if _is_json(begun) else ""
+
+
+def _is_json(text: bytes) -> bool:
+    try:
+        return isinstance(json.loads(text), dict)
+    except (ValueError, RecursionError):
+        return False

@@ -1,0 +1,204 @@
+"""Read JSON as the judge does: take as much as can be taken, and list every rule that it breaks.
+
+A receiver refuses (spec 1.0 section 2.2); a judge wants to say everything that is wrong.
+"""
+
+import contextlib
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.wire.message_kinds import NUMBER, Shape
+
+LONG_NUMBER = 300
+"""Digits from which an integer may overflow double precision."""
+_NO_BRACKET = re.compile(r'"(?:[^"\\]|\\.?)*(?:"|\Z)|[^][{}"]+', re.DOTALL)
+"""Strings, the last of which may not end, and what is between them and brackets."""
+_STEPS = {"{": 1, "[": 1, "}": -1, "]": -1}
+_HALF_A_PAIR = re.compile("[\ud800-\udfff]")
+_JSON_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
+
+
+class Fault(NamedTuple):
+    """One way in which a payload breaks a requirement."""
+
+    requirement: str
+    text: str
+    pointer: str = ""
+    """JSON Pointer to the fault, where it has a place in the message."""
+
+
+class Reading(NamedTuple):
+    """What a payload holds."""
+
+    value: dict[str, Any] | None
+    """The object, or None if the payload is none."""
+    faults: tuple[Fault, ...]
+
+
+def read(payload: bytes) -> Reading:
+    """Read one payload; never raises."""
+    # Most payloads break nothing, and one decoder reads them all.
+    with contextlib.suppress(_Doubt, ValueError, RecursionError):
+        text = payload.decode("utf-8")
+        shallow = text.count("{") + text.count("[") <= LIMITS["max_json_depth"]
+        if shallow and "\\u" not in text:
+            value = _FAULTLESS.decode(text)
+            if isinstance(value, dict):
+                return Reading(value, ())
+    return _read_closely(payload)
+
+
+class _Doubt(Exception):  # noqa: N818 - no error yet
+    """Something may break a requirement."""
+
+
+def _different_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        raise _Doubt
+    return members
+
+
+def _finite(spelling: str) -> float:
+    value = float(spelling)
+    if math.isinf(value):
+        raise _Doubt
+    return value
+
+
+def _short(spelling: str) -> int:
+    if len(spelling) > LONG_NUMBER:
+        raise _Doubt
+    return int(spelling)
+
+
+def _no_constant(spelling: str) -> float:
+    raise _Doubt
+
+
+_FAULTLESS = json.JSONDecoder(
+    object_pairs_hook=_different_members,
+    parse_float=_finite,
+    parse_int=_short,
+    parse_constant=_no_constant,
+)
+
+
+def _read_closely(payload: bytes) -> Reading:
+    """Read one payload as `read` does, and find every fault."""
+    faults: list[Fault] = []
+    if payload.startswith(b"\xef\xbb\xbf"):
+        faults.append(Fault("JSN-2", "the payload begins with a byte-order mark"))
+        payload = payload[3:]
+    try:
+        text = payload.decode("utf-8")
+    except UnicodeDecodeError as error:
+        fault = Fault("JSN-1", f"byte {error.start} of the payload is not UTF-8")
+        return Reading(None, (*faults, fault))
+    deepest: int = LIMITS["max_json_depth"]
+    # Counting brackets is cheap, and nearly every text has too few of them to be nested too deep.
+    if text.count("{") + text.count("[") > deepest and (depth := nesting(text)) > deepest:
+        return Reading(None, (*faults, Fault("JSN-5", f"nested {depth} deep")))
+
+    def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        for name, times in Counter(name for name, _ in pairs).items():
+            if times > 1:
+                faults.append(
+                    Fault("JSN-3", f"the member {shorten(repr(name))} stands {times} times")
+                )
+        return dict(pairs)
+
+    def constant(spelling: str) -> float:
+        faults.append(Fault("JSN-4", f"{spelling} is no JSON number"))
+        return math.nan
+
+    def number(spelling: str) -> int | float:
+        value = spelled(spelling)
+        if not math.isfinite(value):
+            faults.append(Fault("JSN-4", f"{shorten(spelling)} overflows double precision"))
+        return value
+
+    try:
+        value = json.loads(
+            text,
+            object_pairs_hook=members,
+            parse_constant=constant,
+            parse_float=number,
+            parse_int=number,
+        )
+    except ValueError as error:
+        return Reading(None, (*faults, Fault("JSN-1", f"no JSON: {error}")))
+    if "\\u" in text and any(_HALF_A_PAIR.search(each) for each in _strings(value)):
+        faults.append(Fault("JSN-1", "a string holds an escape of half a pair of surrogates"))
+    if not isinstance(value, dict):
+        kind = type(value).__name__
+        return Reading(None, (*faults, Fault("JSN-1", f"the payload is a {kind}, no object")))
+    return Reading(value, tuple(faults))
+
+
+def _strings(value: Any) -> Iterator[str]:
+    """Every string and name in a JSON value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        yield from value
+        yield from _strings(list(value.values()))
+    elif isinstance(value, list):
+        for each in value:
+            yield from _strings(each)
+
+
+def take_numbers(value: dict[str, Any], shape: Shape) -> Reading:
+    """The message with numbers for the strings that spell them where `shape` has numbers.
+
+    One fault for all of them (JSN-4), so that other rules can judge the numbers that are meant.
+    """
+    found: list[tuple[str, str]] = []
+
+    def take(part: Any, shape: Shape, pointer: str) -> Any:
+        if shape == NUMBER:
+            if isinstance(part, str) and _JSON_NUMBER.fullmatch(part):
+                found.append((pointer, part))
+                return spelled(part)
+        elif isinstance(shape, dict) and isinstance(part, dict):
+            return {
+                name: take(member, shape[name], f"{pointer}/{name}") if name in shape else member
+                for name, member in part.items()
+            }
+        elif isinstance(shape, list) and isinstance(part, list):
+            return [take(item, shape[0], f"{pointer}/{i}") for i, item in enumerate(part)]
+        return part
+
+    taken = take(value, shape, "")
+    if not found:
+        return Reading(value, ())
+    pointer, spelling = found[0]
+    text = f'numbers written as strings: {len(found)}, the first "{shorten(spelling)}"'
+    return Reading(taken, (Fault("JSN-4", text, pointer),))
+
+
+def spelled(spelling: str) -> int | float:
+    """The value of a JSON number; infinite where it overflows double precision."""
+    if len(spelling) <= LONG_NUMBER and spelling.lstrip("-").isdecimal():
+        return int(spelling)
+    return float(spelling)
+
+
+def nesting(text: str) -> int:
+    """The greatest depth of arrays and objects in a JSON text (1 for a flat object)."""
+    steps = map(_STEPS.__getitem__, _NO_BRACKET.sub("", text))
+    return max(accumulate(steps, initial=0))
+
+
+def shorten(text: str, limit: int = 60) -> str:
+    """`text`, cut in the middle when it is longer than `limit` characters."""
+    if len(text) <= limit:
+        return text
+    return f"{text[: limit // 2]}…{text[-(limit // 2) :]} ({len(text)} characters)"

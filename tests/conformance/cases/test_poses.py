@@ -1,0 +1,67 @@
+"""Stress poses are allowed, hard, and the same for the same seed."""
+
+import math
+
+import numpy as np
+import pytest
+from splatbus_conformance.cases.drawing import draw
+from splatbus_conformance.cases.valid.poses import Steered, poses
+
+DOUBLE = draw(poses("a"), 600, 0)
+SINGLE = draw(poses("a", single=True), 600, 0)
+
+
+def test_every_pose_is_allowed():
+    for pose in [*DOUBLE, *SINGLE]:
+        assert all(math.isfinite(n) and abs(n) <= 3.4028234663852886e38 for n in pose.position)
+        assert abs(math.hypot(*pose.rotation) - 1) <= 0.01
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_poses_for_engines_have_the_norm_1_to_rounding(single):
+    rounding = 2.0**-23 if single else 2.0**-52
+    for pose in draw(poses("a", single=single, unit=True), 600, 0):
+        assert abs(math.hypot(*pose.rotation) - 1) <= rounding
+
+
+def test_single_precision_holds_what_it_is_given():
+    for pose in SINGLE:
+        for number in (*pose.position, *pose.rotation):
+            assert float(np.float32(number)) == number
+
+
+@pytest.mark.parametrize(
+    "hard",
+    [
+        lambda p, q: any(0 < abs(n) < 2.3e-308 for n in p),
+        lambda p, q: any(abs(n) >= 1e8 for n in p),
+        lambda p, q: any(n == 0 and math.copysign(1, n) < 0 for n in (*p, *q)),
+        lambda p, q: abs(q[3]) < 1e-6,
+        lambda p, q: 0 < math.hypot(*q[:3]) < 1e-6,
+        lambda p, q: q[3] < -0.1,
+        lambda p, q: abs(math.hypot(*q) - 1) > 0.005,
+    ],
+)
+def test_every_hardship_is_drawn(hard):
+    assert sum(hard(*pose) for pose in DOUBLE) >= 5
+
+
+def test_the_same_seed_draws_the_same_poses_and_another_salt_others():
+    assert draw(poses("a"), 100, 0) == draw(poses("a"), 100, 0)
+    assert not {*draw(poses("b"), 50, 0)} & {*DOUBLE}
+
+
+def test_a_search_moves_one_number_by_much_or_by_little():
+    numbers, near = [1.0, 2.0, 3.0], Steered(21 * (5,))
+    before = near.moved(numbers)
+    for at, step in ((3, 2.0**-15), (4, 2.0**-34), (5, 2.0**-53)):
+        stepped = Steered((*near.integers[:at], 6, *near.integers[at + 1 :]))
+        assert stepped.rng("a").random() == near.rng("a").random()
+        changed = [a - b for a, b in zip(stepped.moved(numbers), before, strict=True)]
+        assert changed == pytest.approx([0.0, 2.0 * step, 0.0], rel=0.5, abs=0.0)
+    other = Steered((5 + 2**12, *near.integers[1:]))
+    assert other.rng("a").random() != near.rng("a").random()
+
+
+def test_most_poses_are_different():
+    assert len({str(pose) for pose in DOUBLE}) > 0.9 * len(DOUBLE)

@@ -1,0 +1,107 @@
+"""The checks that need an adapter: the reference client passes in all axes, and mutants do not."""
+
+import json
+import subprocess
+import sys
+from fractions import Fraction
+
+import jsonschema
+import numpy as np
+import pytest
+from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.v1_0.buf import compositing
+from splatbus_conformance.data import read_json
+from splatbus_conformance.selftest import judge
+from splatbus_conformance.selftest.judge import Fate
+from splatbus_conformance.selftest.registry import mutants
+
+MUTANTS = {mutant.name: mutant for mutant in mutants()}
+AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
+ROWS = {"unity": "CNV-4", "unreal": "CNV-5", "blender": "CNV-6", "opengl": "CNV-7"}
+POSES = ["CNV-1", "CNV-2", "CNV-3", *ROWS.values(), "ACC-1", "ACC-7", "REQ-11"]
+IMAGES = ["IMG-13", "IMG-14", "IMG-22", "CHN-18", "BUF-8", "BUF-9", "ACC-10", "MEM-13"]
+
+
+def judged(tmp_path, axes, select):
+    """The results at L2 of a run on the reference client, by requirement."""
+    path = tmp_path / "report.json"
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "splatbus_conformance", "--plain", "client", "--json", path),
+            *("--adapter", f'"{sys.executable}" -m splatbus_client.adapter --axes {axes}'),
+            *("--select", ",".join(select)),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads(path.read_text("utf-8"))
+    jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(report)
+    return {
+        requirement["id"]: results
+        for requirement in report["requirements"]
+        if (results := [r for r in requirement["results"] if r["assurance"] == "L2"])
+    }
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_the_reference_client_converts_poses_in_all_axes(tmp_path, axes):
+    results = judged(tmp_path, axes, POSES)
+    others = {row for engine, row in ROWS.items() if engine != axes}
+    for name, found in results.items():
+        verdicts = {result["verdict"] for result in found}
+        assert verdicts == ({"skip"} if name in others else {"pass"}), (name, found)
+    for name in ("ACC-1", "ACC-7"):
+        for result in results[name]:
+            told = {it["quantity"]: it for it in result["measurements"]}
+            assert {"position", "quaternion", "angle"} <= set(told)
+            assert all(it["beyond"] == 0 for it in told.values())
+            assert "position: worst" in result["text"]
+
+
+def test_the_reference_client_reads_and_shows_images(tmp_path):
+    results = judged(tmp_path, "opencv", IMAGES)
+    assert set(results) == set(IMAGES)
+    for name, found in results.items():
+        assert "pass" in {result["verdict"] for result in found}, (name, found)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "sends-six-digits",
+        "takes-cameras-for-objects",
+        "gives-replies-to-the-last-who-asked",
+        "releases-before-it-reads",
+        "blends-premultiplied-as-straight",
+    ],
+)
+def test_a_mutant_beside_an_adapter_dies(name):
+    row = judge.judge_mutant(MUTANTS[name])
+    assert row.fate is Fate.KILLED, row
+
+
+def test_a_device_may_know_no_subnormal_numbers():
+    tiny, least = 2.0**-140, 2.0**-126
+    assert compositing._error((0.0,), (Fraction(tiny),)) == 0
+    assert compositing._error((0.0,), (Fraction(least),)) > 3
+    assert compositing._error((tiny,), (Fraction(tiny),)) == 0
+    flushed = compositing._flush(np.float32([tiny, -tiny, least, 0.5]))
+    assert flushed.dtype == np.float32
+    assert flushed.tolist() == [0, 0, least, 0.5]
+
+
+def test_six_digits_are_told_in_pixels():
+    row = judge.judge_mutant(MUTANTS["sends-six-digits"])
+    text = next(cell.text for cell in row.cells if cell.check == MUTANTS[row.name].check)
+    assert "image of 64x48, camera up to 10 units from the origin: worst" in text
+    assert " px in " in text
+
+
+def test_a_check_that_asks_an_adapter_needs_one():
+    for function in check_functions("client"):
+        if ".adapter_" in function.__module__:
+            assert function.check.level == "L2"
+            assert any(need.startswith("adapter:") for need in function.check.needs)

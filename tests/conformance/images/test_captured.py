@@ -1,0 +1,126 @@
+"""What a copied image tells: which pixels are covered, how deep they are, which scene it shows."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from splatbus_conformance.images.captured import Photograph, shows_the_scene
+from splatbus_conformance.images.known_scene import render
+from splatbus_conformance.images.pinhole import camera_of, rigid
+from splatbus_conformance.wire.messages import frame
+
+DEPTHS = np.array([[np.inf, 100.0, 7.0, 2.5], [np.nan, -1.0, 0.0, 99.9]], np.float32)
+
+
+def photograph(depth: Any = DEPTHS, *, kind: str = "planar_z", empty: Any = "inf") -> Photograph:
+    height, width = depth.shape
+    message = frame(1, 1, 0, width, height)
+    message["camera"] |= {"fx": 2.0, "fy": 2.0, "position": [0.0, 0.0, 0.0]}
+    camera = camera_of(message)
+    assert camera is not None
+    color = np.zeros((*depth.shape, 4), np.float32)
+    return Photograph(message, camera, color, depth, {"depth": {"kind": kind, "empty": empty}})
+
+
+def test_what_is_infinite_legacy_or_no_depth_is_not_covered() -> None:
+    covered = [[False, False, True, True], [False, False, False, True]]
+    assert photograph().covered().tolist() == covered
+    assert np.isinf(photograph().planar()[~np.array(covered)]).all()
+
+
+def test_the_announced_empty_depth_is_not_covered_either() -> None:
+    assert photograph(empty=7).covered().tolist()[0] == [False, False, False, True]
+
+
+def test_a_distance_along_the_ray_is_made_planar() -> None:
+    depth = np.full((1, 1), 3.0, np.float32)
+    seen = photograph(depth, kind="ray_distance")
+    camera = seen.camera._replace(cx=-1.5, cy=-1.5)
+    assert seen._replace(camera=camera).planar()[0, 0] == pytest.approx(3.0 / math.sqrt(3.0))
+
+
+def shown(*centres: tuple[float, float], turned: float = 0.0) -> Photograph:
+    """The scene, as a renderer draws it that looks through so many points of each pixel."""
+    blank = photograph(np.zeros((48, 64), np.float32))
+    camera = blank.camera._replace(fx=41.6, fy=41.6, cx=32.0, cy=24.0)
+    about = rigid((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(turned / 2), math.cos(turned / 2)))
+    drawn = [
+        render(camera._replace(pose=about, cx=camera.cx + x, cy=camera.cy + y))
+        for x, y in centres or [(0.0, 0.0)]
+    ]
+    color = np.mean([it.color for it in drawn], axis=0)
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / np.mean([1.0 / it.depth for it in drawn], axis=0)
+    return Photograph(
+        blank.frame, camera, color.astype(np.float32), depth.astype(np.float32), blank.semantics
+    )
+
+
+def test_the_scene_is_recognised_with_its_colours_in_any_order_but_not_with_others() -> None:
+    it = shown()
+    assert shows_the_scene(it)
+    assert shows_the_scene(it._replace(color=it.color[..., [2, 1, 0, 3]]))
+    assert not shows_the_scene(it._replace(color=it.color * 0.9))
+    assert not shows_the_scene(it._replace(color=it.color[::-1]))
+
+
+def test_the_scene_is_recognised_with_wrong_depths() -> None:
+    """They are what is judged, where the scene is known."""
+    it = shown()
+    assert shows_the_scene(it._replace(depth=it.depth[::-1]))
+    assert shows_the_scene(it._replace(depth=it.depth * 1.25))
+    assert not shows_the_scene(it._replace(depth=np.full_like(it.depth, np.inf)))
+
+
+@pytest.mark.parametrize("off", [(0.5, 0.5), (0.5, 0.0), (0.0, -0.1), (1.0, 1.0)])
+def test_a_scene_that_is_drawn_beside_its_place_is_that_scene(off: tuple[float, float]) -> None:
+    assert shows_the_scene(shown(off))
+
+
+def test_so_is_one_that_is_turned_a_little() -> None:
+    assert shows_the_scene(shown(turned=0.01))
+
+
+def test_a_scene_whose_edges_are_blended_is_another_one() -> None:
+    quarters = [(x, y) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
+    assert not shows_the_scene(shown(*quarters))
+
+
+def test_a_scene_before_a_sky_is_another_one() -> None:
+    it = shown()
+    sky = np.where(it.covered()[..., None], it.color, np.float32([0.4, 0.6, 0.9, 1.0]))
+    assert not shows_the_scene(it._replace(color=sky))
+
+
+def test_an_image_that_is_empty_where_the_scene_cannot_be_seen_is_not_of_it() -> None:
+    """A few splats in an otherwise empty image, of a camera that looks away from the scene."""
+    it = shown()
+    away = it.camera._replace(pose=rigid((0.0, 0.0, -20.0), (0.0, 1.0, 0.0, 0.0)))
+    color, depth = np.zeros_like(it.color), np.full_like(it.depth, np.inf)
+    depth[20, 30:40], color[20, 30:40] = 3.0, 0.5
+    assert not shows_the_scene(it._replace(camera=away, color=color, depth=depth))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"position": [0.0, 0.0]},
+        {"rotation": [0.0, 0.0, 0.0, 0.0]},
+        {"rotation": None},
+        {"fx": [1]},
+        {"fy": 0.0},
+        {"width": 1e400},
+        {"near": math.nan},
+    ],
+)
+def test_a_frame_whose_camera_is_malformed_names_none(change: Any) -> None:
+    message = frame(1, 1, 0)
+    assert camera_of(message) is not None
+    message["camera"] |= change
+    assert camera_of(message) is None
+
+
+def test_a_frame_without_a_camera_names_none() -> None:
+    assert camera_of({"camera": None}) is None
+    assert camera_of({}) is None

@@ -1,0 +1,75 @@
+"""The camera of an image, found again: of images rendered from cameras that are known."""
+
+import math
+
+import numpy as np
+import pytest
+from splatbus_conformance.images.known_scene import Setting, render
+from splatbus_conformance.images.pinhole import Camera, Placed, Reals, Rigid, rigid, rotation_matrix
+from splatbus_conformance.images.registration import Registration, register
+
+SCENE = rigid((3e4, -2e4, 1e4), (0.2, -0.4, 0.1, 0.8))
+LOCAL = rigid((0.3, -0.5, -1.0), (0.05, -0.1, 0.02, 0.99))
+POSE = Rigid(SCENE.rotation @ LOCAL.rotation, SCENE.place(LOCAL.position))
+
+
+def camera(pose: Rigid) -> Camera:
+    focal = 48 / (2.0 * math.tan(math.radians(30.0)))
+    return Camera(pose, focal, focal, 32.0, 24.0, 64, 48, 0.01, 100.0)
+
+
+def found(used: Rigid, *, noise: float = 0.0) -> Registration:
+    """What is found of an image that names POSE and was rendered with another pose."""
+    named = camera(POSE)
+    depth: Reals = (
+        render(camera(used), Setting(Placed(SCENE))).depth.astype(np.float32).astype(np.float64)
+    )
+    depth *= 1.0 + np.random.default_rng(0).normal(scale=noise, size=depth.shape)
+    result = register(named, depth, render(named, Setting(Placed(SCENE))), SCENE)
+    assert result is not None
+    return result
+
+
+def test_the_camera_that_is_named_is_found_to_seven_digits() -> None:
+    image = found(POSE)
+    assert np.abs(image.rotation - POSE.rotation).max() < 1e-6
+    assert np.linalg.norm(image.position - POSE.position) < 3e-6
+    assert image.shear < 2e-6
+    assert image.uncertainty < 1e-6
+
+
+@pytest.mark.parametrize("size", [1e-2, 1e-3, 1e-4])
+def test_a_camera_that_is_elsewhere_is_found_there(size: float) -> None:
+    shift = size * np.array((0.6, -0.5, 0.4))
+    image = found(POSE._replace(position=POSE.position + shift))
+    assert image.position - POSE.position == pytest.approx(shift, abs=2e-2 * size)
+    assert np.abs(image.rotation - POSE.rotation).max() < 2e-2 * size
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-4])
+def test_a_camera_that_is_turned_is_found_so(size: float) -> None:
+    turned = POSE.rotation @ rotation_matrix((size / 2, -size / 3, 0.0, 1.0))
+    image = found(Rigid(turned, POSE.position))
+    assert image.rotation == pytest.approx(turned, abs=3e-2 * size)
+    assert image.shear < 0.2 * size
+
+
+def test_a_matrix_that_shears_is_told_from_one_that_turns() -> None:
+    shear = np.eye(3) + np.diag((1e-3, 0.0, -1e-3))
+    image = found(Rigid(POSE.rotation @ shear, POSE.position))
+    assert image.shear == pytest.approx(2e-3, rel=0.1)
+
+
+def test_the_translation_of_the_view_is_that_of_the_camera_found() -> None:
+    image = found(POSE)
+    assert image.translation == pytest.approx(-image.rotation.T @ image.position)
+
+
+def test_noise_makes_it_uncertain() -> None:
+    assert found(POSE, noise=1e-4).uncertainty > 20 * found(POSE).uncertainty
+
+
+def test_of_an_image_that_shows_too_little_nothing_is_said() -> None:
+    named = camera(Rigid(position=np.array((0.0, -60.0, 0.0))))
+    exact = render(named)
+    assert register(named, exact.depth, exact, Rigid()) is None

@@ -1,0 +1,132 @@
+"""What the proxy shows: all that is known, at any size, and nothing that commands a terminal."""
+
+import io
+import json
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+from splatbus_conformance.observe.audit import Finding, audit_of
+from splatbus_conformance.observe.judgement import opinion
+from splatbus_conformance.observe.live import Live
+from splatbus_conformance.observe.screen import line, screen, told
+from splatbus_conformance.plan import SIDES
+from splatbus_conformance.reports.files import Files
+from splatbus_conformance.wire.message_kinds import CLIENT_1_0, CLIENT_1_1, REPLIES, SERVER_1_1
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel, Direction, Entry
+
+HOSTILE = "\x1b[2J\x1b]0;owned\x07\r\n\x9b31m[bold red]\N{RIGHT-TO-LEFT OVERRIDE}x[/]"
+
+
+def said(at: float, direction: Direction, channel: Channel, **message: object) -> Entry:
+    return Entry(at, channel, 1, direction, packet(json.dumps(message).encode()))
+
+
+def session() -> Live:
+    live = Live()
+    for entry in (
+        Entry(0.0, "ipc", 1, event="open"),
+        Entry(0.0, "msg", 1, event="open"),
+        said(0.1, "s2c", "ipc", meta={}),
+        said(0.2, "c2s", "msg", type="get_viewport_size"),
+        said(0.21, "s2c", "msg", viewport_size=[64, 48]),
+        *(said(0.3 + i / 100, "c2s", "msg", type="camera_pose") for i in range(120)),
+        Entry(1.6, "ipc", 1, "s2c", event="reset"),
+    ):
+        live.feed(entry)
+    return live
+
+
+def broken(live: Live) -> list[Finding]:
+    return [finding for finding in audit_of(live.so_far()).findings if finding.broken]
+
+
+def drawn(live: Live, columns: int, rows: int, *, colour: bool = False) -> str:
+    text = io.StringIO()
+    out = Console(file=text, width=columns, height=rows, force_terminal=colour)
+    found = broken(live)
+    out.print(screen("here → there", live.seen(), found, 0.0, columns, rows))
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("columns", [80, 140])
+def test_everything_is_shown(columns: int) -> None:
+    shown = drawn(session(), columns, 40)
+    for part in (
+        *("here → there", "0:00:01", "POS-1 (client)", "position is missing"),
+        *("camera_pose", "120", "get_viewport_size → viewport_size", "10"),
+        *("ipc #1", "reset", "msg #1", "open"),
+    ):
+        assert part in shown, part
+
+
+@pytest.mark.parametrize("columns", [40, 80, 140])
+@pytest.mark.parametrize("rows", [10, 24, 40])
+def test_it_fits_where_it_can(columns: int, rows: int) -> None:
+    shown = drawn(session(), columns, rows).splitlines()
+    assert all(len(each) <= columns for each in shown)
+    assert rows < 24 or len(shown) < rows
+
+
+def test_with_many_kinds_the_busiest_are_shown_and_the_rest_counted() -> None:
+    live = session()
+    for kind in (*CLIENT_1_0, *CLIENT_1_1):
+        live.feed(said(2.0, "c2s", "msg", type=kind))
+    shown = drawn(live, 80, 24)
+    assert len(shown.splitlines()) < 24
+    assert "camera_pose" in shown
+    assert "more kinds" in shown
+
+
+def test_before_anything_is_said_it_says_so() -> None:
+    assert "nobody has said anything yet" in drawn(Live(), 80, 24)
+
+
+def test_one_line_says_the_same() -> None:
+    live = session()
+    text = line(live.seen(), broken(live), 3.0)
+    for part in ("123 messages", "ipc 0 of 1", "msg 1 of 1", "POS-1 (client)", "3 s late"):
+        assert part in text, part
+    assert "\n" not in text
+
+
+def test_nothing_that_a_peer_sends_reaches_the_terminal_as_a_command() -> None:
+    """Whatever any rule quotes of a message: nothing moves the cursor, colours or hides text."""
+    live = Live()
+    kinds = (*CLIENT_1_0, *CLIENT_1_1, *REPLIES, *SERVER_1_1, HOSTILE)
+    names = (
+        *("type", "tag", "id", "object", "position", "rotation", "camera", "objects", "versions"),
+        *("version", "capabilities", "client", "server", "code", "message", "generation", "seq"),
+        *("meta", "memory", "mem_color", "ring", "semantics", "viewport_size", "width", HOSTILE),
+    )
+    number = 0
+    for kind in kinds:
+        for value in (HOSTILE, [HOSTILE], {HOSTILE: HOSTILE}):
+            for channel, direction in (
+                ("ipc", "c2s"),
+                ("ipc", "s2c"),
+                ("msg", "c2s"),
+                ("msg", "s2c"),
+            ):
+                number += 1
+                data = packet(json.dumps(dict.fromkeys(names, value) | {"type": kind}).encode())
+                live.feed(Entry(number / 1e3, channel, number, direction, data))  # type: ignore[arg-type]
+    for data in (HOSTILE.encode() * 9, packet(HOSTILE.encode())):
+        number += 1
+        live.feed(Entry(9.0, "msg", number, "c2s", data))
+    found = broken(live)
+    assert len(found) > 10
+    assert found[0].first  # and if a rule quoted it as it is
+    found[0] = replace(found[0], first=replace(found[0].first, text=HOSTILE))
+    text = io.StringIO()
+    out = Console(file=text, width=100, no_color=True)
+    for finding in found:
+        out.print(told(finding), soft_wrap=True)
+    out.print(screen("title", live.seen(), found, 0.0, 100, 60))
+    out.print(line(live.seen(), found, 0.0), markup=False, soft_wrap=True)
+    out.width = 2000
+    opinion([("session.jsonl", live.judged())], SIDES, Files(), out, strict=False)
+    shown = text.getvalue()
+    assert all(each.isprintable() or each == "\n" for each in shown)
+    assert "[bold red]" in shown, "markup is text like any other"

@@ -1,0 +1,46 @@
+"""Every rule on JSON text, kept and broken, for both peers."""
+
+import pytest
+from splatbus_conformance.wire.recording import Entry
+
+from tests.conformance.rules.talk import ASK_SIZE, SIZE, Case, breaches, check, client, server, talk
+
+KEPT = talk("msg", client(ASK_SIZE), server(SIZE))
+BROKEN = {
+    "JSN-1": b"[%s]",
+    "JSN-2": b"\xef\xbb\xbf%s",
+    "JSN-3": b'{"a":1,"a":2,%s',
+    "JSN-4": b'{"a":NaN,%s',
+    "JSN-5": b'{"a":' + b"[" * 64 + b"]" * 64 + b",%s",
+}
+
+
+def spoiled(template: bytes, message: bytes) -> bytes:
+    return template.replace(b"%s", message[1:] if template.startswith(b"{") else message)
+
+
+def says(peer: str, template: bytes) -> list[Entry]:
+    if peer == "client":
+        return talk("msg", client(spoiled(template, b'{"type":"get_viewport_size"}')))
+    return talk("msg", client(ASK_SIZE), server(spoiled(template, b'{"viewport_size":[64,48]}')))
+
+
+CASES = [
+    Case(requirement, peer, KEPT, says(peer, template))
+    for requirement, template in BROKEN.items()
+    for peer in ("client", "server")
+]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.requirement}-{case.peer}")
+def test_each_requirement(case: Case) -> None:
+    check(case)
+
+
+def test_one_message_breaks_a_requirement_once_however_often_it_does() -> None:
+    twice = says("client", b'{"a":NaN,"b":1e400,"c":-Infinity,%s')
+    assert breaches(twice) == {("client", "JSN-4"): 1}
+
+
+def test_depth_64_is_allowed() -> None:
+    assert breaches(says("client", b'{"a":' + b"[" * 63 + b"]" * 63 + b",%s")) == {}

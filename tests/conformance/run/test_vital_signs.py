@@ -1,0 +1,151 @@
+"""A testee that loses what it could do when it was met, and whom that is charged to."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from splatbus_conformance.plan import Plan
+from splatbus_conformance.run.testbed import set_up
+from splatbus_conformance.run.vital_signs import BRIEF_SECONDS
+
+from tests.conformance.harness import run
+
+SERVER = """
+import os, socket, threading, time
+
+def packet(connection):
+    header = connection.recv(4, socket.MSG_WAITALL)
+    size = int.from_bytes(header, "little")
+    return connection.recv(size, socket.MSG_WAITALL) if len(header) == 4 else b""
+
+def serve(connection):
+    with connection:
+        while request := packet(connection):
+            if b"get_viewport_size" in request:
+                reply = b'{"viewport_size":[64,48]}'
+                connection.sendall(len(reply).to_bytes(4, "little") + reply)
+
+def listen(name, most):
+    listener = socket.create_server(("127.0.0.1", int(os.environ[name])))
+    for _ in range(most):
+        threading.Thread(target=serve, args=(listener.accept()[0],), daemon=True).start()
+    listener.close()
+    print("no more of", name, flush=True)
+
+threading.Thread(target=listen, args=("SPLATBUS_IPC_PORT", 10_000), daemon=True).start()
+listen("SPLATBUS_MSG_PORT", MOST)
+while True:
+    time.sleep(1)
+"""
+MET = 5
+"""Connections to the message channel while it is met, and by the check that passes."""
+
+
+@pytest.fixture
+def judged(tmp_path: Path, request: pytest.FixtureRequest) -> tuple[int, dict, str]:
+    program, report = tmp_path / "server.py", tmp_path / "report.json"
+    program.write_text(f"MOST = {request.param}\n{SERVER}")
+    code, output = run(
+        *("server", "--launch", f'"{sys.executable}" "{program}"', "--select", "CHN-1"),
+        *("--json", str(report), "--patience", "2", "--shrink", "0"),
+        *("--scripts", str(tmp_path / "scripts")),
+    )
+    return code, json.loads(report.read_text()), output
+
+
+@pytest.mark.parametrize("judged", [10_000], indirect=True)
+def test_a_sound_server_passes(judged: tuple[int, dict, str]) -> None:
+    code, report, output = judged
+    assert code == 0, output
+    (result,) = next(it for it in report["requirements"] if it["id"] == "CHN-1")["results"]
+    assert result["verdict"] == "pass"
+    assert result["delivered"] >= 1
+    assert "seen of each" in result["text"]
+
+
+@pytest.mark.parametrize("judged", [MET], indirect=True)
+def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
+    judged: tuple[int, dict, str],
+) -> None:
+    code, report, output = judged
+    assert code == 1, output
+    found = {it["id"]: it["results"] for it in report["requirements"] if it["results"]}
+    (passed_before,) = found["CHN-1"]
+    assert passed_before["verdict"] == "skip"
+    (loss,) = found["CHN-14"]
+    assert (loss["verdict"], loss["check"]) == ("fail", passed_before["check"])
+    assert "it accepts no connection on the message channel any more" in loss["text"]
+    assert "no more of SPLATBUS_MSG_PORT" in loss["text"]
+    assert loss["replay"].startswith("splatbus-conformance replay")
+    assert "not conforming: CHN-14 broken" in output
+
+
+ONE_AT_A_TIME = """
+import os, socket, threading
+
+def packet(connection):
+    header = connection.recv(4, socket.MSG_WAITALL)
+    size = int.from_bytes(header, "little")
+    return connection.recv(size, socket.MSG_WAITALL) if len(header) == 4 else b""
+
+def serve(connection):
+    with connection, PLACE:
+        while request := packet(connection):
+            if b"get_viewport_size" in request:
+                reply = b'{"viewport_size":[64,48]}'
+                connection.sendall(len(reply).to_bytes(4, "little") + reply)
+
+def await_place(connection):
+    if PLACE.acquire(timeout=WAITS):
+        PLACE.release()
+        serve(connection)
+    else:
+        connection.close()
+
+def listen(name, talk):
+    listener = socket.create_server(("127.0.0.1", int(os.environ[name])))
+    while True:
+        threading.Thread(target=talk, args=(listener.accept()[0],), daemon=True).start()
+
+PLACE = threading.Lock()
+threading.Thread(target=listen, args=("SPLATBUS_IPC_PORT", packet), daemon=True).start()
+listen("SPLATBUS_MSG_PORT", await_place)
+"""
+
+
+@pytest.mark.parametrize("waits", [0.5, 60.0])
+def test_a_server_that_has_a_further_client_wait_serves_one(tmp_path: Path, waits: float) -> None:
+    """Whether it closes that one in time (CHN-13) or not."""
+    program = tmp_path / "server.py"
+    program.write_text(f"WAITS = {waits}\n{ONE_AT_A_TIME}")
+    stand = set_up(
+        Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
+    )
+    try:
+        stand.introduce()
+        assert stand.facts.alone == {"ipc": False, "msg": True}
+    finally:
+        stand.close()
+
+
+def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path) -> None:
+    program = tmp_path / "server.py"
+    program.write_text(f"MOST = {MET}\n{SERVER}")
+    stand = set_up(
+        Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
+    )
+    try:
+        stand.introduce()
+        while not stand.lost(briefly=False):
+            pass
+        waited: list[float] = []
+        until = stand.peer.until
+        stand.peer.until = lambda condition, seconds: (  # type: ignore[method-assign]
+            waited.append(seconds),
+            until(condition, seconds),
+        )[1]
+        assert "it accepts no connection on the message channel" in stand.lost(briefly=True)
+        assert max(waited) <= BRIEF_SECONDS
+    finally:
+        stand.close()

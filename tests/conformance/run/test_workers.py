@@ -1,0 +1,204 @@
+"""Several testees at a time: the same verdicts, no orphans, and no worker that dies unheard."""
+
+import contextlib
+import json
+import os
+import signal
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.data import read_json
+from splatbus_conformance.run.plugin import MEETING
+from splatbus_conformance.run.workers import dealt
+
+from tests.conformance.harness import GOOD, broken, run, start
+from tests.durations import durations
+
+SOME = "FRM,NEG-8,JSN-7,CHN-2"
+POSIX = pytest.mark.skipif(os.name == "nt", reason="signals and process ids as POSIX has them")
+BEGINS = 'if __name__ == "__main__":\n'
+"""Of the part of the miniature that runs first."""
+
+
+def told(path: Path) -> list[tuple[str, str, str]]:
+    """The requirement, check and verdict of each result in a report."""
+    return [
+        (requirement["id"], result["check"], result["verdict"])
+        for requirement in json.loads(path.read_text("utf-8"))["requirements"]
+        for result in requirement["results"]
+    ]
+
+
+def runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def wait_for(path: Path, count: int) -> list[str]:
+    """The names in a folder, once there are so many."""
+    until = time.monotonic() + 60
+    while len(names := [it.name for it in path.iterdir()]) < count and time.monotonic() < until:
+        time.sleep(0.05)
+    return names
+
+
+def noting(tmp_path: Path, what: str) -> tuple[Path, tuple[str, str]]:
+    """A folder, and the change that makes each testee leave an empty file there when it starts."""
+    folder = tmp_path / "started"
+    folder.mkdir()
+    return folder, (BEGINS, f"{BEGINS}    Path({str(folder)!r}, {what}).touch()\n")
+
+
+def test_the_verdicts_are_those_of_a_serial_run_in_the_same_order(tmp_path: Path) -> None:
+    reports = []
+    for number in ("1", "3"):
+        path, folder = tmp_path / f"{number}.json", tmp_path / number
+        code, output = run(
+            *("client", "--launch", GOOD, "--select", SOME, "--json", str(path)),
+            *("--parallel", number, "--record", str(folder)),
+        )
+        assert code == 0, output
+        reports.append(told(path))
+        assert output.count("Met the client: it speaks 1.1") == 1
+        assert output.index("Met the client") < output.index("FRM-")
+    assert reports[0] == reports[1]
+    assert len(reports[0]) > 8
+    names = [sorted(it.name for it in (tmp_path / number).iterdir()) for number in ("1", "3")]
+    assert names[0] == names[1]
+
+
+def test_workers_without_a_check_say_what_they_saw_when_they_met_the_testee() -> None:
+    code, output = run("client", "--launch", GOOD, "--select", "FRM-1,FRM-2", "--parallel", "2")
+    assert code == 0, output
+    assert "conforming at L0: 2 of" in output
+
+
+def test_each_testee_has_ports_of_its_own(tmp_path: Path) -> None:
+    folder, change = noting(tmp_path, 'f"{IPC} {MSG}"')
+    command = broken(tmp_path, change)
+    code, output = run("client", "--launch", command, "--select", SOME, "--parallel", "3")
+    assert code == 0, output
+    ports = [port for it in folder.iterdir() for port in it.name.split()]
+    assert len(ports) == len(set(ports)) == 8  # one of them is met first
+
+
+@POSIX
+def test_a_worker_that_dies_is_a_harness_error(tmp_path: Path) -> None:
+    folder, change = noting(tmp_path, "str(os.getpid())")
+    command = broken(tmp_path, ('raise Bad("length")', "os.kill(os.getppid(), 9)"), change)
+    path = tmp_path / "report.json"
+    code, output = run(
+        *("client", "--launch", command, "--select", "FRM-3,FRM-4,NEG-8", "--parallel", "2"),
+        *("--json", str(path)),
+    )
+    assert code == 3, output
+    verdicts = {check: verdict for _, check, verdict in told(path) if check != "rule"}
+    assert verdicts["check_bad_length_closes_ipc"] == "harness-error"
+    assert verdicts["check_any_segmentation"] == "pass"
+    assert "crashed while running" in output
+    for started in folder.iterdir():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(int(started.name), signal.SIGKILL)
+
+
+@POSIX
+def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
+    folder, change = noting(tmp_path, "str(os.getpid())")
+    process = start("client", "--launch", broken(tmp_path, change), "--parallel", "3")
+    assert len(wait_for(folder, 3)) >= 3
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=90)
+    assert process.returncode == 130, output
+    assert [pid for pid in map(int, wait_for(folder, 3)) if runs(pid)] == []
+
+
+@POSIX
+def test_testees_end_with_a_controller_that_is_killed(tmp_path: Path) -> None:
+    folder, change = noting(tmp_path, "str(os.getpid())")
+    process = start("client", "--launch", broken(tmp_path, change), "--parallel", "2")
+    assert len(wait_for(folder, 2)) >= 2
+    process.kill()
+    process.communicate()
+    until = time.monotonic() + 60
+    while any(runs(int(it.name)) for it in folder.iterdir()) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert [it.name for it in folder.iterdir() if runs(int(it.name))] == []
+
+
+def test_nothing_connects_is_no_verdict() -> None:
+    code, output = run(
+        *("client", "--launch", GOOD.replace("1.1", "nonsense --x").replace("client.py", "no.py")),
+        *("--parallel", "2", "--patience", "20"),
+    )
+    assert code == 3, output
+    assert "nothing connected" in output
+    assert "ended with status 2" in output
+
+
+def test_a_command_that_does_not_exist_is_no_verdict() -> None:
+    code, output = run("client", "--launch", "/nowhere/my-viewer", "--parallel", "2")
+    assert code == 3, output
+    assert "cannot start the testee" in output
+    assert "Warning" not in output
+
+
+@pytest.mark.parametrize(
+    "how", [["--wait"], ["--launch", GOOD, "--ports", "6001,6000"]], ids=["wait", "ports"]
+)
+def test_testees_that_cannot_have_ports_of_their_own(how: list[str]) -> None:
+    code, output = run("client", *how, "--parallel", "2")
+    assert code == 2
+    assert "use --launch or --adapter, and leave out --ports" in output
+
+
+def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text("raise RuntimeError('the conftest was read')")
+    (tmp_path / "pytest.ini").write_text("[pytest]\naddopts = --no-such-option\n")
+    folder, change = noting(tmp_path, 'os.environ["PYTEST_ADDOPTS"]')
+    code, output = run(
+        *("client", "--launch", broken(tmp_path, change), "--select", "NEG-8,FRM-4,JSN-6"),
+        *("--parallel", "2"),
+        cwd=tmp_path,
+        PYTEST_ADDOPTS="--collect-only",
+        PYTEST_PLUGINS="no_such_plugin",
+    )
+    assert code == 0, output
+    found = [it.name for it in folder.iterdir()]
+    assert found == ["--collect-only"], "the testee finds the user's environment"
+    assert not (tmp_path / ".hypothesis").exists(), "nothing is left where the user works"
+
+
+@given(st.lists(st.booleans()))
+def test_long_checks_come_first_and_those_that_may_crash_last(crashes: list[bool]) -> None:
+    seconds = read_json("durations.json")["quick"]
+    names = list(seconds)[: len(crashes)]
+    checks = {
+        name: replace(MEETING, may_crash=it) for name, it in zip(names, crashes, strict=False)
+    }
+    order = [(checks[name].may_crash, -seconds[name]) for name in dealt(checks, "quick")]
+    assert order == sorted(order)
+    assert len(order) == len(checks)
+
+
+def test_durations_are_of_checks_that_there_are() -> None:
+    known = {it.__name__ for side in ("client", "server") for it in check_functions(side)}
+    assert set().union(*read_json("durations.json").values()) <= known
+
+
+def test_durations_are_those_of_the_quickest_report() -> None:
+    def report(**seconds: float) -> dict[str, Any]:
+        told = [{"check": name, "seconds": it, "delivered": it > 0} for name, it in seconds.items()]
+        requirement = {"id": "FRM-1", "sentence": "", "acceptable": [], "results": told}
+        return {"profile": "quick", "requirements": [requirement], "others": []}
+
+    found = durations([report(a=1.0, b=0.2, c=9.0), report(a=2.0, c=4.04), report(c=0.0)])
+    assert found == {"quick": {"c": 4.0, "a": 1.0}, "full": {}}

@@ -1,0 +1,223 @@
+"""The selftest: its zoo fits the checks, its verdicts can go wrong, a few specimens run."""
+
+import argparse
+import importlib
+import inspect
+import json
+import pkgutil
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+from splatbus_conformance import rules
+from splatbus_conformance.checks.registry import check_functions, judges
+from splatbus_conformance.selftest import command, kill_matrix
+from splatbus_conformance.selftest import judge as trials
+from splatbus_conformance.selftest.judge import Cell, Fate, Row, fate_of
+from splatbus_conformance.selftest.mutant import RULE, SIDES, Mutant
+from splatbus_conformance.selftest.registry import mutants, specimen_named, variations
+from splatbus_conformance.selftest.seeds import differences
+from splatbus_schemas.requirements import requirements
+
+MUTANTS = {mutant.name: mutant for mutant in mutants()}
+VARIATIONS = {variation.name: variation for variation in variations()}
+JUDGES = {side: judges(side) for side in SIDES}
+WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
+"""Permissions cannot be broken."""
+
+
+def by_miniatures(side):
+    """Checks of device memory: broken miniatures fail them (test_cuda_of_…, test_device_…)."""
+    return {f for f in check_functions(side) if {"device", "stand-in"} & set(f.check.needs)}
+
+
+def judged_by(mutant: Mutant) -> set[str]:
+    """The checks, or the rules, that can kill this mutant."""
+    if mutant.check != RULE:
+        return {mutant.check}
+    return {judge.name for judge in JUDGES[mutant.side][mutant.requirement] if judge.level == "L0"}
+
+
+def families(package):
+    """Each module of a package with the names of the functions in it."""
+    for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        module = importlib.import_module(found.name)
+        functions = inspect.getmembers(module, inspect.isfunction)
+        yield found.name, {name for name, f in functions if f.__module__ == module.__name__}
+
+
+def test_every_specimen_has_a_name_of_its_own():
+    names = Counter([*trials.REFERENCE, *(m.name for m in (*mutants(), *variations()))])
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+@pytest.mark.parametrize("mutant", MUTANTS.values(), ids=MUTANTS)
+def test_a_mutant_names_a_requirement_and_who_judges_it(mutant):
+    assert mutant.side in requirements("1.1")[mutant.requirement].binds
+    judging = JUDGES[mutant.side][mutant.requirement]
+    known = {(RULE if judge.level == "L0" else judge.name) for judge in judging}
+    assert mutant.check in known
+    assert mutant.reason
+
+
+@pytest.mark.parametrize("mutant", MUTANTS.values(), ids=MUTANTS)
+def test_a_mutant_runs_through_a_requirement_that_has_a_check(mutant):
+    assert mutant.through in {
+        function.check.requirement for function in check_functions(mutant.side)
+    }
+    assert mutant.check == RULE or mutant.through == mutant.requirement
+
+
+@pytest.mark.parametrize(
+    "specimen", [*MUTANTS.values(), *VARIATIONS.values()], ids=[*MUTANTS, *VARIATIONS]
+)
+def test_a_specimen_can_be_made_of_the_client_as_it_is(specimen):
+    with pytest.MonkeyPatch.context() as patch:
+        specimen.alter(patch)
+
+
+def test_the_advice_that_a_variation_breaks_is_advice():
+    levels = {requirements("1.1")[name].level for v in variations() for name in v.warns}
+    assert levels <= {"SHOULD", "SHOULD NOT"}
+
+
+def test_every_family_of_rules_has_a_mutant():
+    killers = {killer for mutant in mutants() for killer in judged_by(mutant)}
+    judging = {rule.__name__ for rule in rules.all_rules()}
+    for family, functions in families(rules):
+        assert functions & killers or not functions & judging, f"no mutant for {family}"
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_every_requirement_that_is_judged_has_a_mutant(side):
+    broken = {m.requirement for m in mutants() if m.side == side}
+    elsewhere = {f.__name__ for f in by_miniatures(side)}
+    here = {id for id, found in JUDGES[side].items() if {j.name for j in found} - elsewhere}
+    assert broken == here - WITHOUT_A_MUTANT[side]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_every_check_has_a_mutant(side):
+    here = {(m.requirement, m.check) for m in mutants() if m.side == side}
+    checks = set(check_functions(side)) - by_miniatures(side)
+    there = {(f.check.requirement, f.__name__) for f in checks}
+    assert {name for name, _ in there - here} <= WITHOUT_A_MUTANT[side]
+
+
+MUTANT = Mutant("m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too long", "FRM-3")
+
+
+@pytest.mark.parametrize(
+    ("cell", "fate"),
+    [
+        (Cell("FRM-3", "check_it", "fail", "that is too long"), Fate.KILLED),
+        (Cell("FRM-3", "check_it", "warn", "that is too long"), Fate.KILLED),
+        (Cell("FRM-3", "check_it", "fail", "its process ended"), Fate.MISTAKEN),
+        (Cell("FRM-3", "check_other", "fail", "that is too long"), Fate.MISTAKEN),
+        (Cell("FRM-3", "check_it", "pass", "that is too long"), Fate.SURVIVED),
+        (Cell("FRM-3", "check_it", "skip", "that is too long"), Fate.SURVIVED),
+        (Cell("FRM-4", "check_it", "fail", "that is too long"), Fate.SURVIVED),
+    ],
+)
+def test_a_mutant_is_killed_by_its_check_for_its_reason_alone(cell, fate):
+    assert fate_of(MUTANT, [cell]) is fate
+
+
+@pytest.fixture
+def out():
+    return Console(record=True, width=200, force_terminal=False)
+
+
+def run_selftest(monkeypatch, out, rows, only="", path=None):
+    trials_ = {row.name: lambda row=row: row for row in rows}
+    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    return command.selftest(argparse.Namespace(only=only, json=path, seeds=0, profile="brief"), out)
+
+
+def row(name, fate, kind="mutant"):
+    return Row(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a | reason")
+
+
+def test_the_selftest_fails_when_a_mutant_survives(monkeypatch, out):
+    rows = [row("killed-one", Fate.KILLED), row("other-one", Fate.SURVIVED)]
+    assert run_selftest(monkeypatch, out, rows) == 1
+    text = out.export_text()
+    assert "1 of 2 mutants killed" in text
+    assert "SURVIVED  other-one" in text
+
+
+def test_the_selftest_passes_when_all_is_as_it_must_be(monkeypatch, out):
+    rows = [row("killed-one", Fate.KILLED), row("usual", Fate.ALLOWED, "variation")]
+    assert run_selftest(monkeypatch, out, rows) == 0
+
+
+def test_what_was_short_of_time_is_judged_by_itself(monkeypatch, out):
+    """And said to have been."""
+    fates = iter([Fate.SURVIVED, Fate.KILLED])
+    trials_ = {"usual": lambda: row("usual", Fate.KILLED), "it": lambda: row("it", next(fates))}
+    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    given = argparse.Namespace(only="", json=None, seeds=0, profile="brief")
+    assert command.selftest(given, out) == 0
+    assert "judged a second time, by itself: it" in out.export_text()
+
+
+def test_what_goes_wrong_often_is_no_matter_of_time(monkeypatch, out):
+    asked = []
+    trials_ = {
+        name: lambda name=name: asked.append(name) or row(name, Fate.SURVIVED) for name in "abcdef"
+    }
+    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    given = argparse.Namespace(only="", json=None, seeds=0, profile="brief")
+    assert command.selftest(given, out) == 1
+    assert sorted(asked) == [*"abcdef"]
+
+
+def test_a_name_that_nobody_has_is_a_usage_error(monkeypatch, out):
+    assert run_selftest(monkeypatch, out, [row("it", Fate.KILLED)], only="it,nobody") == 2
+
+
+def test_the_matrix_is_stored_for_programs_and_people(monkeypatch, out, tmp_path):
+    rows = [row("b", Fate.KILLED), row("a", Fate.MISTAKEN), row("v", Fate.ALLOWED, "variation")]
+    run_selftest(monkeypatch, out, rows, path=str(tmp_path / "MATRIX.json"))
+    stored = json.loads((tmp_path / "MATRIX.json").read_text("utf-8"))
+    assert [each["fate"] for each in stored["rows"]] == [each.fate for each in rows]
+    page = (tmp_path / "MATRIX.md").read_text("utf-8")
+    assert page == kill_matrix.markdown([replace(each, again=each.name == "a") for each in rows])
+    assert "| FRM-3 | `b` | breaks it | `check_it` | killed | “a ∣ reason” |" in page
+
+
+@pytest.mark.parametrize("name", ["byte-order-mark", "empty-packets-are-skipped", "releases-twice"])
+def test_a_mutant_dies(name):
+    judged = trials.judge_mutant(MUTANTS[name])
+    assert judged.fate is Fate.KILLED, judged
+
+
+def test_a_variation_lives():
+    report, status, last_words = trials.run_harness(
+        "numbers-of-17-digits", "client", "CHN-10", 60.0
+    )
+    assert status == 0, last_words
+    assert not any(cell.condemns for cell in trials.cells_of(report))
+
+
+def test_a_mutant_that_no_check_looks_at_survives():
+    unseen = MUTANTS["releases-twice"]
+    elsewhere = Mutant(
+        unseen.name, unseen.does, unseen.alter, "FRM-3", "check_bad_length_closes_ipc", "x", "FRM-3"
+    )
+    assert trials.judge_mutant(elsewhere).fate is Fate.SURVIVED
+
+
+def test_seeds_that_disagree_are_told_apart():
+    found = [{"FRM-3 check_it": "pass"}, {"FRM-3 check_it": "skip", "FRM-4 rule": "pass"}]
+    assert differences(found) == [
+        "FRM-3 check_it: pass 1 times, skip 1 times",
+        "FRM-4 rule: absent 1 times, pass 1 times",
+    ]
+    assert differences([found[0]] * 3) == []
+
+
+@pytest.mark.parametrize("specimen", [*mutants(), *variations()], ids=lambda it: it.name)
+def test_a_specimen_is_found_by_its_name(specimen):
+    assert specimen_named(specimen.name) is specimen

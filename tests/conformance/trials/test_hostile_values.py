@@ -1,0 +1,197 @@
+"""Whatever a testee puts into a message, the harness judges it, and does not fall over it."""
+
+import contextlib
+from typing import Any
+
+import pytest
+from splatbus_conformance.images.captured import photograph_of, shows_the_scene
+from splatbus_conformance.images.memory.cuda_stand_in.publishing import planes_of
+from splatbus_conformance.images.memory.device_reading import open_on_device
+from splatbus_conformance.images.memory.host import HostMemory
+from splatbus_conformance.images.memory.reading import CannotOpen
+from splatbus_conformance.images.pinhole import placed_in
+from splatbus_conformance.reports import latencies
+from splatbus_conformance.rules import judge
+from splatbus_conformance.trials.moves.resizing import size_of
+from splatbus_conformance.trials.scripted_client import Viewer, readable
+from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.server import shows
+from splatbus_conformance.trials.testee import probe_advice
+from splatbus_conformance.trials.testee.client_probe import ClientFacts
+from splatbus_conformance.trials.testee.server_probe import ServerFacts
+from splatbus_conformance.wire.conversation import conversations
+from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.packets import Splitter, packet
+from splatbus_conformance.wire.recording import Entry
+from splatbus_conformance.wire.transcript import excerpt
+
+from tests.conformance.rules.talk import (
+    ALL_MSG,
+    ASK_CAMERA,
+    ASK_SIZE,
+    HOST_INIT,
+    POSE,
+    about_generation,
+    changed,
+    frame,
+    hello,
+    text,
+    welcome,
+)
+from tests.conformance.trials.hostile import FROM_CLIENT, FROM_SERVER, spoiled
+
+ON_IPC = ("host_shm", "frames", "reinit", "subscribe")
+
+
+class Wire:
+    """A connection without sockets, which remembers what crossed."""
+
+    def __init__(self, channel: Any, number: int = 1) -> None:
+        self.channel, self.open, self.ended = channel, True, None
+        self.recording = [Entry(1.0, channel, number, event="open")]
+
+    def send(self, data: bytes) -> None:
+        self.note("s2c", data)
+
+    def note(self, direction: Any, data: bytes) -> None:
+        now = self.recording[-1].t + 0.01
+        self.recording.append(Entry(now, self.channel, self.recording[0].conn, direction, data))
+
+    def arrive(self, part: Any, direction: Any, message: Any) -> None:
+        """Hand a message to a role or a viewer, as a packet."""
+        payload = text(message)
+        self.note(direction, packet(payload))
+        (whole,) = Splitter().feed(packet(payload), 0.0)
+        part.on_packet(self, whole)
+
+
+class Listening(Wire):
+    """The same from the other side."""
+
+    def send(self, data: bytes) -> None:
+        self.note("c2s", data)
+
+
+def judged(*wires: Wire) -> None:
+    """Every reader of recordings reads this one."""
+    entries = sorted((e for wire in wires for e in wire.recording), key=lambda e: e.t)
+    found = conversations(entries)
+    assert list(judge(found))
+    for side in ("client", "server"):
+        latencies.of(found, side)
+    assert list(excerpt(entries, 100))
+
+
+class Nowhere:
+    """A device that nothing can be read of."""
+
+    def named(self, uuid: object) -> "Nowhere":
+        return self
+
+    def read(self, *place: object) -> bytes:
+        raise ValueError("nothing is here")
+
+    def forget(self, handle: bytes) -> None:
+        """There is nothing to forget."""
+
+
+NEEDS = ("hello:ipc", "capability:frames", "asks", "says:camera_pose", "opens", "returns:ipc")
+
+
+@pytest.mark.parametrize("kind", FROM_CLIENT)
+def test_a_client_can_say_what_it_likes(kind: str) -> None:
+    channel, message = FROM_CLIENT[kind]
+    with HostMemory(1 << 20) as memory:
+        for payload in spoiled(message):
+            play_server(memory, channel, payload)
+
+
+def play_server(memory: HostMemory, channel: str, payload: bytes) -> None:
+    """The harness plays the server, to a client that says something good, this, and good again."""
+    role = Role(memory, 64, 48)
+    ipc, msg = Wire("ipc", 1), Wire("msg", 2)
+    hostile = ipc if channel == "ipc" else msg
+    greetings = {ipc: hello(*ON_IPC), msg: hello(*ALL_MSG)}
+    for wire, greeting in greetings.items():
+        role.on_open(wire)
+        wire.arrive(role, "c2s", payload if b'"hello"' in payload and wire is hostile else greeting)
+    ipc.arrive(role, "c2s", about_generation("opened"))
+    hostile.arrive(role, "c2s", payload)
+    ipc.arrive(role, "c2s", about_generation("opened"))
+    for said in (POSE | {"tag": "b"}, ASK_SIZE, ASK_CAMERA, {"type": "subscribe_telemetry"}):
+        msg.arrive(role, "c2s", said)
+    msg.arrive(role, "c2s", {"type": "set_viewport", "width": 16, "height": 16})
+    for wire in (ipc, msg):
+        dealings = role.with_(wire)
+        assert isinstance(dealings.granted, list)
+        assert dealings.lends in (True, False)
+        role.lend(ipc)
+        role.tell(msg)
+    judged(ipc, msg)
+    facts = ClientFacts(hello={"ipc": role.with_(ipc).hello, "msg": role.with_(msg).hello})
+    assert str(facts)
+    assert [facts.lacks(need) for need in NEEDS]
+    heard = [probe_advice.Met(wire.channel, 1, role.with_(wire).heard) for wire in (ipc, msg)]
+    probe_advice.on_client(heard, {"ipc": 1, "msg": 2}, None)
+
+
+@pytest.mark.parametrize("kind", FROM_SERVER)
+def test_a_server_can_say_what_it_likes(kind: str) -> None:
+    channel, message = FROM_SERVER[kind]
+    with HostMemory(1 << 20) as memory:
+        for payload in spoiled(message):
+            play_client(memory, channel, payload)
+
+
+def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
+    """The harness plays the viewer, and hears something good, this, and good again."""
+    viewer = Viewer()
+    payload = payload.replace(HOST_INIT["memory"]["name"].encode(), memory.name.encode())
+    announced = changed(HOST_INIT, "/memory/name", memory.name)
+    ipc, msg = Listening("ipc", 1), Listening("msg", 2)
+    hostile = ipc if channel == "ipc" else msg
+    welcomes = {ipc: welcome(*ON_IPC), msg: welcome(*ALL_MSG)}
+    for wire, answer in welcomes.items():
+        viewer.on_open(wire)
+        viewer.greet(wire)
+        spoils = b'"welcome"' in payload and wire is hostile
+        wire.arrive(viewer, "s2c", payload if spoils else answer)
+        assert isinstance(viewer.with_(wire).granted, list)
+    for asked in (ASK_SIZE, ASK_CAMERA, {"type": "get_scene"}, {"type": "ping", "t": 1.0}):
+        viewer.ask(msg, {**asked, "id": 1})
+    if hostile is ipc and b'"frame"' in payload:
+        ipc.arrive(viewer, "s2c", announced)
+    hostile.arrive(viewer, "s2c", payload)
+    for said in (announced, frame()):
+        ipc.arrive(viewer, "s2c", said)
+    judged(ipc, msg)
+    dealings = viewer.with_(ipc)
+    assert all(isinstance(code, str) for code in viewer.with_(hostile).errors())
+    viewer.let_go(ipc)
+    value = read(payload).value or {}
+    facts = ServerFacts(
+        welcome={"ipc": dealings.welcome, "msg": viewer.with_(msg).welcome},
+        init_packet=next(iter(dealings.init_packets), None),
+        scene=value,
+    )
+    facts.setting(value)
+    assert str(facts)
+    assert facts.objects()
+    assert all(isinstance(name, str) for name in facts.capabilities("ipc"))
+    assert all(map(readable, dealings.frames))
+    packets = dealings.init_packets
+    for frame_ in (*dealings.frames, value):
+        if dealings.memory and (seen := photograph_of(frame_, dealings.memory, packets[-1])):
+            assert seen.view()
+            assert shows_the_scene(seen, facts.setting(frame_)) in (True, False)
+        assert shows(frame_, POSE) in (True, False)
+        assert placed_in(frame_, "default")
+        assert placed_in(frame_, "chair")
+    for init_packet in packets:
+        size_of(init_packet)
+        planes_of(init_packet)
+        with contextlib.suppress(CannotOpen):
+            open_on_device(init_packet, Nowhere())
+    heard = [probe_advice.Met(wire.channel, 1, viewer.with_(wire).heard) for wire in (ipc, msg)]
+    probe_advice.on_server(heard)
+    viewer.close()

@@ -1,0 +1,116 @@
+"""How many cases a check goes through, and what is left of a testee that it ends."""
+
+import sys
+import time
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import strategies as st
+from splatbus_conformance.cases.script import Case
+from splatbus_conformance.trials.scripted_client import Dealings
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.testee.process import Awaited, Launched
+from splatbus_conformance.trials.testee.server_probe import ServerFacts
+from splatbus_conformance.trials.trial import Trial
+from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.sockets import Peer
+from splatbus_schemas.requirements import requirements
+
+LISTED = range(100, 110)
+SMALL = st.integers(0, 99)
+
+
+@pytest.fixture
+def trial():
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    yield Trial(requirements("1.1")["FRM-3"], peer, Awaited("nobody"), 1.0)
+    peer.close()
+
+
+@pytest.mark.parametrize(
+    ("profile", "listed", "drawn"),
+    [("brief", [100, 104, 108], 3), ("quick", [*LISTED], 10), ("full", [*LISTED], 40)],
+)
+def test_a_profile_decides_how_many_cases(trial, profile, listed, drawn) -> None:
+    trial.profile = profile
+    cases = list(trial.each(LISTED, SMALL, quick=10, full=40))
+    assert cases[: len(listed)] == listed
+    assert len(cases) == len(listed) + drawn
+    assert len(trial.went_through[0]) == len(cases)
+
+
+def test_a_script_decides_for_any_profile(trial) -> None:
+    trial.profile = "brief"
+    trial.script = ((Case(False, 1), Case(True, 7), Case(False, 2), Case(False, 99)),)
+    assert list(trial.each(LISTED, SMALL, quick=10, full=40)) == [101, 7, 102]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_quick_delivers_one_listed_case_of_each_kind_whatever_a_testee_affords(trial, seed) -> None:
+    trial.seed, trial.affords = seed, lambda: False
+    few = list(trial.each(LISTED, kind=lambda case: "extreme" if case == 109 else case % 2))
+    assert len(few) == 3
+    assert 109 in few
+    assert {case % 2 for case in few} == {0, 1}
+    assert trial.left_out == len(LISTED) - 3
+
+
+def test_other_seeds_deliver_other_listed_cases(trial) -> None:
+    seen = set[int]()
+    for trial.seed in range(len(LISTED)):
+        seen |= set(trial.each(LISTED, kind=lambda case: "all of one kind", spare=1))
+    assert seen == set(LISTED)
+
+
+def test_the_full_profile_delivers_every_listed_case(trial) -> None:
+    trial.profile = "full"
+    assert list(trial.each(LISTED, kind=lambda case: 0, spare=0)) == [*LISTED]
+    assert trial.left_out == 0
+
+
+CONNECTS = """
+import os, pathlib, socket, sys, time
+address = os.environ["SPLATBUS_HOST"], int(os.environ["SPLATBUS_IPC_PORT"])
+with socket.create_connection(address):
+    pathlib.Path(sys.argv[1]).touch()
+    time.sleep(60)
+"""
+
+
+def test_what_an_ended_testee_had_begun_is_not_taken_for_its_successors(trial, tmp_path) -> None:
+    """Its connection was made, and not accepted yet, when it was ended."""
+    program, connected = tmp_path / "connects.py", tmp_path / "connected"
+    program.write_text(CONNECTS)
+    trial.peer.listen("ipc")
+    command = f'"{sys.executable}" "{program}" "{connected}"'
+    trial.testee = Launched(command, trial.peer.environment())
+    try:
+        trial.testee.ensure_running()
+        deadline = time.monotonic() + 10
+        while not connected.exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert connected.exists()
+        trial.end_testee()
+        assert [connection.open for connection in trial.peer.connections] == [False]
+        trial.rest(0.1)
+        assert len(trial.peer.connections) == 1
+    finally:
+        trial.testee.close()
+
+
+SIZE, CAMERA = {"viewport_size": [64, 48]}, {"position": [0.0, 0.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ("before", "outcome"),
+    [([], "ignores"), ([SIZE], "replies"), ([CAMERA], "replies"), ([{"type": "error"}], "reports")],
+)
+def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, outcome) -> None:
+    dealings = Dealings()
+    trial = object.__new__(ServerTrial)
+    trial.delivered = 0
+    trial.facts = ServerFacts()
+    trial.viewer = SimpleNamespace(with_=lambda connection: dealings, encode=encode)
+    trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
+    assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
+    assert trial.delivered == 1

@@ -1,0 +1,193 @@
+"""The harness's side of the adapter protocol: good shims are heard, broken ones named as such."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+from splatbus_conformance.data import read_json
+from splatbus_conformance.trials.testee.adapter import Adapted, AdapterBroken, ClientCrashed
+from splatbus_conformance.wire.sockets import Peer
+
+PAGE = Path(__file__).parents[4] / "conformance" / "ADAPTER.md"
+MINIATURE = Path(__file__).parents[2] / "miniatures" / "adapter.py"
+PATIENCE, BRIEFLY = 30.0, 0.5
+SCHEMA = read_json("adapter.schema.json")
+
+
+@pytest.fixture
+def peer():
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def start(peer, tmp_path):
+    """Starts the miniature with one piece of its text replaced; ends it after the test."""
+    started = []
+
+    def start(old="", new="", patience=10.0):
+        source = MINIATURE.read_text("utf-8")
+        assert old in source
+        path = tmp_path / "adapter.py"
+        path.write_text(source.replace(old, new, 1) if old else source, "utf-8")
+        started.append(Adapted(f'"{sys.executable}" "{path}"', {}, peer, patience))
+        return started[-1]
+
+    yield start
+    for adapted in started:
+        adapted.close()
+
+
+def test_a_good_adapter_is_heard(start):
+    adapted = start()
+    assert adapted.ensure_running()
+    assert not adapted.ensure_running()
+    assert adapted.greeting.client == "miniature 0"
+    assert adapted.greeting.single
+    assert adapted.ask("digest")["seq"] is None
+    assert adapted.ended() is None
+    assert adapted.stop().status == 0
+
+
+def test_an_adapter_is_started_again_after_its_end(start):
+    adapted = start()
+    adapted.ensure_running()
+    adapted.stop()
+    assert adapted.ensure_running()
+    assert adapted.ask("pixels", at=[[0, 0]])["seq"] is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("say(GREETING)\n", "import time\ntime.sleep(60)\n", "silent for 0.5 s: its first line"),
+        ("say(GREETING)\n", "print('Loading scene', flush=True)\n", "no JSON: Loading scene"),
+        ("say(GREETING)\n", "say([1, 2])\n", "its first line is no JSON object"),
+        ("say(GREETING)\n", "sys.exit(3)\n", "ended with status 3 in place of its first line"),
+        ("say(GREETING)\n", "raise OSError('no engine')\n", "OSError: no engine"),
+        ('"adapter": "1"', '"adapter": "2"', "/adapter: '1' was expected"),
+        ('"axes": "unity"', '"axes": "maya"', "/axes: 'maya' is not one of"),
+        ('"unitsPerMetre": 1', '"unitsPerMetre": 0', "/unitsPerMetre"),
+        ('"precision": "single",', "", "'precision' is a required property"),
+        ('["start", "stop",', '["stop",', "/can"),
+        ("print(json.dumps(message)", "print('NaN'", "in place of its first line, is no JSON"),
+        (
+            "print(json.dumps(message)",
+            "print('{\"axes\": 1e400}'",
+            "in place of its first line, is no JSON",
+        ),
+    ],
+)
+def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):
+    with pytest.raises(AdapterBroken, match="the adapter is broken: ") as broken:
+        start(old, new, BRIEFLY if "silent" in reason else PATIENCE).open()
+    assert reason in str(broken.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ('say({"id": number, **', 'say({"id": number + 1, **', "has the id 2, not 1"),
+        ('say({"id": number, **', "say({**", "has the id None, not 1"),
+        ('"digest": {"seq": None}', '"digest": {}', "'seq' is a required property"),
+        (
+            '"digest": {"seq": None}',
+            '"digest": {"seq": 1}',
+            "its answer to digest breaks its schema",
+        ),
+        (
+            '"digest": {"seq": None}',
+            '"digest": {"seq": 1, "color": "ab", "depth": None}',
+            "/color: 'ab' does not match",
+        ),
+        ("if name not in NOTHING:", "if True:", "answered the error 'no command digest'"),
+        ("    command = json", "    print('got it')\n    command = json", "no JSON: got it"),
+        (
+            "    command = json",
+            "    sys.exit()\n    command = json",
+            "ended with status 0 in place",
+        ),
+        ("    command = json", "    raise KeyError('x')\n    command = json", "KeyError: 'x'"),
+    ],
+)
+def test_a_broken_answer_is_the_adapters_fault(start, old, new, reason):
+    adapted = start(old, new)
+    adapted.open()
+    with pytest.raises(AdapterBroken) as broken:
+        adapted.ask("digest")
+    assert reason in str(broken.value)
+
+
+def test_an_adapter_that_hangs_is_given_up_and_ended(start):
+    adapted = start("    command = json", "    import time\n    time.sleep(60)\n    command = json")
+    adapted.open()
+    with pytest.raises(
+        AdapterBroken, match=r"silent for 0\.2 s: its answer to digest did not come"
+    ):
+        adapted.ask("digest", 0.2)
+    assert adapted.stop() is not None
+    assert adapted.ended() is None, "nothing runs any more"
+
+
+def test_an_adapter_that_reads_nothing_does_not_hold_up_the_harness(start):
+    adapted = start("for line in sys.stdin:", "import time\ntime.sleep(60)\nfor line in sys.stdin:")
+    adapted.open()
+    with pytest.raises(AdapterBroken, match="silent"):
+        adapted.ask("pixels", 0.2, at=[[x, y] for x in range(300) for y in range(300)])
+
+
+def test_a_crash_is_the_clients(start):
+    adapted = start("    command = json", "    import os\n    os.abort()\n    command = json")
+    adapted.open()
+    with pytest.raises(ClientCrashed, match="in place of its answer to digest"):
+        adapted.ask("digest")
+    assert adapted.ended().crashed
+
+
+def test_a_status_above_128_tells_of_a_crash_too(start):
+    adapted = start("    command = json", "    sys.exit(134)\n    command = json")
+    adapted.open()
+    with pytest.raises(ClientCrashed):
+        adapted.ask("digest")
+
+
+def test_the_harness_checks_its_own_commands(start):
+    adapted = start()
+    adapted.open()
+    with pytest.raises(AssertionError, match="the harness gave a bad command"):
+        adapted.give("pixels", at=[[-1, 0]])
+
+
+def examples():
+    """Each command of the page, with its answer."""
+    for name, block in re.findall(r"```json (\w+)\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL):
+        yield name, block.splitlines()
+
+
+def conforms(text, name):
+    schema = {**SCHEMA, "$ref": f"#/$defs/{name}"}
+    jsonschema.Draft202012Validator(schema).validate(json.loads(text))
+
+
+def test_the_page_shows_every_command_with_its_answer():
+    shown = dict(examples())
+    conforms(shown.pop("greeting")[0], "greeting")
+    assert set(shown) == set(SCHEMA["$defs"]["commands"]) == set(SCHEMA["$defs"]["answers"])
+    for name, (command, answer) in shown.items():
+        conforms(command, f"commands/{name}")
+        conforms(answer, f"answers/{name}")
+        assert json.loads(command)["command"] == name
+        assert json.loads(command)["id"] == json.loads(answer)["id"]
+
+
+def test_the_schema_is_one():
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+def test_the_example_is_short():
+    example = PAGE.parents[1] / "reference_client" / "splatbus_client" / "adapter.py"
+    assert len(example.read_text("utf-8").splitlines()) < 150

@@ -1,0 +1,90 @@
+"""What another process holds is seen, where the system shows it."""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from splatbus_conformance.images.memory.host import HostMemory
+from splatbus_conformance.trials.testee.os_evidence import holders, owner
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows it")
+
+MAPS = """
+import mmap, sys
+file = open("/dev/shm/" + sys.argv[1], "rb")
+memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+file.close()
+print("mapped", flush=True)
+sys.stdin.readline()
+memory.close()
+print("closed", flush=True)
+sys.stdin.readline()
+"""
+CONNECTS = """
+import socket, sys
+sock = socket.create_connection(("127.0.0.1", int(sys.argv[1])))
+sys.stdin.readline()
+"""
+
+
+@contextmanager
+def running(code: str, argument: str) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, argument],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate(timeout=10)
+
+
+def says(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+def tell(process: subprocess.Popen[str]) -> None:
+    assert process.stdin is not None
+    process.stdin.write("\n")
+    process.stdin.flush()
+
+
+def test_a_process_holds_memory_while_it_maps_it() -> None:
+    with HostMemory(4096) as memory, running(MAPS, memory.name) as other:
+        assert says(other) == "mapped"
+        assert holders(memory.name) == [other.pid]
+        tell(other)
+        assert says(other) == "closed"
+        assert holders(memory.name) == []
+
+
+def test_memory_that_was_removed_is_still_held() -> None:
+    memory = HostMemory(4096)
+    with running(MAPS, memory.name) as other:
+        mapped = says(other)
+        memory.close()
+        assert mapped == "mapped"
+        assert holders(memory.name) == [other.pid]
+
+
+def test_nobody_holds_what_only_the_harness_has() -> None:
+    with HostMemory(4096) as memory:
+        assert holders(memory.name) == []
+
+
+def test_the_owner_of_a_connection_is_found() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        with running(CONNECTS, str(port)) as other:
+            accepted, (_, from_port) = listener.accept()
+            with accepted:
+                assert owner(from_port, port) == other.pid
+                assert owner(port, from_port) not in (os.getpid(), other.pid)

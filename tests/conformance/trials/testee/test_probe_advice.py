@@ -1,0 +1,173 @@
+"""What a first meeting suggests: of real programs that make the likeliest mistakes."""
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+from splatbus_conformance.plan import Plan, Side
+from splatbus_conformance.run.testbed import set_up
+from splatbus_conformance.wire.messages import encode, init_packet_1_0
+from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.ports import free_port
+
+from tests.conformance.harness import GOOD, MINIATURE, broken
+
+SAYS = """
+import os, socket, sys, time
+while True:
+    try:
+        port = int(os.environ["SPLATBUS_MSG_PORT"])
+        with socket.create_connection((os.environ["SPLATBUS_HOST"], port)) as sock:
+            sock.sendall(bytes.fromhex(sys.argv[1]))
+            while sock.recv(4096):
+                pass
+    except OSError:
+        pass
+    time.sleep(0.1)
+"""
+TEXT = b'{"type":"get_viewport_size"}'
+
+
+def plan(side: Side, launch: str | None, ports: tuple[int, int] = (0, 0)) -> Plan:
+    return Plan(side, launch, "127.0.0.1", ports, (64, 48), patience=20.0)
+
+
+def advice(command: str, ports: tuple[int, int] = (0, 0)) -> str:
+    """What is said of a client that is launched, once it was met."""
+    return said_of(plan("client", command, ports))
+
+
+def said_of(plan: Plan) -> str:
+    stand = set_up(plan)
+    try:
+        stand.introduce()
+        return "\n".join(stand.facts.advice)
+    finally:
+        stand.close()
+
+
+@pytest.fixture
+def says(tmp_path: Path):
+    """The command of a client that sends these bytes on the message channel, and no more."""
+    script = tmp_path / "says.py"
+    script.write_text(SAYS, "utf-8")
+    return lambda data: f'"{sys.executable}" "{script}" {data.hex()}'
+
+
+def test_a_good_client_is_told_nothing() -> None:
+    assert advice(GOOD) == ""
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (len(TEXT).to_bytes(4, "big") + TEXT, "the length has to be little-endian (FRM-1)"),
+        (TEXT + b"\n", "JSON without a header"),
+        (b"GET / HTTP/1.1\r\n\r\n", "this is HTTP"),
+        ((len(TEXT) + 1).to_bytes(4, "little") + TEXT + b"\0", "the text has no terminator"),
+        ((len(TEXT) + 4).to_bytes(4, "little") + TEXT, "the length does not count the header"),
+    ],
+)
+def test_foreign_bytes_are_recognised(says, data: bytes, words: str) -> None:
+    told = advice(says(data))
+    assert "On the message channel came" in told
+    assert words in told
+
+
+def test_a_channel_without_a_connection_is_named_with_its_port(says) -> None:
+    ports = free_port(), free_port()
+    told = advice(says(packet(TEXT)), ports)
+    assert f"Nothing connected to the IPC channel, port {ports[0]}" in told
+
+
+def test_a_client_with_swapped_ports_is_found_out(tmp_path: Path) -> None:
+    """By its poses if it speaks 1.0, by its hello if it speaks 1.1."""
+    swapped = broken(
+        tmp_path,
+        ('environ.get("SPLATBUS_IPC_PORT"', 'environ.get("OTHER"'),
+        ('environ.get("SPLATBUS_MSG_PORT"', 'environ.get("SPLATBUS_IPC_PORT"'),
+        ('environ.get("OTHER"', 'environ.get("SPLATBUS_MSG_PORT"'),
+    )
+    for command in (swapped, swapped.removesuffix("1.1") + "1.0"):
+        assert "The two ports may be swapped" in advice(command)
+
+
+def test_a_client_that_insists_on_its_own_size_is_told_of_viewport(tmp_path: Path) -> None:
+    command = broken(
+        tmp_path,
+        ('        meta, ring, memory, means = (', '        if message["meta"]["w"] != 1920:\n'
+         '            raise Bad("size")\n        meta, ring, memory, means = ('),
+    )  # fmt: skip
+    told = advice(command)
+    assert "when it was told of images of 64x48" in told
+    assert "--viewport 1920x1080" in told
+
+
+def test_what_open_failed_says_is_passed_on(tmp_path: Path) -> None:
+    told = advice(broken(tmp_path, ('memory["kind"] == "host_shm"', "False")))
+    assert "it says 'a rule is broken'" in told
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows whose a connection is")
+def test_a_client_that_was_left_over_is_told_by_its_process() -> None:
+    ports = free_port(), free_port()
+    environment = {"SPLATBUS_IPC_PORT": str(ports[0]), "SPLATBUS_MSG_PORT": str(ports[1])}
+    stale = subprocess.Popen(
+        [sys.executable, str(MINIATURE), "1.1"], env={**os.environ, **environment}
+    )
+    try:
+        told = advice(GOOD, ports)
+    finally:
+        stale.kill()
+        stale.wait()
+    assert str(stale.pid) in told
+    assert "left over from before" in told
+
+
+@contextmanager
+def old_server() -> Iterator[tuple[int, int]]:
+    """A server of 1.0, which sends an init packet to all that come to its IPC port; its ports."""
+    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+    accepted: list[socket.socket] = []
+
+    def serve(listener: socket.socket, greeting: bytes) -> None:
+        with suppress(OSError):  # once the test is over
+            while True:
+                connection, _ = listener.accept()
+                accepted.append(connection)
+                connection.sendall(greeting)
+
+    greetings = packet(encode(init_packet_1_0())), b""
+    threads = [
+        threading.Thread(target=serve, args=each, daemon=True)
+        for each in zip(listeners, greetings, strict=True)
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        yield listeners[0].getsockname()[1], listeners[1].getsockname()[1]
+    finally:
+        for listener in listeners:
+            with suppress(OSError):
+                listener.shutdown(socket.SHUT_RDWR)
+            listener.close()
+        for thread in threads:
+            thread.join(20.0)
+        for each in accepted:
+            each.close()
+
+
+def server_advice(ports: tuple[int, int]) -> str:
+    return said_of(plan("server", None, ports))
+
+
+def test_a_server_on_swapped_ports_is_found_out() -> None:
+    with old_server() as (ipc, msg):
+        assert server_advice((ipc, msg)) == ""
+        assert "an init packet came on the message channel" in server_advice((msg, ipc))

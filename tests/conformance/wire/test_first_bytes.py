@@ -1,0 +1,56 @@
+"""Streams that are no packets are told by their first bytes, and packets are not mistaken."""
+
+import json
+
+import pytest
+from splatbus_conformance.wire.first_bytes import misread, recognised
+from splatbus_conformance.wire.packets import Splitter, packet
+
+TEXT = json.dumps({"type": "get_viewport_size"}).encode()
+HEADERS = b"\r\nHost: localhost\r\n"
+HELLO_OF_TLS = bytes.fromhex("16 03 01 02 00 01 00 01 fc 03 03")
+
+
+def refused(stream: bytes) -> bytes:
+    """What the splitter keeps of a stream from the header on that is none."""
+    splitter = Splitter()
+    assert splitter.feed(stream, 0.0) == []
+    assert splitter.refused == 0, "the test is of streams that FRM-2 condemns"
+    return splitter.rest
+
+
+@pytest.mark.parametrize(
+    ("stream", "words"),
+    [
+        (len(TEXT).to_bytes(4, "big") + TEXT, "the length has to be little-endian"),
+        (len(TEXT).to_bytes(4, "big"), "in the other byte order it is 29"),
+        (TEXT, "JSON without a header"),
+        (TEXT + b"\n" + TEXT + b"\n", "and no line break after it"),
+        (b"\xef\xbb\xbf" + TEXT, "JSON without a header"),
+        (b"29\n" + TEXT, "the length is spelled in digits"),
+        (b"Content-Length: 29\r\n\r\n" + TEXT, "a header of text"),
+        (b"GET / HTTP/1.1" + HEADERS, "this is HTTP"),
+        (b"GET / HTTP/1.1" + HEADERS + b"Upgrade: websocket\r\n\r\n", "opens a WebSocket"),
+        (HELLO_OF_TLS, "first message of TLS"),
+        (b"\xff\xff\xff\xff", ""),
+    ],
+)
+def test_a_stream_is_known_by_its_first_bytes(stream: bytes, words: str) -> None:
+    said = recognised(refused(stream))
+    assert words in said if words else not said
+
+
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (TEXT + packet(TEXT)[:4], "the length does not count the header"),
+        (bytes(4) + TEXT[:-4], "four bytes, not eight"),
+        (TEXT + b"\0", "no terminator"),
+        (TEXT.decode().encode("utf-16-le"), "UTF-16"),
+        (TEXT, ""),
+        (b"{broken", ""),
+        (b"", ""),
+    ],
+)
+def test_a_payload_tells_of_another_kind_of_header(payload: bytes, words: str) -> None:
+    assert words in misread(payload) if words else not misread(payload)
