@@ -258,7 +258,7 @@ def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
 
 def of_sessions(side: Side, requirement: str) -> Any:
     """The check by sessions of this requirement."""
-    found = (f for f in check_functions(side) if f.__module__.endswith(".sessions"))
+    found = (f for f in check_functions(side) if ".stateful." in f.__module__)
     return next(f for f in found if f.check.requirement == requirement)
 
 
