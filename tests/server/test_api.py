@@ -13,7 +13,7 @@ from splatbus_server import View
 from splatbus_server.service import Service
 
 from tests.server.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello
-from tests.server.waiting import eventually
+from tests.waiting import eventually
 
 WIDTH, HEIGHT = 6, 5
 RGB = np.linspace(0.0, 1.0, HEIGHT * WIDTH * 3, dtype=np.float32).reshape(HEIGHT, WIDTH, 3)

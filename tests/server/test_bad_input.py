@@ -12,7 +12,7 @@ import splatbus_server
 
 from tests.server.conftest import SIZE
 from tests.server.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello, packet
-from tests.server.waiting import eventually
+from tests.waiting import eventually
 
 HEADERS = {
     "length 0": (bytes(4), "FRM-3"),

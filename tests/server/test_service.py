@@ -19,7 +19,7 @@ from splatbus_wire.messages import Channel, GetCameraPose
 
 from tests.server.conftest import SIZE
 from tests.server.raw_client import RawClient, Reader, camera_pose, hello, packet
-from tests.server.waiting import eventually
+from tests.waiting import eventually
 
 
 @pytest.fixture

@@ -260,19 +260,17 @@ class ClientTrial(Trial):
         """Wait, at this testee's pace, until memory is opened or read; whether it is."""
         return self.wait(condition, memory_pace.patience(self.facts.memory_seconds, seconds))
 
-    def opens(self, connection: Connection) -> bool:
+    def opens(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee opens the memory that was offered last on this connection."""
         dealings = self.role.with_(connection)
-        return self.uses(lambda: dealings.generation in dealings.opened or connection.ended) and (
-            dealings.generation in dealings.opened
-        )
+        self.uses(lambda: dealings.generation in dealings.opened or connection.ended, seconds)
+        return dealings.generation in dealings.opened
 
-    def releases(self, connection: Connection, seq: int) -> bool:
+    def releases(self, connection: Connection, seq: int, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee releases this frame."""
         dealings = self.role.with_(connection)
-        return self.uses(lambda: seq in dealings.released or connection.ended) and (
-            seq in dealings.released
-        )
+        self.uses(lambda: seq in dealings.released or connection.ended, seconds)
+        return seq in dealings.released
 
     def says_hello(self, connection: Connection) -> bool:
         """Whether the testee says `hello` on this connection."""

@@ -29,7 +29,7 @@ def both(by_id: bool) -> list[Json]:
     other, still come after it.
     """
     if by_id:
-        return [one(by_id)]
+        return [one(by_id=True)]
     return [VIEWPORT_REQUEST, CAMERA_REQUEST]
 
 

@@ -346,11 +346,11 @@ class Peer:
         self._looks_again()
         began = self._looked
         happened = self._selector.select(seconds)
-        late = time.monotonic() - began - seconds
+        self._looked = time.monotonic()
+        late = self._looked - began - seconds
         if not happened:
             self.late_seconds = max(self.late_seconds, late)
         self._absent += max(0.0, late - GRACE_SECONDS)
-        self._looked = time.monotonic()
         for key, _ in happened:
             if isinstance(key.data, Connection):
                 self._handle(key.data)

@@ -12,6 +12,8 @@ from splatbus_conformance.trials.testee.process import Launched
 from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.recording import Entry
 
+from tests.waiting import eventually
+
 HALF = b"\x1c\x00\x00\x00{"
 OPEN: dict[str, Any] = {"event": "open"}
 END: dict[str, Any] = {"dir": "c2s", "event": "eof"}
@@ -41,8 +43,7 @@ def test_half_a_packet_is_held_against_who_lives(more, lives, accused) -> None:
 def test_a_launched_testee_tells_its_lives() -> None:
     testee = Launched(f"{shlex.quote(sys.executable)} -c pass", {})
     testee.ensure_running()
-    while testee.ended() is None:
-        pass
+    assert eventually(testee.ended)
     testee.ensure_running()
     (born, ended), (again, _) = testee.lives
     assert born < ended == again

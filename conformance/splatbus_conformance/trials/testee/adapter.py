@@ -79,7 +79,6 @@ class Adapted:
         self.name = command
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
-        self.started = 0.0
         self._starts: list[float] = []
         self._command = Command(command, environment)
         self.argv = self._command.argv
@@ -95,6 +94,11 @@ class Adapted:
     def group(self) -> int | None:
         """Its processes and the client's, while they run."""
         return self._process.pid if self._process and os.name == "posix" else None
+
+    @property
+    def started(self) -> float:
+        """The last of its starts."""
+        return self._starts[-1] if self._starts else 0.0
 
     @property
     def lives(self) -> Sequence[tuple[float, float]]:
@@ -115,8 +119,7 @@ class Adapted:
 
         Raises AdapterBroken, and NoVerdict if the command cannot be started.
         """
-        self.started = time.monotonic()
-        self._starts.append(self.started)
+        self._starts.append(time.monotonic())
         process = self._process = self._command.start({}, subprocess.PIPE, subprocess.PIPE)
         self._mute = False
         self._lines, self._commands = queue.SimpleQueue(), queue.SimpleQueue()

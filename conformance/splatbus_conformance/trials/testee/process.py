@@ -48,8 +48,10 @@ class Testee(Protocol):
     name: str
     expendable: bool
     """It may be crashed: the harness can start another."""
-    started: float
-    """When the harness started it last, by the monotonic clock; 0 where somebody else does."""
+
+    @property
+    def started(self) -> float:
+        """When the harness started it last, by the monotonic clock; 0 where it did not."""
 
     @property
     def argv(self) -> Sequence[str]:
@@ -213,7 +215,6 @@ class Launched:
         self.name = command
         self._command = Command(command, environment)
         self.argv = self._command.argv
-        self.started = 0.0
         self._starts: list[float] = []
         self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
@@ -222,8 +223,7 @@ class Launched:
         """Start it if it does not run. Raises NoVerdict if the command cannot be started."""
         if self._process is not None and self._process.poll() is None:
             return False
-        self.started = time.monotonic()
-        self._starts.append(self.started)
+        self._starts.append(time.monotonic())
         self._process = self._command.start(self._added, subprocess.DEVNULL)
         return True
 
@@ -231,6 +231,11 @@ class Launched:
     def group(self) -> int | None:
         """Its processes, while it runs."""
         return self._process.pid if self._process and os.name == "posix" else None
+
+    @property
+    def started(self) -> float:
+        """The last of its starts."""
+        return self._starts[-1] if self._starts else 0.0
 
     @property
     def lives(self) -> Sequence[tuple[float, float]]:

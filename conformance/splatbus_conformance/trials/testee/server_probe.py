@@ -32,6 +32,7 @@ WHOLE_SECONDS = 0.1
 DEFAULT, BALL = "default", "ball"
 """The objects of `conformance/SCENE.md`, if it has two."""
 AN_ID = 7
+"""Of the request by which it is told whether replies repeat ids, as they do from 1.1 on."""
 
 
 @dataclass

@@ -7,7 +7,6 @@ import socket
 import stat
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from splatbus_conformance.trials.testee.process import Launched
 from splatbus_conformance.wire.ports import free_port
 
 from tests.conformance.harness import GOOD, LIMIT_SECONDS, broken, run, start
+from tests.waiting import eventually
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and permissions of POSIX")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows it")
@@ -198,13 +198,6 @@ def runs(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
-
-
-def eventually(condition) -> bool:
-    deadline = time.monotonic() + 10
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return condition()
 
 
 # Where it is run

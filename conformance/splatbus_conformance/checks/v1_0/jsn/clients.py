@@ -131,8 +131,9 @@ def judge_writers_on_ipc(trial: ClientTrial, writers: Iterator[Writer]) -> None:
             trial.role.encode["ipc"] = lambda message: keep(writer(message))  # noqa: B023
             trial.role.offer(connection, trial.role.init_packet(connection))
             offered[dealings.generation] = written[-1]
-        taken = trial.opens(connection) and (
-            not dealings.frames or trial.releases(connection, dealings.frames[-1])
+        # To open late is to be busy, perhaps with a long message: no sentence limits that.
+        taken = trial.opens(connection, trial.patience) and (
+            not dealings.frames or trial.releases(connection, dealings.frames[-1], trial.patience)
         )
         refused = [offered[it] for it in offered if it not in dealings.opened]
         outcome = trial.fate() or ("closes" if connection.ended else "ignores")

@@ -20,6 +20,7 @@ from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.sockets import Connection
 
 MOST_WAITS = 3
+"""How often whoever asks on is given the time of an effect for the rest."""
 TIMES_AGAIN = 4
 """Whoever asks for the size so often has read what it asked for in between."""
 BAD_CAMERAS: tuple[Json, ...] = (
@@ -102,10 +103,9 @@ def wait_for_all(trial: ClientTrial, connection: Connection, times: int) -> bool
     """Whether it asks again for all, as `asked_again`; it has time as long as it asks on at all."""
     for _ in range(MOST_WAITS):
         before = len(requests(trial, connection))
-        trial.wait(lambda: asked_again(trial, connection, times) or connection.ended)
-        if len(requests(trial, connection)) == before or connection.ended:
+        if trial.wait(lambda: asked_again(trial, connection, times) or connection.ended):
             break
-        if asked_again(trial, connection, times):
+        if len(requests(trial, connection)) == before:
             break
     return asked_again(trial, connection, times)
 
