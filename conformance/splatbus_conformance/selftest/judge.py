@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.plan import Side
+from splatbus_conformance.selftest import mutants
 from splatbus_conformance.selftest.mutant import Mutant, Variation
 from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
@@ -202,7 +203,7 @@ def run_harness(
     ended, and the last that it printed.
     """
     reference = "splatbus_client.adapter" if axes else f"splatbus_{side}"
-    module = reference if name in REFERENCE else f"{__package__}.mutants {name}"
+    module = reference if name in REFERENCE else f"{mutants.__name__} {name}"
     how, arguments = (
         ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
     )

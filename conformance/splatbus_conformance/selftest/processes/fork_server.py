@@ -22,12 +22,13 @@ from pathlib import Path
 from typing import IO, Any, NoReturn, cast
 from unittest import mock
 
+from splatbus_conformance.selftest import mutants
 from splatbus_conformance.selftest.processes.program import Program, altered
 from splatbus_conformance.selftest.registry import specimen_named
 
 POSSIBLE = sys.platform == "linux"
 """Elsewhere there is no fork, or libraries of the system do not stand it."""
-COMMAND = [sys.executable, "-m", f"{__package__}.mutants"]
+COMMAND = [sys.executable, "-m", mutants.__name__]
 LONGEST_REQUEST = 1 << 20
 LOST = -signal.SIGKILL if POSSIBLE else 1
 FORK: Any = multiprocessing.get_context("fork") if POSSIBLE else None
