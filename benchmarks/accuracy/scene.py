@@ -167,7 +167,7 @@ class Truth(NamedTuple):
     """A view, and what its pixels show."""
 
     camera: Camera
-    exact: known_scene.Exact
+    exact: known_scene.ExactImage
 
 
 @cache

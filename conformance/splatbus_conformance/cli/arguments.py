@@ -10,8 +10,8 @@ from splatbus_conformance.plan import Plan, Side, Usage
 from splatbus_conformance.reports import expected_failures
 from splatbus_conformance.reports.expected_failures import Expectation, ExpectationsError
 from splatbus_conformance.reports.files import Files, require_folder, require_writable
-from splatbus_conformance.reports.thresholds import Demands
-from splatbus_conformance.run.options import Wishes, selectable_on, usual_patience, usual_ports
+from splatbus_conformance.reports.thresholds import Thresholds
+from splatbus_conformance.run.options import RunOptions, selectable_on, usual_patience, usual_ports
 from splatbus_conformance.selection import ALL, Selection, UnknownTermError, terms
 from splatbus_conformance.verdicts import Level
 
@@ -52,7 +52,7 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
     return plan
 
 
-def wishes_of(side: Side, arguments: argparse.Namespace) -> Wishes:
+def wishes_of(side: Side, arguments: argparse.Namespace) -> RunOptions:
     """What is wanted of the run besides. Raises Usage where that cannot be."""
     partial = arguments.select or arguments.deselect
     if arguments.write_expected and partial:
@@ -60,9 +60,9 @@ def wishes_of(side: Side, arguments: argparse.Namespace) -> Wishes:
             "--write-expected wants a whole run, or it would forget the failures that were not "
             "looked for: leave out --select and --deselect"
         )
-    wishes = Wishes(
+    wishes = RunOptions(
         arguments.strict,
-        Demands(Level(arguments.require_level), parse_share(arguments.require_coverage)),
+        Thresholds(Level(arguments.require_level), parse_share(arguments.require_coverage)),
         _expectations(arguments.expect_failures, side),
         arguments.minutes,
         arguments.shrink,

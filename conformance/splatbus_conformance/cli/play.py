@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from splatbus_conformance.observe.audit import Audit, Finding, audit
+from splatbus_conformance.observe.audit import Audit, AuditFinding, audit
 from splatbus_conformance.observe.judgement import opinion
 from splatbus_conformance.observe.playback import Played, play, steps
 from splatbus_conformance.observe.screen import printable
@@ -48,16 +48,16 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
     if not given:
         raise Usage(f"{file}: the {PEER[plan.side]} says nothing in it that could be played")
     files.remove_former()
-    stand = set_up(plan)
+    testbed = set_up(plan)
     try:
-        stand.testee.ensure_running()
-        played = play(given, stand.peer, stand.testee, plan.patience)
-        stand.peer.pump(SETTLE_SECONDS)
-        stand.testee.stop()
-        stand.peer.pump(REST_SECONDS)
-        entries = list(stand.peer.entries)
+        testbed.testee.ensure_running()
+        played = play(given, testbed.peer, testbed.testee, plan.patience)
+        testbed.peer.pump(SETTLE_SECONDS)
+        testbed.testee.stop()
+        testbed.peer.pump(REST_SECONDS)
+        entries = list(testbed.peer.entries)
     finally:
-        stand.close()
+        testbed.close()
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
         save(entries, Path(plan.record, file.name))
@@ -88,5 +88,5 @@ def _print(side: Side, played: Played, then: Audit, now: Audit, out: Console) ->
     out.print()
 
 
-def _broken(judged: Audit, side: Side) -> dict[str, Finding]:
+def _broken(judged: Audit, side: Side) -> dict[str, AuditFinding]:
     return {it.requirement.id: it for it in judged.of(side) if it.broken}

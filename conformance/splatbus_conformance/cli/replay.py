@@ -34,13 +34,13 @@ def replay_script(script: Script, plan: Plan, files: Files, out: Console) -> int
     """
     began = time.monotonic()
     files.remove_former()
-    stand = set_up(replace(plan, side=script.side, viewport=script.viewport))
+    testbed = set_up(replace(plan, side=script.side, viewport=script.viewport))
     try:
-        stand.introduce()
-        given = replay(stand, script)
-        traffic = Traffic(stand.testee.name, stand.facts.version(), stand.facts.device)
+        testbed.introduce()
+        given = replay(testbed, script)
+        traffic = Traffic(testbed.testee.name, testbed.facts.version(), testbed.facts.device)
     finally:
-        stand.close()
+        testbed.close()
     _print(script, given, out)
     files.write(replay_report(script, given, traffic, time.monotonic() - began))
     return _status(given)

@@ -13,13 +13,13 @@ from splatbus_conformance.images.known_scene import (
     FLOOR,
     KNOWN,
     NOTHING,
-    Exact,
-    Setting,
+    ExactImage,
+    SceneState,
     render,
 )
 from splatbus_conformance.images.memory.reading import Opened, Pixels
 from splatbus_conformance.images.pinhole import Camera, Reals, camera_of
-from splatbus_conformance.images.reprojection import View
+from splatbus_conformance.images.reprojection import DepthView
 from splatbus_conformance.wire.json_values import finite, whole, within
 from splatbus_conformance.wire.messages import Json
 
@@ -35,7 +35,7 @@ JUST, UNEXPLAINED = 1e-4, 0.5
 squares of what they are off by that no move of the image explains, up to which it was moved."""
 
 
-class Photograph(NamedTuple):
+class CapturedFrame(NamedTuple):
     """A frame, what it says of its camera, and its pixels; rows top-down."""
 
     frame: Json
@@ -53,10 +53,10 @@ class Photograph(NamedTuple):
         named = self.frame["camera"]
         return Pose(tuple(map(float, named["position"])), tuple(map(float, named["rotation"])))
 
-    def view(self) -> View:
+    def view(self) -> DepthView:
         """For `reprojection`."""
         position, rotation = self.pose
-        return View(self.camera, position, rotation, self.planar())
+        return DepthView(self.camera, position, rotation, self.planar())
 
     def covered(self) -> NDArray[np.bool_]:
         """(h, w): the pixel holds the depth of a surface."""
@@ -80,7 +80,7 @@ class Photograph(NamedTuple):
             )
 
 
-def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph | None:
+def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> CapturedFrame | None:
     """A copy of what lies in the slot that a frame names.
 
     None if it is not of this memory, names no slot of it, or no camera of its size (IMG-1).
@@ -92,7 +92,7 @@ def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph 
     if frame.get("generation") != memory.generation or (camera.width, camera.height) != size:
         return None
     semantics = init_packet.get("semantics")
-    return Photograph(
+    return CapturedFrame(
         frame,
         camera,
         memory.color(slot),
@@ -101,7 +101,7 @@ def photograph_of(frame: Json, memory: Opened, init_packet: Json) -> Photograph 
     )
 
 
-def shows_the_scene(photograph: Photograph, setting: Setting = AT_REST) -> bool:
+def shows_the_scene(photograph: CapturedFrame, setting: SceneState = AT_REST) -> bool:
     """Whether this is the scene of `conformance/SCENE.md`: by its colours in whatever order, so
     that a wrong order of them is found, and so are wrong depths.
 
@@ -111,7 +111,7 @@ def shows_the_scene(photograph: Photograph, setting: Setting = AT_REST) -> bool:
         return _shows(photograph, render(photograph.camera, setting))
 
 
-def _shows(photograph: Photograph, exact: Exact) -> bool:
+def _shows(photograph: CapturedFrame, exact: ExactImage) -> bool:
     something = photograph.covered() | (exact.what != NOTHING) | photograph.color.any(axis=-1)
     if min(photograph.covered().mean(), (exact.what != NOTHING).mean()) < LEAST_SEEN:
         return False
@@ -136,7 +136,7 @@ def _is_around(some: Reals | Pixels, others: Reals, slack: float) -> NDArray[np.
     return found
 
 
-def _is_moved(photograph: Photograph, exact: Exact) -> bool:
+def _is_moved(photograph: CapturedFrame, exact: ExactImage) -> bool:
     """Depths within surfaces are those of pixels a little aside, all in one direction or turned
     about one point. Those of a renderer that blends what lies within a pixel are not.
     """

@@ -8,20 +8,26 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from splatbus_conformance.cases.valid.poses import NORM_SLACK, ROTATIONS, Pose, Steered, steering
+from splatbus_conformance.cases.valid.poses import (
+    NORM_SLACK,
+    ROTATIONS,
+    Pose,
+    SteeredDraw,
+    steering,
+)
 from splatbus_conformance.images.pinhole import rotation_matrix
 from splatbus_conformance.oracle import exact, norm, to_double
 from splatbus_conformance.oracle.rotations import product
 
 
-class Stage(NamedTuple):
+class HardView(NamedTuple):
     """Where camera and scene are, both as on the wire."""
 
     camera: Pose
     scene: Pose
 
 
-def hardest(salt: str, farthest: float) -> list[Stage]:
+def hardest(salt: str, farthest: float) -> list[HardView]:
     """One of each kind of rotation, and of the least and the greatest norm."""
     rng = random.Random(salt)
     found = [_stage(turn(rng), rng, farthest) for turn in ROTATIONS]
@@ -30,24 +36,24 @@ def hardest(salt: str, farthest: float) -> list[Stage]:
     return found
 
 
-def stages(salt: str, farthest: float) -> st.SearchStrategy[Stage]:
+def stages(salt: str, farthest: float) -> st.SearchStrategy[HardView]:
     """Cameras up to so far from the origin, turned in every way, before a scene that came along."""
 
-    def stage(turn: Callable[[random.Random], Sequence[float]], steered: Steered) -> Stage:
+    def stage(turn: Callable[[random.Random], Sequence[float]], steered: SteeredDraw) -> HardView:
         rng = steered.rng(salt)
         return _stage(steered.turned(turn(rng)), rng, farthest)
 
     return st.builds(stage, st.sampled_from(ROTATIONS), steering())
 
 
-def staged(camera: Pose, before: Pose) -> Stage:
+def staged(camera: Pose, before: Pose) -> HardView:
     """A scene that a camera sees as it would see one at rest from the pose `before`."""
     x, y, z, w = exact(before.rotation)
     scale = norm(camera.rotation) * norm(before.rotation)
     turned = product(exact(camera.rotation), (-x, -y, -z, w))
     rotation = tuple(to_double(number / scale) for number in turned)
     place = np.array(camera.position) - rotation_matrix(rotation) @ np.array(before.position)
-    return Stage(camera, Pose(tuple(map(float, place)), rotation))
+    return HardView(camera, Pose(tuple(map(float, place)), rotation))
 
 
 def turned_about(
@@ -60,7 +66,7 @@ def turned_about(
     return tuple(map(to_double, product(exact(rotation), turn)))
 
 
-def _stage(rotation: Sequence[float], rng: random.Random, farthest: float) -> Stage:
+def _stage(rotation: Sequence[float], rng: random.Random, farthest: float) -> HardView:
     before = Pose(
         (rng.uniform(-1, 1), rng.uniform(-1.2, 0.2), rng.uniform(-2, 0.5)),
         turned_about((0, 0, 0, 1), [rng.gauss(0, 1) for _ in range(3)], rng.uniform(0, 0.25)),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.images.pinhole import STILL, Camera, Placed, Reals
+from splatbus_conformance.images.pinhole import STILL, Camera, ObjectPlacement, Reals
 
 Whats = NDArray[np.int64]
 Where = NDArray[np.bool_]
@@ -43,11 +43,11 @@ KNOWN = 0.99
 _AROUND = ((0.0, 0.0), (-EDGE, -EDGE), (-EDGE, EDGE), (EDGE, -EDGE), (EDGE, EDGE))
 
 
-class Setting(NamedTuple):
+class SceneState(NamedTuple):
     """Where the objects of the scene lie, and when."""
 
-    default: Placed = STILL
-    ball: Placed | None = None
+    default: ObjectPlacement = STILL
+    ball: ObjectPlacement | None = None
     """None where all spheres belong to `default`."""
     time: float = 0.0
 
@@ -57,7 +57,7 @@ class Setting(NamedTuple):
         found[BOBS, 1] -= RISE * (1.0 - np.cos(QUARTER * self.time))
         return found
 
-    def parts(self) -> Iterator[tuple[Placed, tuple[int, ...], bool]]:
+    def parts(self) -> Iterator[tuple[ObjectPlacement, tuple[int, ...], bool]]:
         """Each object: where it is, its spheres, and whether it has the square."""
         everything = tuple(range(len(SPHERES)))
         if self.ball is None:
@@ -67,10 +67,10 @@ class Setting(NamedTuple):
             yield self.ball, (BALL,), False
 
 
-AT_REST = Setting()
+AT_REST = SceneState()
 
 
-class Exact(NamedTuple):
+class ExactImage(NamedTuple):
     """What the pixels of an image must hold; rows top-down."""
 
     color: Reals
@@ -112,7 +112,7 @@ class Exact(NamedTuple):
         return float(right[self.certain].mean()) if self.certain.any() else 0.0
 
 
-def render(camera: Camera, setting: Setting = AT_REST) -> Exact:
+def render(camera: Camera, setting: SceneState = AT_REST) -> ExactImage:
     """What a camera sees of the scene."""
     rays = camera.rays()
     hits = [_hit(camera, rays + np.array((dx, dy, 0.0)), setting) for dx, dy in _AROUND]
@@ -125,10 +125,10 @@ def render(camera: Camera, setting: Setting = AT_REST) -> Exact:
     for placed, spheres, squared in setting.parts():
         origin, turned = _in_axes_of(placed, camera)
         _paint(color, what, origin + reached @ turned.T, setting, spheres, squared)
-    return Exact(color, depth, depths.min(axis=0), depths.max(axis=0), what, certain)
+    return ExactImage(color, depth, depths.min(axis=0), depths.max(axis=0), what, certain)
 
 
-def _in_axes_of(placed: Placed, camera: Camera) -> tuple[Reals, Reals]:
+def _in_axes_of(placed: ObjectPlacement, camera: Camera) -> tuple[Reals, Reals]:
     """The camera's centre in an object's axes and units, and the matrix that takes rays there: so
     the planar depths at which they meet the object stay those of the world.
     """
@@ -136,7 +136,7 @@ def _in_axes_of(placed: Placed, camera: Camera) -> tuple[Reals, Reals]:
     return pose.sees(camera.pose.position) / scale, pose.rotation.T @ camera.pose.rotation / scale
 
 
-def _hit(camera: Camera, rays: Reals, setting: Setting) -> tuple[Whats, Reals, Where]:
+def _hit(camera: Camera, rays: Reals, setting: SceneState) -> tuple[Whats, Reals, Where]:
     """What each ray (h, w, 3) meets first, at which planar depth, and whether that is certain."""
     shape = rays.shape[:2]
     what = np.full(shape, NOTHING)
@@ -157,7 +157,7 @@ def _hit(camera: Camera, rays: Reals, setting: Setting) -> tuple[Whats, Reals, W
 
 
 def _candidates(
-    camera: Camera, rays: Reals, setting: Setting
+    camera: Camera, rays: Reals, setting: SceneState
 ) -> Iterator[tuple[Whats | int, Reals]]:
     """What could be seen, and the planar depths at which rays meet it; +∞ where they do not."""
     for placed, spheres, squared in setting.parts():
@@ -169,7 +169,7 @@ def _candidates(
 
 
 def _met_spheres(
-    origin: Reals, rays: Reals, setting: Setting, spheres: Iterable[int]
+    origin: Reals, rays: Reals, setting: SceneState, spheres: Iterable[int]
 ) -> Iterator[tuple[int, Reals]]:
     a, centers = (rays * rays).sum(axis=-1), setting.centers()
     for number in spheres:
@@ -197,7 +197,7 @@ def _paint(
     color: Reals,
     what: Whats,
     points: Reals,
-    setting: Setting,
+    setting: SceneState,
     spheres: Iterable[int],
     squared: bool,
 ) -> None:

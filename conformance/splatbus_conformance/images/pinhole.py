@@ -38,7 +38,7 @@ class Rigid(NamedTuple):
         return Rigid(self.rotation.T, -self.rotation.T @ self.position)
 
 
-class Placed(NamedTuple):
+class ObjectPlacement(NamedTuple):
     """Where an object lies, and how large: X_world = scale · rotation · X + position (OBJ-1)."""
 
     pose: Rigid = Rigid()
@@ -49,7 +49,7 @@ class Placed(NamedTuple):
         return self.pose.place(self.scale * points)
 
 
-STILL = Placed()
+STILL = ObjectPlacement()
 
 
 class Camera(NamedTuple):
@@ -112,11 +112,11 @@ def told_of(frame: Json, name: str) -> Json | None:
     return next((it for it in found if it.get("object") == name), None)
 
 
-def placed_in(frame: Json, name: str) -> Placed:
+def placed_in(frame: Json, name: str) -> ObjectPlacement:
     """Where a frame says that an object was; at rest, if it lists it not, or badly (OBJ-7)."""
     told = told_of(frame, name)
     pose, scale = told_pose(told), finite(within(told, "scale"))
-    return STILL if pose is None or scale is None else Placed(pose, scale)
+    return STILL if pose is None or scale is None else ObjectPlacement(pose, scale)
 
 
 def camera_of(frame: Json) -> Camera | None:

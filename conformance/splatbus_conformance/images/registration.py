@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from splatbus_conformance.images.known_scene import BALL, BOBS, NOTHING, Exact, surface
+from splatbus_conformance.images.known_scene import BALL, BOBS, NOTHING, ExactImage, surface
 from splatbus_conformance.images.pinhole import Camera, Reals, Rigid
 
 LEAST_POINTS = 200
@@ -42,7 +42,7 @@ class Registration(NamedTuple):
         return float(np.linalg.norm(self.rotation.T @ self.rotation - np.eye(3), 2))
 
 
-def register(camera: Camera, depth: Reals, exact: Exact, scene: Rigid) -> Registration | None:
+def register(camera: Camera, depth: Reals, exact: ExactImage, scene: Rigid) -> Registration | None:
     """Find the camera; None if too little is seen. What may move by itself does not count.
 
     Args:

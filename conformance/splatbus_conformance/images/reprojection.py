@@ -33,7 +33,7 @@ APART = 0.25
 """How much more must agree with one reading than with another to tell them apart."""
 
 
-class View(NamedTuple):
+class DepthView(NamedTuple):
     """An image: what its frame says of the camera, and its depth."""
 
     camera: Camera
@@ -45,27 +45,27 @@ class View(NamedTuple):
     """(h, w), rows top-down, planar, +∞ where empty."""
 
 
-class Pair(NamedTuple):
+class ViewPair(NamedTuple):
     """Two images, and how the scene moved between them: Rigid() where it did not."""
 
-    before: View
-    after: View
+    before: DepthView
+    after: DepthView
     moved: Rigid = Rigid()
 
 
-class Reading(NamedTuple):
+class Misreading(NamedTuple):
     """What the numbers of a frame may have been taken for."""
 
     words: str
     """Completes "the images fit …"."""
-    pose: Callable[[View], Rigid] = lambda view: view.camera.pose
-    depth: Callable[[View], Reals] = lambda view: view.depth
+    pose: Callable[[DepthView], Rigid] = lambda view: view.camera.pose
+    depth: Callable[[DepthView], Reals] = lambda view: view.depth
     still: bool = False
     """The second image was rendered with the camera of the first."""
     scene: Callable[[Rigid], Rigid] = lambda moved: moved
 
 
-def agreement(pair: Pair, reading: Reading) -> float:
+def agreement(pair: ViewPair, reading: Misreading) -> float:
     """The share of points at which the second image holds the depth that the first one promises.
 
     Points that leave the image, or land beside an edge of it, do not count; if few are left, as
@@ -102,104 +102,104 @@ def _compare(points: Reals, camera: Camera, depth: Reals) -> tuple[int, int]:
     return int((smooth | nothing).sum()), int(agrees.sum())
 
 
-def explain(pairs: Iterable[Pair], readings: Sequence[Reading]) -> NDArray[np.float64]:
+def explain(pairs: Iterable[ViewPair], readings: Sequence[Misreading]) -> NDArray[np.float64]:
     """For each reading, the share of points that agree in the pair that fits it worst."""
     shares = [[agreement(pair, reading) for reading in readings] for pair in pairs]
     worst: NDArray[np.float64] = np.array(shares).reshape(-1, len(readings)).min(axis=0)
     return worst
 
 
-AS_SPECIFIED = Reading("what the frames say")
+AS_SPECIFIED = Misreading("what the frames say")
 
 
-def _posed(change: Callable[[Rigid], Rigid]) -> Callable[[View], Rigid]:
+def _posed(change: Callable[[Rigid], Rigid]) -> Callable[[DepthView], Rigid]:
     return lambda view: change(view.camera.pose)
 
 
-def _turned(*order: tuple[int, float]) -> Callable[[View], Rigid]:
+def _turned(*order: tuple[int, float]) -> Callable[[DepthView], Rigid]:
     """A pose whose quaternion has its members at other places, with other signs."""
     return lambda view: rigid(view.position, [sign * view.rotation[at] for at, sign in order])
 
 
-def _axes(world: Sequence[float], camera: Sequence[float]) -> Callable[[View], Rigid]:
+def _axes(world: Sequence[float], camera: Sequence[float]) -> Callable[[DepthView], Rigid]:
     """A pose in axes with other signs."""
     w, c = np.array(world), np.array(camera)
     return _posed(lambda pose: Rigid(w[:, None] * pose.rotation * c, w * pose.position))
 
 
-def _scaled(factor: float) -> Reading:
-    return Reading(
+def _scaled(factor: float) -> Misreading:
+    return Misreading(
         f"depths of which {1 / factor:g} make a scene unit", depth=lambda view: view.depth * factor
     )
 
 
-def _planar(view: View) -> Reals:
+def _planar(view: DepthView) -> Reals:
     """Planar depth, if what was stored is the distance along the ray."""
     planar: Reals = view.depth / np.linalg.norm(view.camera.rays(), axis=-1)
     return planar
 
 
-def _inverse(view: View) -> Reals:
+def _inverse(view: DepthView) -> Reals:
     with np.errstate(divide="ignore"):
         depth: Reals = np.where(np.isfinite(view.depth), 1.0 / view.depth, np.inf)
     return depth
 
 
 QUATERNIONS = (
-    Reading(
+    Misreading(
         "a camera whose rotation was read as w, x, y, z",
         _turned((1, 1.0), (2, 1.0), (3, 1.0), (0, 1.0)),
     ),
-    Reading(
+    Misreading(
         "a camera whose rotation was taken for x, y, z, w when it was w, x, y, z",
         _turned((3, 1.0), (0, 1.0), (1, 1.0), (2, 1.0)),
     ),
-    Reading(
+    Misreading(
         "a camera whose rotation is the inverse, as of a JPL quaternion",
         _turned((0, -1.0), (1, -1.0), (2, -1.0), (3, 1.0)),
     ),
 )
 POSES = (
-    Reading("a pose that was taken for world-to-camera", _posed(Rigid.inverse)),
-    Reading(
+    Misreading("a pose that was taken for world-to-camera", _posed(Rigid.inverse)),
+    Misreading(
         "a camera in OpenGL's axes, with y up and looking along −z", _axes((1, 1, 1), (1, -1, -1))
     ),
-    Reading("a pose in Unity's axes, with y up", _axes((1, -1, 1), (1, -1, 1))),
+    Misreading("a pose in Unity's axes, with y up", _axes((1, -1, 1), (1, -1, 1))),
 )
-MIRRORED = Reading("rows stored top-down", depth=lambda view: view.depth[::-1])
+MIRRORED = Misreading("rows stored top-down", depth=lambda view: view.depth[::-1])
 """Of a scene that nobody knows, images with these rows and a pose in Unity's axes are the same."""
 ROWS = (
     MIRRORED,
-    Reading("columns stored from right to left", depth=lambda view: view.depth[:, ::-1]),
-    Reading("images turned by 180 degrees", depth=lambda view: view.depth[::-1, ::-1]),
+    Misreading("columns stored from right to left", depth=lambda view: view.depth[:, ::-1]),
+    Misreading("images turned by 180 degrees", depth=lambda view: view.depth[::-1, ::-1]),
 )
 DEPTHS = (
-    Reading("distances along the ray instead of planar depths", depth=_planar),
-    Reading("inverse depths", depth=_inverse),
+    Misreading("distances along the ray instead of planar depths", depth=_planar),
+    Misreading("inverse depths", depth=_inverse),
     *(_scaled(factor) for factor in (1e-3, 1e-2, 0.1, 0.3048, 0.5, 2.0, 10.0, 100.0, 1e3)),
 )
 MOMENTS = (
-    Reading("the camera before, which is not the one that their frame names", still=True),
-    Reading("a camera whose position is not applied", _posed(lambda pose: Rigid(pose.rotation))),
-    Reading(
+    Misreading("the camera before, which is not the one that their frame names", still=True),
+    Misreading("a camera whose position is not applied", _posed(lambda pose: Rigid(pose.rotation))),
+    Misreading(
         "a camera whose rotation is not applied",
         _posed(lambda pose: Rigid(position=pose.position)),
     ),
 )
 SCENES = (
-    Reading("a scene that did not move at all", scene=lambda moved: Rigid()),
-    Reading("a scene moved by the inverse of the pose", scene=Rigid.inverse),
-    Reading(
+    Misreading("a scene that did not move at all", scene=lambda moved: Rigid()),
+    Misreading("a scene moved by the inverse of the pose", scene=Rigid.inverse),
+    Misreading(
         "a scene that was moved, but not turned", scene=lambda moved: Rigid(position=moved.position)
     ),
-    Reading("a scene that was turned, but not moved", scene=lambda moved: Rigid(moved.rotation)),
+    Misreading("a scene that was turned, but not moved", scene=lambda moved: Rigid(moved.rotation)),
 )
 EVERY = (AS_SPECIFIED, *QUATERNIONS, *POSES, *ROWS, *DEPTHS, *MOMENTS)
 
 
-def named(pose: Rigid, sent: Pose) -> Reading | None:
+def named(pose: Rigid, sent: Pose) -> Misreading | None:
     """As what of the pose that was sent a frame names another one; None if as nothing known."""
-    plain = View(_NOWHERE._replace(pose=rigid(*sent)), *sent, _NOTHING)
+    plain = DepthView(_NOWHERE._replace(pose=rigid(*sent)), *sent, _NOTHING)
     for reading in (AS_SPECIFIED, *QUATERNIONS, *POSES):
         meant = reading.pose(plain)
         near = CLOSENESS * max(1.0, float(np.abs(meant.position).max()))

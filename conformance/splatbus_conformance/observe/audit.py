@@ -16,7 +16,7 @@ VERSIONS = ("1.0", "1.1")
 
 
 @dataclass(frozen=True)
-class Place:
+class RecordingPlace:
     """Where in a recording something stands."""
 
     channel: str
@@ -36,17 +36,17 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Breach:
+class RecordedBreach:
     """How a requirement was broken, and the bytes that show it."""
 
-    place: Place
+    place: RecordingPlace
     text: str
     excerpt: str
     """The bytes as lines of a transcript, around the member that matters; folded when long."""
 
 
 @dataclass(frozen=True)
-class Finding:
+class AuditFinding:
     """What a recording shows of one requirement and one peer."""
 
     requirement: Requirement
@@ -54,7 +54,7 @@ class Finding:
     exercised: int
     """How often the peer met the requirement or broke it."""
     broken: int
-    first: Breach | None
+    first: RecordedBreach | None
     """The first breach, if there is one."""
 
     @property
@@ -67,7 +67,7 @@ class Finding:
 class Audit:
     """What a recording shows."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[AuditFinding, ...]
     """What was exercised, in the order of the specification, the client's before the server's."""
     conversations: tuple[Conversation, ...]
     """What was judged."""
@@ -96,7 +96,7 @@ class Audit:
         added = any(finding.requirement.id not in first for finding in self.of(peer))
         return VERSIONS[added]
 
-    def of(self, peer: str) -> tuple[Finding, ...]:
+    def of(self, peer: str) -> tuple[AuditFinding, ...]:
         """The findings on `client` or `server`."""
         return tuple(finding for finding in self.findings if finding.peer == peer)
 
@@ -141,17 +141,17 @@ def results(judged: Audit, peer: str) -> list[Result]:
     ]
 
 
-def _finding(requirement: Requirement, peer: str, sightings: list[Sighting]) -> Finding:
+def _finding(requirement: Requirement, peer: str, sightings: list[Sighting]) -> AuditFinding:
     broken = [sighting for sighting in sightings if sighting.breach is not None]
     first = min(broken, key=lambda sighting: sighting.t, default=None)
-    return Finding(
+    return AuditFinding(
         requirement, peer, len(sightings), len(broken), None if first is None else _breach(first)
     )
 
 
-def _breach(sighting: Sighting) -> Breach:
+def _breach(sighting: Sighting) -> RecordedBreach:
     message = sighting.message
-    place = Place(
+    place = RecordingPlace(
         sighting.channel,
         sighting.conn,
         sighting.t,
@@ -160,10 +160,10 @@ def _breach(sighting: Sighting) -> Breach:
         sighting.pointer,
     )
     _, *lines = guilty.shown(sighting) or [""]
-    return Breach(place, sighting.breach or "", "\n".join(lines))
+    return RecordedBreach(place, sighting.breach or "", "\n".join(lines))
 
 
-def _in_words(finding: Finding) -> str:
+def _in_words(finding: AuditFinding) -> str:
     if finding.first is None:
         return f"held {finding.exercised} times of {finding.exercised}"
     times = f"broken {finding.broken} times of {finding.exercised}"

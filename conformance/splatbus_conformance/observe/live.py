@@ -23,7 +23,7 @@ holds what came after them."""
 Kind = tuple[Channel, Direction, str]
 
 
-class Line(NamedTuple):
+class KindStatistics(NamedTuple):
     """What is known of one kind of message."""
 
     channel: Channel
@@ -60,7 +60,7 @@ class Seen(NamedTuple):
 
     now: float = 0.0
     """Seconds since the session began."""
-    lines: tuple[Line, ...] = ()
+    lines: tuple[KindStatistics, ...] = ()
     """Each kind of message that was seen, channel by channel, clients' first."""
     latencies: tuple[Latency, ...] = ()
     connections: tuple[End, ...] = ()
@@ -70,7 +70,7 @@ class Seen(NamedTuple):
 
 
 @dataclass
-class Live:
+class LiveSession:
     """Everything that is known of a session so far."""
 
     now: float = 0.0
@@ -111,7 +111,7 @@ class Live:
         return Seen(
             self.now,
             tuple(
-                Line(*kind, count, rates[kind] / span, self._bytes[kind])
+                KindStatistics(*kind, count, rates[kind] / span, self._bytes[kind])
                 for kind, count in sorted(self._counts.items())
             ),
             tuple(

@@ -6,8 +6,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from splatbus_conformance.observe.audit import Finding
-from splatbus_conformance.observe.live import End, Latency, Line, Seen
+from splatbus_conformance.observe.audit import AuditFinding
+from splatbus_conformance.observe.live import End, KindStatistics, Latency, Seen
 from splatbus_conformance.reports.terminal import STYLE
 from splatbus_conformance.verdicts import Verdict
 
@@ -21,7 +21,7 @@ STATE_STYLE = {"open": "green", "ended": "dim", "reset": "yellow"}
 
 
 def screen(
-    title: str, seen: Seen, broken: Sequence[Finding], behind: float, columns: int, rows: int
+    title: str, seen: Seen, broken: Sequence[AuditFinding], behind: float, columns: int, rows: int
 ) -> RenderableType:
     """A screen of so many columns and rows."""
     head = [
@@ -43,7 +43,7 @@ def screen(
     return Group(*above, _messages(seen.lines, room), Text(), _answers(seen.latencies))
 
 
-def line(seen: Seen, broken: Sequence[Finding], behind: float) -> str:
+def line(seen: Seen, broken: Sequence[AuditFinding], behind: float) -> str:
     """The same in one line."""
     rate = sum(it.per_second for it in seen.lines)
     parts = [
@@ -64,7 +64,7 @@ def line(seen: Seen, broken: Sequence[Finding], behind: float) -> str:
     return "; ".join(parts)
 
 
-def told(finding: Finding) -> Text:
+def told(finding: AuditFinding) -> Text:
     """What is broken, as it is found."""
     assert finding.first
     place = finding.first.place
@@ -77,7 +77,7 @@ def told(finding: Finding) -> Text:
     )
 
 
-def _brief(finding: Finding) -> Text:
+def _brief(finding: AuditFinding) -> Text:
     assert finding.first
     return Text.assemble(
         (f"  {finding.requirement.id} ", STYLE[finding.verdict]),
@@ -93,7 +93,7 @@ def printable(text: str) -> str:
     return "".join(each if each.isprintable() else "·" for each in text)
 
 
-def _opinion(broken: Sequence[Finding]) -> Text:
+def _opinion(broken: Sequence[AuditFinding]) -> Text:
     if not broken:
         return Text("nothing broken so far", "green")
     worst = Verdict.FAIL if any(it.verdict is Verdict.FAIL for it in broken) else Verdict.WARN
@@ -118,7 +118,7 @@ def _connections(seen: Seen) -> Table:
     return table
 
 
-def _messages(lines: Sequence[Line], room: int) -> Table:
+def _messages(lines: Sequence[KindStatistics], room: int) -> Table:
     table = _table("channel", "from", "message", *("seen", "a second", "bytes"))
     shown = lines if len(lines) <= room else _busiest(lines, max(1, room - 1))
     for it in shown:
@@ -135,7 +135,7 @@ def _messages(lines: Sequence[Line], room: int) -> Table:
     return table
 
 
-def _busiest(lines: Sequence[Line], count: int) -> list[Line]:
+def _busiest(lines: Sequence[KindStatistics], count: int) -> list[KindStatistics]:
     """So many of them, in their order."""
     busiest = sorted(lines, key=lambda it: (it.per_second, it.seen), reverse=True)[:count]
     return [it for it in lines if it in busiest]

@@ -8,8 +8,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self, TextIO
 
-from splatbus_conformance.observe.audit import Audit, Finding, audit_of
-from splatbus_conformance.observe.live import Live, Seen
+from splatbus_conformance.observe.audit import Audit, AuditFinding, audit_of
+from splatbus_conformance.observe.live import LiveSession, Seen
 from splatbus_conformance.wire.recording import from_line
 
 LOOK_SECONDS = 0.2
@@ -28,10 +28,10 @@ class Follower:
 
     def __init__(self, file: Path) -> None:
         self.seen = Seen()
-        self.broken: list[Finding] = []
+        self.broken: list[AuditFinding] = []
         self.behind = 0.0
         self._file = file
-        self._live = Live()
+        self._live = LiveSession()
         self._began = time.monotonic()
         self._stopping = threading.Event()
         self._pool = ThreadPoolExecutor(2, initializer=_give_way)
@@ -44,7 +44,7 @@ class Follower:
         self._stopping.set()
         self._pool.shutdown(cancel_futures=True)
 
-    def finish(self) -> Live:
+    def finish(self) -> LiveSession:
         """Read what is there to its end; the whole session."""
         self._stopping.set()
         self._following.result()

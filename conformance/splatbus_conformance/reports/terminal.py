@@ -50,7 +50,7 @@ _VERSION = re.compile(r"\b(\d) (\d)\b")
 _ONE_LINE = Column(no_wrap=True, overflow="ellipsis", ratio=1)
 
 
-class Live:
+class LiveProgress:
     """Says what runs now, and what came of it: one line for each check that said something, and
     on a terminal a last one, rewritten, with what runs. Why checks were skipped is told at the end,
     once for each reason.

@@ -14,7 +14,7 @@ long may not have had the other half.
 
 
 @dataclass(frozen=True)
-class Demands:
+class Thresholds:
     """What `--require-level` and `--require-coverage` ask for."""
 
     level: Level = Level.PASSIVE
@@ -55,7 +55,7 @@ def missing(
 
 
 def shortfalls(
-    results: Iterable[Result], judged: Mapping[str, Requirement], demands: Demands
+    results: Iterable[Result], judged: Mapping[str, Requirement], demands: Thresholds
 ) -> list[str]:
     """A sentence for each demand that a run does not meet."""
     seen = observed(results, judged, demands.level)

@@ -18,7 +18,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Judgement
 from splatbus_conformance.rules.v1_0.pos import typed
-from splatbus_conformance.wire.conversation import Conversation, Message, Placed
+from splatbus_conformance.wire.conversation import Conversation, Message, MessageInContext
 from splatbus_conformance.wire.json_values import SAFE, integer_in, is_number, show, whole
 from splatbus_conformance.wire.message_kinds import REPLIES, REPLY_TO, REQUESTS, REQUESTS_1_0
 
@@ -39,7 +39,7 @@ MOST_OVERTAKEN = 100
 """Requests that are kept in case that their answers come late."""
 
 
-class Pair(NamedTuple):
+class Exchange(NamedTuple):
     """A request and what answered it."""
 
     question: Message
@@ -66,7 +66,7 @@ class Extra(NamedTuple):
 class Exchanges:
     """What became of the requests of one connection."""
 
-    pairs: list[Pair] = field(default_factory=list)
+    pairs: list[Exchange] = field(default_factory=list)
     extra: list[Extra] = field(default_factory=list)
     astray: list[Message] = field(default_factory=list)
     """Each `error` with an id that no request has which can have waited for it."""
@@ -239,7 +239,7 @@ class _Matching:
         first, after_hello = asked[0], all(each.after_hello for each in asked)
         certain = certain and len(asked) == 1 and first.certain
         self.found.pairs.append(
-            Pair(first.question, answer.message, late, after_hello, answer.welcomed, certain)
+            Exchange(first.question, answer.message, late, after_hello, answer.welcomed, certain)
         )
 
 
@@ -296,7 +296,7 @@ def exchanges(conversation: Conversation) -> Exchanges:
     return matching.finish()
 
 
-def _asked(placed: Placed, *, agreed: bool) -> _Asked | None:
+def _asked(placed: MessageInContext, *, agreed: bool) -> _Asked | None:
     message, hello, welcome = placed
     if not valid_request(message) or message.kind not in (REQUESTS if hello else REQUESTS_1_0):
         return None

@@ -11,7 +11,7 @@ from splatbus_conformance.images.memory.host import HostMemory, free_bytes, swee
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.run.vital_signs import lost_by_client
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import diagnostics, os_evidence
 from splatbus_conformance.trials.testee.adapter import Adapted
 from splatbus_conformance.trials.testee.adapter_smoke import smoke
@@ -32,7 +32,7 @@ SLOTS = (5, 3, 2, 4)
 """One of these, as the seed chooses."""
 
 
-class ClientStand:
+class ClientTestbed:
     """The harness listens where the client will connect to."""
 
     def __init__(self, plan: Plan, say: Say) -> None:
@@ -121,10 +121,10 @@ class ClientStand:
             return Launched(self.plan.launch, environment)
         return Awaited("the client that connects", say)
 
-    def _role(self) -> Role:
+    def _role(self) -> ScriptedServer:
         plan = self.plan
         arrangement = rings.drawn(plan.seed)
-        return Role(self._memory, *plan.viewport, _slots(plan), plan.seed, arrangement)
+        return ScriptedServer(self._memory, *plan.viewport, _slots(plan), plan.seed, arrangement)
 
 
 def _listening(plan: Plan) -> Peer:

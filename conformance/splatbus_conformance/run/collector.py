@@ -27,7 +27,7 @@ class Progress(Protocol):
         """One has its verdict."""
 
 
-class Gathering:
+class Collector:
     """Handed to `pytest.main`; puts all results into findings."""
 
     def __init__(self, findings: Findings, progress: Progress, checks: Mapping[str, Check]) -> None:

@@ -58,18 +58,18 @@ def _seen_again(
     until = time.monotonic() + seconds
     made = dict(scripts)
     try:
-        stand = set_up(replace(plan, parallel=1))
+        testbed = set_up(replace(plan, parallel=1))
     except (Usage, NoVerdict) as error:
         return made, f"no further testee could be started: {error}"
     try:
-        stand.introduce()
+        testbed.introduce()
         for place, script in scripts.items():
             if time.monotonic() < until:
-                made[place] = counted(script, replay(stand, script))
+                made[place] = counted(script, replay(testbed, script))
         for left, place in zip(range(len(made), 0, -1), made, strict=True):
             share = (until - time.monotonic()) / left
             if share > 0:
-                made[place] = worked_out(stand, made[place], share)
+                made[place] = worked_out(testbed, made[place], share)
     except NoVerdict as error:
         return made, f"no further testee was met: {str(error).splitlines()[0]}"
     except KeyboardInterrupt:
@@ -77,7 +77,7 @@ def _seen_again(
     except Exception as error:  # verdicts are not lost over what is done about them afterwards
         return made, f"the harness failed: {type(error).__name__}: {error}"
     finally:
-        stand.close()
+        testbed.close()
     return made, "--shrink's time was up"
 
 

@@ -15,7 +15,7 @@ from splatbus_conformance.reports import expected_failures
 from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Findings, Traffic
 from splatbus_conformance.reports.terminal import (
-    Live,
+    LiveProgress,
     print_complaints,
     print_end,
     print_failures,
@@ -26,7 +26,7 @@ from splatbus_conformance.reports.terminal import (
 from splatbus_conformance.reports.thresholds import missing, observed, shortfalls
 from splatbus_conformance.reports.unseen import unseen
 from splatbus_conformance.run.failures import work_out
-from splatbus_conformance.run.options import Wishes, selectable_on
+from splatbus_conformance.run.options import RunOptions, selectable_on
 from splatbus_conformance.run.running import run_checks
 from splatbus_conformance.trials.testee import diagnostics
 from splatbus_conformance.verdicts import (
@@ -41,12 +41,12 @@ from splatbus_conformance.verdicts import (
 )
 
 
-def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
+def judge(plan: Plan, wishes: RunOptions, out: Console) -> int:
     """Judge a testee by a plan, and write the reports that are wished for.
 
     Raises Usage, NoVerdict.
     """
-    live = Live(out)
+    live = LiveProgress(out)
     began = time.monotonic()
     wishes.files.remove_former()
 
@@ -69,7 +69,7 @@ def judge(plan: Plan, wishes: Wishes, out: Console) -> int:
     return _report(plan, findings, time.monotonic() - began, wishes, out)
 
 
-def soak(plan: Plan, seconds: float, live: Live) -> Findings:
+def soak(plan: Plan, seconds: float, live: LiveProgress) -> Findings:
     """Run the full profile with one seed after the other until so many seconds have passed."""
     until = time.monotonic() + seconds
     findings = Findings()
@@ -104,7 +104,9 @@ def _without_verdict(plan: Plan, why: str, status: int, seconds: float) -> dict[
     )
 
 
-def _report(plan: Plan, findings: Findings, seconds: float, wishes: Wishes, out: Console) -> int:
+def _report(
+    plan: Plan, findings: Findings, seconds: float, wishes: RunOptions, out: Console
+) -> int:
     traffic = findings.traffic
     judged = traffic.judged(plan.side)
     found = findings.results(plan)
@@ -170,7 +172,7 @@ def left_out(plan: Plan) -> dict[str, list[str]]:
     return found
 
 
-def write_expected(path: Path, found: Iterable[Result], wishes: Wishes, out: Console) -> int:
+def write_expected(path: Path, found: Iterable[Result], wishes: RunOptions, out: Console) -> int:
     """Write the list of expected failures anew; not from a run in which the harness failed."""
     found = list(found)
     errors = [f"{it.requirement} {it.check}" for it in found if it.verdict is Verdict.ERROR]

@@ -7,7 +7,7 @@ from splatbus_conformance.checks.registry import check_functions, judges
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.reports.expected_failures import Expectation
 from splatbus_conformance.reports.files import Files
-from splatbus_conformance.reports.thresholds import Demands
+from splatbus_conformance.reports.thresholds import Thresholds
 from splatbus_conformance.run.plugin import selectable
 from splatbus_conformance.selection import RULE, Item
 
@@ -19,11 +19,11 @@ WAIT_PATIENCE = 120.0
 
 
 @dataclass(frozen=True)
-class Wishes:
+class RunOptions:
     """What makes a run a failure, and what is to be written of it."""
 
     strict: bool = False
-    demands: Demands = Demands()  # noqa: RUF009 - it is frozen
+    demands: Thresholds = Thresholds()  # noqa: RUF009 - it is frozen
     expectations: tuple[Expectation, ...] = ()
     minutes: float = 10.0
     """How long a soak goes on."""

@@ -25,7 +25,7 @@ from splatbus_conformance.reports.findings import Traffic, result_as_text
 from splatbus_conformance.rules import guilty
 from splatbus_conformance.rules.tally import add, rules_on, tally
 from splatbus_conformance.run.deaths import note_deaths
-from splatbus_conformance.run.testbed import Stand
+from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.run.vital_signs import forbids_loss
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
@@ -46,7 +46,7 @@ RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
 Order = Callable[[list[pytest.Item]], list[pytest.Item]]
 
 
-class Deed(NamedTuple):
+class CheckAftermath(NamedTuple):
     """What a check has done to the testee."""
 
     name: str
@@ -86,8 +86,8 @@ class Modules(pytest.Directory):
 class CheckPlugin:
     """Handed to `pytest.main`, with a stand whose testee has been met."""
 
-    def __init__(self, plan: Plan, stand: Stand, order: Order) -> None:
-        self.plan, self.stand, self.order = plan, stand, order
+    def __init__(self, plan: Plan, testbed: Testbed, order: Order) -> None:
+        self.plan, self.testbed, self.order = plan, testbed, order
         self.known = requirements("1.1")
         self.rules = rules_on(
             {
@@ -98,9 +98,11 @@ class CheckPlugin:
         )
         self.traffic = self._nothing_yet()
         self.trial_now: Trial | None = None
-        self._latest = Deed("introduction", MEETING, "", list(stand.peer.entries), failed=False)
+        self._latest = CheckAftermath(
+            "introduction", MEETING, "", list(testbed.peer.entries), failed=False
+        )
         """The check that ran last; at first, when the testee was met."""
-        self._last_alive: dict[Channel, Deed] = {}
+        self._last_alive: dict[Channel, CheckAftermath] = {}
         """The last check in which the testee came to this channel: whatever takes it, does not
         show in those that follow, which may use the other alone.
         """
@@ -109,7 +111,7 @@ class CheckPlugin:
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
-        if stand.testee.ended() is not None:
+        if testbed.testee.ended() is not None:
             self._note_end()
             self.look_after()
         self._note_end()
@@ -153,17 +155,17 @@ class CheckPlugin:
     @pytest.fixture
     def trial(self, request: pytest.FixtureRequest) -> Iterator[Trial]:
         """A trial with fresh connections; the rules judge whatever crossed the wire."""
-        check, testee = declared(request.node), self.stand.testee
+        check, testee = declared(request.node), self.testbed.testee
         self.trial_now = None
         if reason := self._missing(check):
             pytest.skip(reason)
         self._began = (time.monotonic(), time.process_time())
-        trial = self.trial_now = self.stand.trial(self.known[check.requirement])
+        trial = self.trial_now = self.testbed.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
         told = " ".join((request.function.__doc__ or "").split())
         trial.purpose = f"{check.requirement}: {told}"
         yield trial
-        peer = self.stand.peer
+        peer = self.testbed.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
         self.traffic.delivered += trial.delivered
         self.traffic.left_out += trial.left_out
@@ -187,26 +189,26 @@ class CheckPlugin:
         """Look for the testee's vital signs; what it has lost is charged to the latest check, and
         one that the harness can start is started anew.
         """
-        if lost := self.stand.lost(briefly=self._latest.failed):
+        if lost := self.testbed.lost(briefly=self._latest.failed):
             self._charge(self._latest, lost)
-        if lost or self.stand.testee.ended() is not None:
-            self.stand.testee.stop()
+        if lost or self.testbed.testee.ended() is not None:
+            self.testbed.testee.stop()
 
     def _a_must_is_broken(self) -> bool:
         by_rule = (name for name, count in self.traffic.tally.items() if count.broken)
         musts = [name for name in by_rule if failing(self.known[name].level) is Verdict.FAIL]
         return bool(musts or self.traffic.losses) or self._last_verdict is Verdict.FAIL
 
-    def _deed(self, check: Check, name: str) -> "Deed":
+    def _deed(self, check: Check, name: str) -> "CheckAftermath":
         script = self._script(check.requirement, name, by_rule=False)
         failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
-        return Deed(name, check, script, list(self.stand.peer.entries), failed)
+        return CheckAftermath(name, check, script, list(self.testbed.peer.entries), failed)
 
-    def _note_alive(self, deed: "Deed") -> None:
+    def _note_alive(self, deed: "CheckAftermath") -> None:
         came = {entry.channel for entry in deed.entries if entry.event == "open"}
         self._last_alive |= dict.fromkeys(came, deed)
 
-    def _charge(self, deed: "Deed", what: str) -> None:
+    def _charge(self, deed: "CheckAftermath", what: str) -> None:
         """A sign that was lost is the failure of the sentence that forbids it; where the check has
         failed already, that says it.
         """
@@ -226,28 +228,28 @@ class CheckPlugin:
         self.traffic.losses.append(result_as_text(loss))
 
     def _last_words(self) -> str:
-        printed = self.stand.testee.output().strip().splitlines()[-PRINTED_LINES:]
+        printed = self.testbed.testee.output().strip().splitlines()[-PRINTED_LINES:]
         return f"; the last that it printed: {' | '.join(printed)}" if printed else ""
 
     def _note_end(self) -> None:
-        if ended := self.stand.testee.ended():
+        if ended := self.testbed.testee.ended():
             self.traffic.ended = f"the {self.plan.side} {ended}"
-            self.traffic.printed = self.stand.testee.output()
+            self.traffic.printed = self.testbed.testee.output()
 
     def _nothing_yet(self) -> Traffic:
-        facts = self.stand.facts
+        facts = self.testbed.facts
         return Traffic(
-            self.stand.testee.name, facts.version(), facts.device, advice=list(facts.advice)
+            self.testbed.testee.name, facts.version(), facts.device, advice=list(facts.advice)
         )
 
     def _keep(self, place: int, name: str) -> None:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""
-        entries = list(self.stand.peer.entries)
-        self.stand.peer.close_all()  # what the testee does about it goes on during the judgement
+        entries = list(self.testbed.peer.entries)
+        self.testbed.peer.close_all()  # what the testee does about it goes on during the judgement
         recorded = conversations(entries)
-        on_record = self.stand.peer.on_record
-        lives = [(on_record(born), on_record(ended)) for born, ended in self.stand.testee.lives]
-        note_deaths(recorded, entries, self.stand.peer.theirs, lives)
+        on_record = self.testbed.peer.on_record
+        lives = [(on_record(born), on_record(ended)) for born, ended in self.testbed.testee.lives]
+        note_deaths(recorded, entries, self.testbed.peer.theirs, lives)
         seen = tally(recorded, self.plan.side, self.rules)
         add(self.traffic.tally, seen)
         latencies.add(self.traffic.latencies, latencies.of(recorded, self.plan.side))
@@ -256,7 +258,7 @@ class CheckPlugin:
             self.traffic.scripts |= {it: self._script(it, name, by_rule=True) for it in broken}
         busy = time.process_time() - self._began[1]
         self.traffic.busy_seconds += busy
-        self.traffic.late_seconds = max(self.traffic.late_seconds, self.stand.peer.late_seconds)
+        self.traffic.late_seconds = max(self.traffic.late_seconds, self.testbed.peer.late_seconds)
         self.traffic.waiting_seconds += max(0.0, time.monotonic() - self._began[0] - busy)
         if self.plan.record:
             recording.save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
@@ -266,9 +268,9 @@ class CheckPlugin:
 
     def _missing(self, check: Check) -> str | None:
         for need in check.needs:
-            if reason := self.stand.facts.lacks(need):
+            if reason := self.testbed.facts.lacks(need):
                 return str(reason)
-        if check.may_crash and not (self.stand.testee.expendable or self.plan.allow_crash):
+        if check.may_crash and not (self.testbed.testee.expendable or self.plan.allow_crash):
             return "it may crash a testee that was not launched by the harness: --allow-crash"
         return None
 
@@ -288,7 +290,7 @@ class CheckPlugin:
             evidence = self._evidence(check.requirement)
             if isinstance(error.value, Violation):
                 verdict = failing(self.known[check.requirement].level)
-                text += self._last_words() if self.stand.testee.ended() else ""
+                text += self._last_words() if self.testbed.testee.ended() else ""
                 script = self._script(check.requirement, item.name, by_rule=False)
             elif isinstance(error.value, pytest.skip.Exception):
                 verdict, evidence = Verdict.SKIP, ()
@@ -311,7 +313,7 @@ class CheckPlugin:
         )
 
     def _evidence(self, requirement: str) -> tuple[str, ...]:
-        peer, since = self.stand.peer, self.trial_now.before_last_case if self.trial_now else 0
+        peer, since = self.testbed.peer, self.trial_now.before_last_case if self.trial_now else 0
         marks = guilty.marks(peer.entries, peer.ours, requirement, since)
         return tuple(excerpt(peer.entries, EVIDENCE_LINES, marks, peer.ours))
 

@@ -12,7 +12,7 @@ from splatbus_conformance.cases.script import Case, Script, ScriptError, flat, r
 from splatbus_conformance.cases.shrinking import simplest, smallest
 from splatbus_conformance.checks.registry import check_functions
 from splatbus_conformance.rules import Sighting, guilty, sightings
-from splatbus_conformance.run.testbed import Stand
+from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.wire.transcript import excerpt
 
@@ -39,7 +39,7 @@ class Replay(NamedTuple):
     transcript: tuple[str, ...]
 
 
-def replay(stand: Stand, script: Script) -> Replay:
+def replay(testbed: Testbed, script: Script) -> Replay:
     """Deliver a script to a new testee, where the harness can start one.
 
     Raises ScriptError if it names no check.
@@ -47,7 +47,7 @@ def replay(stand: Stand, script: Script) -> Replay:
     check = next((f for f in check_functions(script.side) if f.__name__ == script.check), None)
     if check is None:
         raise ScriptError(f"there is no check {script.check} of a {script.side} any more")
-    trial = stand.trial(requirements("1.1")[check.check.requirement])
+    trial = testbed.trial(requirements("1.1")[check.check.requirement])
     trial.end_testee()
     trial.profile, trial.script, trial.seed = script.profile, script.cases, script.seed
     broken: str | None = None
@@ -60,10 +60,10 @@ def replay(stand: Stand, script: Script) -> Replay:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
     if script.requirement != check.check.requirement and not script.by_rule:
-        entries = list(stand.peer.entries)
-        lost = stand.lost(briefly=False) or None
+        entries = list(testbed.peer.entries)
+        lost = testbed.lost(briefly=False) or None
         return Replay(lost, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
-    peer = stand.peer
+    peer = testbed.peer
     if script.by_rule:
         breach = _breach(script, trial)
         broken = breach.breach if breach else None
@@ -98,7 +98,7 @@ def counted(script: Script, given: Replay) -> Script:
     return replace(script, again=script.again + 1, seen=given.broken, transcript=given.transcript)
 
 
-def worked_out(stand: Stand, script: Script, seconds: float) -> Script:
+def worked_out(testbed: Testbed, script: Script, seconds: float) -> Script:
     """The smallest script found within so many seconds that breaks the same sentence.
 
     A smaller one counts once it has failed twice of two, each time with a new testee. Among many
@@ -110,10 +110,10 @@ def worked_out(stand: Stand, script: Script, seconds: float) -> Script:
     def in_time() -> bool:
         return time.monotonic() < until
 
-    given = replay(stand, script)
+    given = replay(testbed, script)
     script = best = counted(script, given)
     while script.again < script.tried < TRIES and in_time():
-        script = counted(script, replay(stand, script))
+        script = counted(script, replay(testbed, script))
     if script.again < script.tried:
         return script
     simpler = given.trial.simpler
@@ -122,7 +122,7 @@ def worked_out(stand: Stand, script: Script, seconds: float) -> Script:
         nonlocal best
         smaller = replace(script, cases=rows(pairs, len(script.cases)), tried=0, again=0)
         while smaller.tried < CONFIRMATIONS:
-            smaller = counted(smaller, replay(stand, smaller))
+            smaller = counted(smaller, replay(testbed, smaller))
             if smaller.again < smaller.tried:
                 return False
         best = smaller
@@ -139,4 +139,4 @@ def worked_out(stand: Stand, script: Script, seconds: float) -> Script:
                 lambda pair: fails([*kept[:place], pair, *kept[place + 1 :]]),  # noqa: B023
                 in_time,
             )
-    return counted(best, replay(stand, best))
+    return counted(best, replay(testbed, best))

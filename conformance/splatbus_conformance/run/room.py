@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from splatbus_conformance.images.memory.device import STAND_IN
-from splatbus_conformance.run.testbed import Stand
+from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.trials.testee.client_probe import SLOW_START_SECONDS, ClientFacts
 from splatbus_conformance.trials.testee.os_evidence import PROC, members
 
@@ -16,20 +16,20 @@ SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
 """How much of the machine all instances may take together while they are left alone."""
 
 
-def at_a_time(stand: Stand) -> int:
+def at_a_time(testbed: Testbed) -> int:
     """How many instances to judge at a time: one, where what they take cannot be seen."""
-    group = stand.testee.group
-    if group is None or stand.facts.device not in ("", STAND_IN):
+    group = testbed.testee.group
+    if group is None or testbed.facts.device not in ("", STAND_IN):
         return 1
-    stand.testee.ensure_running()
+    testbed.testee.ensure_running()
     before = _cpu_seconds(group)
-    stand.peer.pump(GLANCE_SECONDS)
+    testbed.peer.pump(GLANCE_SECONDS)
     busy, resident = (_cpu_seconds(group) - before) / GLANCE_SECONDS, _resident_bytes(group)
     if not resident:
         return 1
     by_cores = SHARE_OF_CORES * (os.cpu_count() or 1) / max(busy, 0.01)
     by_memory = SHARE_OF_MEMORY * _free_bytes() / resident
-    facts = stand.facts
+    facts = testbed.facts
     slow = isinstance(facts, ClientFacts) and facts.start_seconds >= SLOW_START_SECONDS
     return max(1, min(MOST_SLOW if slow else MOST, int(by_cores), int(by_memory)))
 

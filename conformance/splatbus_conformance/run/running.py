@@ -13,7 +13,7 @@ from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.reports.findings import Findings
 from splatbus_conformance.run import room
 from splatbus_conformance.run import workers as parallel
-from splatbus_conformance.run.collector import Gathering, Progress
+from splatbus_conformance.run.collector import Collector, Progress
 from splatbus_conformance.run.plugin import CheckPlugin, declared, selectable
 from splatbus_conformance.run.pytest_run import run_pytest
 from splatbus_conformance.run.testbed import set_up
@@ -44,17 +44,17 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     alone = not plan.starts_it or plan.ports != (0, 0) or len(selected) < FEWEST_CHECKS
     if plan.parallel > 1 or not (plan.parallel or alone):
         parallel.prepare()
-    gathering = Gathering(findings, progress, checks)
+    gathering = Collector(findings, progress, checks)
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
-    with contextlib.closing(set_up(plan, progress.say)) as stand:
-        progress.say(_what_happens(stand.peer, plan))
-        stand.introduce()
-        progress.say(f"Met the {plan.side}: {stand.facts}.")
-        for advice in stand.facts.advice:
+    with contextlib.closing(set_up(plan, progress.say)) as testbed:
+        progress.say(_what_happens(testbed.peer, plan))
+        testbed.introduce()
+        progress.say(f"Met the {plan.side}: {testbed.facts}.")
+        for advice in testbed.facts.advice:
             progress.say(advice)
-        plugin = CheckPlugin(plan, stand, in_order)
-        workers = plan.parallel or (1 if alone else room.at_a_time(stand))
+        plugin = CheckPlugin(plan, testbed, in_order)
+        workers = plan.parallel or (1 if alone else room.at_a_time(testbed))
         if workers == 1:
             status = run_pytest([plugin, gathering])
             plugin.look_after()
@@ -63,14 +63,14 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
             _note_what_did_not_run(gathering, status, plan)
             return findings
         # What the rules see of the introduction; the workers have none of their own.
-        findings.traffic.add(CheckPlugin(plan, stand, in_order).traffic)
+        findings.traffic.add(CheckPlugin(plan, testbed, in_order).traffic)
     progress.say(
         f"Judging {workers} of them at a time, each on ports of its own (--parallel 1: one)."
     )
     names = parallel.dealt(selected, plan.profile)
     gathering.begin(names)
     try:
-        parallel.Workers(plan, stand.facts, names, gathering).run(workers)
+        parallel.Workers(plan, testbed.facts, names, gathering).run(workers)
     except NoVerdict as error:
         if plan.parallel:
             raise
@@ -104,7 +104,7 @@ def _what_happens(peer: Peer, plan: Plan) -> str:
     return f"Waiting for a client on {where}, {limit}: start yours now (in an engine: press Play)."
 
 
-def _note_what_did_not_run(gathering: Gathering, status: int, plan: Plan) -> None:
+def _note_what_did_not_run(gathering: Collector, status: int, plan: Plan) -> None:
     """Raises KeyboardInterrupt where pytest has handled one."""
     if status == pytest.ExitCode.INTERRUPTED and not gathering.uncollected:
         raise KeyboardInterrupt

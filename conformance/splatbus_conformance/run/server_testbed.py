@@ -7,7 +7,7 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.images.memory.device import STAND_IN
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.vital_signs import BRIEF_SECONDS, lost_by_server
-from splatbus_conformance.trials.scripted_client import Viewer
+from splatbus_conformance.trials.scripted_client import ScriptedClient
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.device_probe import (
     device_for,
@@ -26,7 +26,7 @@ RESTART_SECONDS = 60.0
 """Until a server that was met, and is started anew, must listen: the machine may be busy by now."""
 
 
-class ServerStand:
+class ServerTestbed:
     """The harness connects to where the server listens."""
 
     def __init__(self, plan: Plan, say: Say) -> None:
@@ -43,7 +43,7 @@ class ServerStand:
         )
         self.facts = ServerFacts()
         self._token = os.environ.get(TOKEN_VARIABLE) or None
-        self._viewer = Viewer(self._token, self.device)
+        self._viewer = ScriptedClient(self._token, self.device)
 
     def introduce(self) -> None:
         """Meet the server for the first time. Raises NoVerdict."""
@@ -100,7 +100,7 @@ class ServerStand:
         if self.stand_in:
             self.stand_in.close()
 
-    def _new_viewer(self) -> Viewer:
+    def _new_viewer(self) -> ScriptedClient:
         self._viewer.close()
-        self._viewer = Viewer(self._token, self.device)
+        self._viewer = ScriptedClient(self._token, self.device)
         return self._viewer

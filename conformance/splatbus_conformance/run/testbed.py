@@ -5,8 +5,8 @@ from typing import Any, Protocol
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.run.client_testbed import ClientStand
-from splatbus_conformance.run.server_testbed import ServerStand
+from splatbus_conformance.run.client_testbed import ClientTestbed
+from splatbus_conformance.run.server_testbed import ServerTestbed
 from splatbus_conformance.trials.testee.process import Say, Testee
 from splatbus_conformance.trials.trial import Trial
 from splatbus_conformance.wire.sockets import Peer
@@ -27,7 +27,7 @@ class Facts(Protocol):
         """The version of the specification that it is judged by: the newest that it speaks."""
 
 
-class Stand(Protocol):
+class Testbed(Protocol):
     """What the checks of either side have in common."""
 
     @property
@@ -61,9 +61,9 @@ class Stand(Protocol):
         """End the testee, and give everything back."""
 
 
-def set_up(plan: Plan, say: Say = lambda text: None) -> Stand:
+def set_up(plan: Plan, say: Say = lambda text: None) -> Testbed:
     """A stand for this plan, which says what its user has to do.
 
     Raises Usage if a port cannot be had, NoVerdict if there is no shared memory.
     """
-    return ClientStand(plan, say) if plan.side == "client" else ServerStand(plan, say)
+    return ClientTestbed(plan, say) if plan.side == "client" else ServerTestbed(plan, say)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from splatbus_conformance.rules import sightings
 from splatbus_conformance.rules.guilty import of_the_last_connections
-from splatbus_conformance.trials.scripted_client import Viewer
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_client import ScriptedClient
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
 from splatbus_conformance.trials.testee.probe_advice import NAMES, does_not_come
 from splatbus_conformance.trials.testee.process import Testee
@@ -45,7 +45,7 @@ def forbids_loss(side: str, entries: Sequence[Entry]) -> str:
 
 def lost_by_server(
     peer: Peer,
-    viewer: Viewer,
+    viewer: ScriptedClient,
     testee: Testee,
     facts: ServerFacts,
     patience: float,
@@ -69,7 +69,7 @@ def lost_by_server(
 def _lost_on(
     channel: Channel,
     peer: Peer,
-    viewer: Viewer,
+    viewer: ScriptedClient,
     testee: Testee,
     facts: ServerFacts,
     patience: float,
@@ -97,7 +97,7 @@ def _lost_on(
 
 
 def _silent_on(
-    connection: Connection, peer: Peer, viewer: Viewer, facts: ServerFacts, seconds: float
+    connection: Connection, peer: Peer, viewer: ScriptedClient, facts: ServerFacts, seconds: float
 ) -> str:
     """What a server fails to do on a connection that it did when it was met."""
     channel, dealings = connection.channel, viewer.with_(connection)
@@ -132,7 +132,7 @@ def _silent_on(
 
 
 def lost_by_client(
-    peer: Peer, role: Role, testee: Testee, facts: ClientFacts, patience: float
+    peer: Peer, role: ScriptedServer, testee: Testee, facts: ClientFacts, patience: float
 ) -> str:
     """Which sign a client has lost, in words; nothing if it does all that it did when it was met.
 
@@ -161,6 +161,6 @@ def _newest(peer: Peer, channel: Channel) -> Connection | None:
     return on_it[-1] if on_it else None
 
 
-def _said_hello(peer: Peer, role: Role, channel: Channel) -> bool:
+def _said_hello(peer: Peer, role: ScriptedServer, channel: Channel) -> bool:
     on_it = [c for c in peer.connections if c.channel == channel]
     return any(role.with_(c).hello is not None for c in on_it)

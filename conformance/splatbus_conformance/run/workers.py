@@ -22,7 +22,7 @@ from splatbus_conformance.checks import Check
 from splatbus_conformance.data import read_json
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.reports.findings import Traffic
-from splatbus_conformance.run.collector import Gathering
+from splatbus_conformance.run.collector import Collector
 from splatbus_conformance.run.plugin import CheckPlugin
 from splatbus_conformance.run.pytest_run import isolated, run_pytest
 from splatbus_conformance.run.testbed import Facts, set_up
@@ -37,7 +37,7 @@ ENDING_SECONDS = 30.0
 _context: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
 
 
-class Word(Enum):
+class WorkerMessage(Enum):
     """What a worker tells, with something that belongs to it."""
 
     READY = auto()
@@ -65,7 +65,7 @@ class Workers:
     """
 
     def __init__(
-        self, plan: Plan, facts: Facts, names: Iterable[str], gathering: Gathering
+        self, plan: Plan, facts: Facts, names: Iterable[str], gathering: Collector
     ) -> None:
         self._given = plan, dict(os.environ), facts
         self._left = list(names)[::-1]
@@ -99,16 +99,16 @@ class Workers:
         except (EOFError, OSError):
             self._bury(connection)
             return
-        if word is Word.READY:
+        if word is WorkerMessage.READY:
             name = self._left.pop() if self._left else ""
             self._under_way[connection] = name
             if name:
                 self._gathering.pytest_runtest_logstart(name)
             with contextlib.suppress(OSError):  # it will be heard to have ended
                 connection.send(name)
-        elif word is Word.REPORT:
+        elif word is WorkerMessage.REPORT:
             self._gathering.pytest_runtest_logreport(what)
-        elif word is Word.LEFT:
+        elif word is WorkerMessage.LEFT:
             self._gathering.findings.traffic.add(Traffic.from_text(what))
         else:
             raise NoVerdict(what)
@@ -146,19 +146,19 @@ def work(plan: Plan, environment: Mapping[str, str], facts: Facts, there: Connec
 
 def _work(plan: Plan, facts: Facts, there: Connection) -> None:
     try:
-        with contextlib.closing(set_up(plan)) as stand:
-            stand.meet_again(facts)
-            checks = CheckPlugin(plan, stand, lambda items: items)
-            status = run_pytest([checks, Dealt(there)])
+        with contextlib.closing(set_up(plan)) as testbed:
+            testbed.meet_again(facts)
+            checks = CheckPlugin(plan, testbed, lambda items: items)
+            status = run_pytest([checks, WorkerPlugin(there)])
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
             if status != pytest.ExitCode.INTERRUPTED:
                 checks.look_after()
-                there.send((Word.LEFT, checks.traffic.as_text()))
+                there.send((WorkerMessage.LEFT, checks.traffic.as_text()))
     except (NoVerdict, Usage) as error:
-        there.send((Word.NO_VERDICT, str(error)))
+        there.send((WorkerMessage.NO_VERDICT, str(error)))
 
 
-class Dealt:
+class WorkerPlugin:
     """The plugin of a worker: runs the checks that it is dealt, and sends what they say."""
 
     def __init__(self, there: Connection) -> None:
@@ -173,11 +173,11 @@ class Dealt:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """A part of a check has come to its end."""
-        self._there.send((Word.REPORT, report))
+        self._there.send((WorkerMessage.REPORT, report))
 
     def _names(self) -> Iterator[str]:
         while True:
-            self._there.send((Word.READY, None))
+            self._there.send((WorkerMessage.READY, None))
             try:
                 name = self._there.recv()
             except EOFError:

@@ -13,7 +13,7 @@ from rich.text import Text
 from splatbus_conformance.plan import SIDES
 from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.selftest import judge, kill_matrix
-from splatbus_conformance.selftest.judge import GOOD, REFERENCE, Row
+from splatbus_conformance.selftest.judge import GOOD, REFERENCE, SpecimenResult
 from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.selftest.registry import mutants, variations
 from splatbus_conformance.selftest.seeds import judge_seeds
@@ -24,7 +24,7 @@ WORKERS = 10
 
 MOST_UNHURRIED = 5
 
-Trial = Callable[[], Row]
+Trial = Callable[[], SpecimenResult]
 
 
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
@@ -75,7 +75,7 @@ def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
         yield mutant.name, lambda it=mutant: judge.judge_mutant(it)  # type: ignore[misc]
 
 
-def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:
+def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
     """Judge specimens, some at a time, and say what became of each."""
     pool = ThreadPoolExecutor(WORKERS)
     try:
@@ -91,7 +91,9 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[Row]:
         pool.shutdown()
 
 
-def unhurried(chosen: dict[str, Trial], rows: dict[str, Row], out: Console) -> Iterator[Row]:
+def unhurried(
+    chosen: dict[str, Trial], rows: dict[str, SpecimenResult], out: Console
+) -> Iterator[SpecimenResult]:
     """Judge by itself what was not as it must be while others ran: it may have been short of time.
 
     Nothing of that is hidden: the summary names them. Many at once are no accident.
@@ -105,7 +107,7 @@ def unhurried(chosen: dict[str, Trial], rows: dict[str, Row], out: Console) -> I
             yield replace(row, again=True)
 
 
-def progress(row: Row, done: int, total: int) -> Text:
+def progress(row: SpecimenResult, done: int, total: int) -> Text:
     """One line on one specimen."""
     line = Text(f"{done:4}/{total}  {row.requirement or row.kind:<9} ")
     line.append(f"{row.fate:<19}", "green" if row.fate in GOOD else "bold red")

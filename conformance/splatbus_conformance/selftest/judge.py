@@ -72,7 +72,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class SpecimenResult:
     """What the harness said of one specimen."""
 
     name: str
@@ -103,20 +103,20 @@ class Row:
         return {**asdict(self), "seconds": round(self.seconds, 1)}
 
 
-def judge_reference(name: str) -> Row:
+def judge_reference(name: str) -> SpecimenResult:
     """Run every check on the reference client, or on the reference server."""
     side, axes = REFERENCE[name]
     does = f"the reference {side} as it is"
     return _judge_conforming(does, name, side, axes, frozenset(), "quick")
 
 
-def judge_variation(variation: Variation, profile: str) -> Row:
+def judge_variation(variation: Variation, profile: str) -> SpecimenResult:
     """Run every check on an allowed variation."""
     it = variation
     return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns, profile)
 
 
-def judge_mutant(mutant: Mutant) -> Row:
+def judge_mutant(mutant: Mutant) -> SpecimenResult:
     """Run the checks of the requirement that a mutant breaks."""
     began = time.monotonic()
     select = f"{mutant.through},{mutant.requirement}"
@@ -127,7 +127,7 @@ def judge_mutant(mutant: Mutant) -> Row:
     fate, note = fate_of(mutant, cells), ""
     if report is None or (fate is Fate.SURVIVED and errors(cells)):
         fate, note = Fate.NO_VERDICT, last_words
-    return Row(
+    return SpecimenResult(
         mutant.name,
         "mutant",
         mutant.does,
@@ -151,7 +151,7 @@ def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
 
 def _judge_conforming(
     does: str, name: str, side: Side, axes: str, warns: frozenset[str], profile: str
-) -> Row:
+) -> SpecimenResult:
     began = time.monotonic()
     report, status, last_words = run_harness(
         name, side, "", FULL_RUN_SECONDS, axes, ("--profile", profile)
@@ -168,7 +168,7 @@ def _judge_conforming(
     else:
         fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(warns - warned))}"
     kind = "reference" if reference else "variation"
-    return Row(name, kind, does, fate, tuple(cells), time.monotonic() - began, note=note)
+    return SpecimenResult(name, kind, does, fate, tuple(cells), time.monotonic() - began, note=note)
 
 
 def cells_of(report: dict[str, Any] | None) -> list[Cell]:

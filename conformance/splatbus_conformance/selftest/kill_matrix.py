@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from splatbus_conformance.selftest.judge import GOOD, Fate, Row
+from splatbus_conformance.selftest.judge import GOOD, Fate, SpecimenResult
 
 HEAD = """\
 # Kill matrix
@@ -18,7 +18,7 @@ one requirement and has to fail for it, by the check and for the reason that are
 """
 
 
-def sentence(rows: Sequence[Row]) -> str:
+def sentence(rows: Sequence[SpecimenResult]) -> str:
     """What came of a selftest, in one line."""
     mutants = [row for row in rows if row.kind == "mutant"]
     others = [row for row in rows if row.kind != "mutant"]
@@ -32,14 +32,14 @@ def sentence(rows: Sequence[Row]) -> str:
     ) + (f"; judged a second time, by itself: {again}" if again else "")
 
 
-def save(rows: Sequence[Row], path: Path) -> None:
+def save(rows: Sequence[SpecimenResult], path: Path) -> None:
     """Write the matrix to `path` as JSON, and beside it as Markdown."""
     matrix = {"format": "1", "summary": sentence(rows), "rows": [row.as_json() for row in rows]}
     path.write_text(json.dumps(matrix, indent=1, ensure_ascii=False) + "\n", "utf-8")
     path.with_suffix(".md").write_text(markdown(rows), "utf-8")
 
 
-def markdown(rows: Sequence[Row]) -> str:
+def markdown(rows: Sequence[SpecimenResult]) -> str:
     """The matrix as a page for people."""
     mutants = sorted((row for row in rows if row.kind == "mutant"), key=lambda r: r.requirement)
     others = [row for row in rows if row.kind != "mutant"]
@@ -59,11 +59,11 @@ def markdown(rows: Sequence[Row]) -> str:
     return page
 
 
-def _bold(row: Row) -> str:
+def _bold(row: SpecimenResult) -> str:
     return row.fate if row.fate in GOOD else f"**{row.fate}**"
 
 
-def _warned(row: Row) -> str:
+def _warned(row: SpecimenResult) -> str:
     return ", ".join(sorted({cell.requirement for cell in row.cells})) or "—"
 
 

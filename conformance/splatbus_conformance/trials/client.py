@@ -10,12 +10,12 @@ from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.returning import absence, return_seconds, tries_to_go_on
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
 from splatbus_conformance.trials.testee.probe_advice import NAMES, does_not_come
 from splatbus_conformance.trials.testee.process import Testee
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, Trial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, LostSign, Trial
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
@@ -34,7 +34,7 @@ class ClientTrial(Trial):
         self,
         requirement: Requirement,
         peer: Peer,
-        role: Role,
+        role: ScriptedServer,
         testee: Testee,
         facts: ClientFacts,
         patience: float,
@@ -144,7 +144,7 @@ class ClientTrial(Trial):
 
     def _note_loss(self, what: str, channel: Channel | None = None) -> None:
         alive = any(connection.channel == channel for connection in self.peer.connections)
-        self.losses.append(Loss(what, None if alive else channel, list(self.peer.entries)))
+        self.losses.append(LostSign(what, None if alive else channel, list(self.peer.entries)))
 
     def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
         """Close those of this channel that were used; a new one, if it comes in time.

@@ -6,7 +6,7 @@ Some load CUDA, or build what they draw with, only then; no sentence limits that
 
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_reading import read
@@ -21,7 +21,7 @@ def patience(pace: float, usual: float = EFFECT_SECONDS) -> float:
     return usual + ROOM * pace
 
 
-def of_the_host(peer: Peer, role: Role, testee: Testee, seconds: float) -> float:
+def of_the_host(peer: Peer, role: ScriptedServer, testee: Testee, seconds: float) -> float:
     """Wait until what was offered has been answered, and the first frame of it been given back.
 
     Returns how many seconds that took, 0 where nothing was offered or nothing came.

@@ -19,7 +19,7 @@ from splatbus_conformance.wire.sockets import Connection
 
 
 @dataclass
-class Dealings:
+class DialledConnection:
     """What was said on one connection, and what was opened."""
 
     hello: Json | None = None
@@ -60,7 +60,7 @@ def readable(frame: Json) -> bool:
     return numbered and timed and camera_of(frame) is not None
 
 
-class Viewer:
+class ScriptedClient:
     """Says `hello`, opens memory, takes leases.
 
     A check sets the switches before it connects, to leave out what it does itself.
@@ -80,11 +80,11 @@ class Viewer:
         """Gives each frame back as soon as it comes."""
         self.encode: Callable[[Json], bytes] = messages.encode
         """How a message is written."""
-        self.dealings: dict[Connection, Dealings] = {}
+        self.dealings: dict[Connection, DialledConnection] = {}
 
-    def with_(self, connection: Connection) -> Dealings:
+    def with_(self, connection: Connection) -> DialledConnection:
         """What was said on this connection."""
-        return self.dealings.setdefault(connection, Dealings())
+        return self.dealings.setdefault(connection, DialledConnection())
 
     def on_open(self, connection: Connection) -> None:
         """A connection was made: nothing to say yet."""

@@ -37,7 +37,7 @@ LENS = {"fx": (0.7, 1.0), "fy": (0.7, 1.0), "cx": (0.3, 0.45), "cy": (0.55, 0.7)
 """From where to where each number of the lens is drawn, as parts of a side of the image."""
 
 
-class Coming(NamedTuple):
+class NextFrame(NamedTuple):
     """What the next frame on a connection will be called, and where it will lie."""
 
     seq: int
@@ -45,7 +45,7 @@ class Coming(NamedTuple):
 
 
 @dataclass
-class Dealings:
+class ServedConnection:
     """What was said on one connection."""
 
     hello: Json | None = None
@@ -60,7 +60,7 @@ class Dealings:
     released: list[int] = field(default_factory=list)
     frames: list[int] = field(default_factory=list)
     """`seq` of each frame that was sent."""
-    coming: Coming | None = None
+    coming: NextFrame | None = None
     slots: list[int] = field(default_factory=list)
     """Those that were not lent yet since all were."""
     drawn: Random = field(default_factory=Random)
@@ -100,7 +100,7 @@ class Dealings:
         return sum(message.get("type") == kind for message in self.heard)
 
 
-class Role:
+class ScriptedServer:
     """Answers `hello`, offers memory, lends frames, replies to requests and tells telemetry.
 
     A check sets the switches before the testee connects, to leave out what it does itself. What a
@@ -143,7 +143,7 @@ class Role:
             CHANNELS, messages.encode
         )
         """Writes the payloads of each channel; a check may spell them otherwise."""
-        self.dealings: dict[Connection, Dealings] = {}
+        self.dealings: dict[Connection, ServedConnection] = {}
         self._lens: dict[str, float] = {}
         self.change_lens()
 
@@ -162,10 +162,10 @@ class Role:
         """Have the slots of rings that are offered from now on lie so."""
         self._arrangement = arrangement
 
-    def with_(self, connection: Connection) -> Dealings:
+    def with_(self, connection: Connection) -> ServedConnection:
         """What was said on this connection; on each, frames have the same numbers and slots."""
         if connection not in self.dealings:
-            self.dealings[connection] = Dealings(drawn=Random(f"frames {self._seed}"))
+            self.dealings[connection] = ServedConnection(drawn=Random(f"frames {self._seed}"))
         return self.dealings[connection]
 
     def is_given_up(self) -> bool:
@@ -267,7 +267,7 @@ class Role:
         """Send an init packet."""
         self.say(connection, init_packet)
 
-    def coming(self, connection: Connection) -> Coming:
+    def coming(self, connection: Connection) -> NextFrame:
         """What is lent next on this connection; of so many frames as there are slots, one in each.
 
         Numbers have gaps, and pass what 16 and 32 bits hold.
@@ -278,7 +278,7 @@ class Role:
             dealings.slots = dealings.slots or drawn.sample(range(self.slots), self.slots)
             step, first = drawn.choice(STEPS), drawn.choice(FIRST_NUMBERS)
             seq = dealings.frames[-1] + step if dealings.frames else first
-            dealings.coming = Coming(seq, dealings.slots.pop())
+            dealings.coming = NextFrame(seq, dealings.slots.pop())
         return dealings.coming
 
     def lend(self, connection: Connection, **changes: object) -> int:
@@ -353,7 +353,7 @@ class Role:
                 self.offer(connection, self.init_packet(connection))
         return None
 
-    def _on_msg(self, connection: Connection, dealings: Dealings, message: Json) -> None:
+    def _on_msg(self, connection: Connection, dealings: ServedConnection, message: Json) -> None:
         kind, granted = message.get("type"), dealings.granted
         if kind == "camera_pose" and dealings.welcome is not None:
             before = self.viewpoint
@@ -373,7 +373,7 @@ class Role:
         if waits and opened and new:
             self.lend(reader)
 
-    def _on_ipc(self, connection: Connection, dealings: Dealings, message: Json) -> None:
+    def _on_ipc(self, connection: Connection, dealings: ServedConnection, message: Json) -> None:
         generation = whole(message.get("generation"))
         if generation is None:
             return

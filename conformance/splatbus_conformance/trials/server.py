@@ -9,10 +9,10 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.trials import controls
-from splatbus_conformance.trials.scripted_client import Viewer
+from splatbus_conformance.trials.scripted_client import ScriptedClient
 from splatbus_conformance.trials.testee.process import Launched, Testee
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS, ServerFacts, reach
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, Loss, Trial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, LostSign, Trial
 from splatbus_conformance.wire.json_values import finites, within
 from splatbus_conformance.wire.message_kinds import REPLIES
 from splatbus_conformance.wire.messages import Json, camera_pose
@@ -35,7 +35,7 @@ class ServerTrial(Trial):
         self,
         requirement: Requirement,
         peer: Peer,
-        viewer: Viewer,
+        viewer: ScriptedClient,
         testee: Testee,
         facts: ServerFacts,
         patience: float,
@@ -81,7 +81,7 @@ class ServerTrial(Trial):
         """
         if ended := self.testee.ended():
             if not self.killed:
-                self.losses.append(Loss(f"its process {ended}", None, list(self.peer.entries)))
+                self.losses.append(LostSign(f"its process {ended}", None, list(self.peer.entries)))
             self.testee.stop()
         self.testee.ensure_running()
         connection = self.reached(channel)

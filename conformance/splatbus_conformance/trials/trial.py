@@ -34,7 +34,7 @@ REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 
 
-class Loss(NamedTuple):
+class LostSign(NamedTuple):
     """A vital sign that the testee has lost, as a check has come upon it."""
 
     what: str
@@ -62,7 +62,7 @@ class Trial:
         """Cases that were delivered and followed by something that proves it."""
         self.purpose = requirement.id
         """What the check does, for whoever has to start the testee for it."""
-        self.losses: list[Loss] = []
+        self.losses: list[LostSign] = []
         self.killed = False
         """The check has ended the testee's process itself, as its scenario demands."""
         self.measurements = Measurements()

@@ -6,7 +6,7 @@ from functools import cached_property
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from splatbus_conformance.wire.json_reading import Fault, read, take_numbers
+from splatbus_conformance.wire.json_reading import PayloadFault, read, take_numbers
 from splatbus_conformance.wire.message_kinds import kind_of, shape_of
 from splatbus_conformance.wire.packets import Packet, Splitter
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
@@ -21,7 +21,7 @@ class Message(NamedTuple):
     packet: Packet
     value: dict[str, Any] | None
     """The JSON object, with numbers for the strings that spell them; None where it is no object."""
-    faults: tuple[Fault, ...]
+    faults: tuple[PayloadFault, ...]
     kind: str | None = None
     """What it is meant to be (`kinds.kind_of`), which its `type` may miss."""
 
@@ -78,7 +78,7 @@ class Conversation:
         """The messages of these kinds."""
         return [message for message, *_ in self.placed(*kinds)]
 
-    def placed(self, *kinds: str) -> Sequence["Placed"]:
+    def placed(self, *kinds: str) -> Sequence["MessageInContext"]:
         """The messages of these kinds, or all, each with how far the negotiation had come."""
         if not kinds:
             return self._placed
@@ -103,19 +103,19 @@ class Conversation:
         return found
 
     @cached_property
-    def _by_kind(self) -> dict[str | None, list[tuple[int, "Placed"]]]:
+    def _by_kind(self) -> dict[str | None, list[tuple[int, "MessageInContext"]]]:
         """With the place of each among all."""
-        found: dict[str | None, list[tuple[int, Placed]]] = {}
+        found: dict[str | None, list[tuple[int, MessageInContext]]] = {}
         for each in enumerate(self._placed):
             found.setdefault(each[1].message.kind, []).append(each)
         return found
 
     @cached_property
-    def _placed(self) -> list["Placed"]:
+    def _placed(self) -> list["MessageInContext"]:
         hello = welcome = None
         found = []
         for message in self.messages:
-            found.append(Placed(message, hello, welcome))
+            found.append(MessageInContext(message, hello, welcome))
             if message.kind == "hello":
                 hello = hello or message
             elif message.agrees:
@@ -123,7 +123,7 @@ class Conversation:
         return found
 
 
-class Placed(NamedTuple):
+class MessageInContext(NamedTuple):
     """A message, and the first `hello` and `welcome` that came before it."""
 
     message: Message

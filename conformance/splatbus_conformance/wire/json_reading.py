@@ -25,7 +25,7 @@ _HALF_A_PAIR = re.compile("[\ud800-\udfff]")
 _JSON_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 
 
-class Fault(NamedTuple):
+class PayloadFault(NamedTuple):
     """One way in which a payload breaks a requirement."""
 
     requirement: str
@@ -34,15 +34,15 @@ class Fault(NamedTuple):
     """JSON Pointer to the fault, where it has a place in the message."""
 
 
-class Reading(NamedTuple):
+class ReadPayload(NamedTuple):
     """What a payload holds."""
 
     value: dict[str, Any] | None
     """The object, or None if the payload is none."""
-    faults: tuple[Fault, ...]
+    faults: tuple[PayloadFault, ...]
 
 
-def read(payload: bytes) -> Reading:
+def read(payload: bytes) -> ReadPayload:
     """Read one payload; never raises."""
     # Most payloads break nothing, and one decoder reads them all.
     with contextlib.suppress(_Doubt, ValueError, RecursionError):
@@ -51,7 +51,7 @@ def read(payload: bytes) -> Reading:
         if shallow and "\\u" not in text:
             value = _FAULTLESS.decode(text)
             if isinstance(value, dict):
-                return Reading(value, ())
+                return ReadPayload(value, ())
     return _read_closely(payload)
 
 
@@ -91,38 +91,38 @@ _FAULTLESS = json.JSONDecoder(
 )
 
 
-def _read_closely(payload: bytes) -> Reading:
+def _read_closely(payload: bytes) -> ReadPayload:
     """Read one payload as `read` does, and find every fault."""
-    faults: list[Fault] = []
+    faults: list[PayloadFault] = []
     if payload.startswith(b"\xef\xbb\xbf"):
-        faults.append(Fault("JSN-2", "the payload begins with a byte-order mark"))
+        faults.append(PayloadFault("JSN-2", "the payload begins with a byte-order mark"))
         payload = payload[3:]
     try:
         text = payload.decode("utf-8")
     except UnicodeDecodeError as error:
-        fault = Fault("JSN-1", f"byte {error.start} of the payload is not UTF-8")
-        return Reading(None, (*faults, fault))
+        fault = PayloadFault("JSN-1", f"byte {error.start} of the payload is not UTF-8")
+        return ReadPayload(None, (*faults, fault))
     deepest: int = LIMITS["max_json_depth"]
     # Counting brackets is cheap, and nearly every text has too few of them to be nested too deep.
     if text.count("{") + text.count("[") > deepest and (depth := nesting(text)) > deepest:
-        return Reading(None, (*faults, Fault("JSN-5", f"nested {depth} deep")))
+        return ReadPayload(None, (*faults, PayloadFault("JSN-5", f"nested {depth} deep")))
 
     def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         for name, times in Counter(name for name, _ in pairs).items():
             if times > 1:
                 faults.append(
-                    Fault("JSN-3", f"the member {shorten(repr(name))} stands {times} times")
+                    PayloadFault("JSN-3", f"the member {shorten(repr(name))} stands {times} times")
                 )
         return dict(pairs)
 
     def constant(spelling: str) -> float:
-        faults.append(Fault("JSN-4", f"{spelling} is no JSON number"))
+        faults.append(PayloadFault("JSN-4", f"{spelling} is no JSON number"))
         return math.nan
 
     def number(spelling: str) -> int | float:
         value = spelled(spelling)
         if not math.isfinite(value):
-            faults.append(Fault("JSN-4", f"{shorten(spelling)} overflows double precision"))
+            faults.append(PayloadFault("JSN-4", f"{shorten(spelling)} overflows double precision"))
         return value
 
     try:
@@ -134,13 +134,17 @@ def _read_closely(payload: bytes) -> Reading:
             parse_int=number,
         )
     except ValueError as error:
-        return Reading(None, (*faults, Fault("JSN-1", f"no JSON: {error}")))
+        return ReadPayload(None, (*faults, PayloadFault("JSN-1", f"no JSON: {error}")))
     if "\\u" in text and any(_HALF_A_PAIR.search(each) for each in _strings(value)):
-        faults.append(Fault("JSN-1", "a string holds an escape of half a pair of surrogates"))
+        faults.append(
+            PayloadFault("JSN-1", "a string holds an escape of half a pair of surrogates")
+        )
     if not isinstance(value, dict):
         kind = type(value).__name__
-        return Reading(None, (*faults, Fault("JSN-1", f"the payload is a {kind}, no object")))
-    return Reading(value, tuple(faults))
+        return ReadPayload(
+            None, (*faults, PayloadFault("JSN-1", f"the payload is a {kind}, no object"))
+        )
+    return ReadPayload(value, tuple(faults))
 
 
 def _strings(value: Any) -> Iterator[str]:
@@ -155,7 +159,7 @@ def _strings(value: Any) -> Iterator[str]:
             yield from _strings(each)
 
 
-def take_numbers(value: dict[str, Any], shape: Shape) -> Reading:
+def take_numbers(value: dict[str, Any], shape: Shape) -> ReadPayload:
     """The message with numbers for the strings that spell them where `shape` has numbers.
 
     One fault for all of them (JSN-4), so that other rules can judge the numbers that are meant.
@@ -178,10 +182,10 @@ def take_numbers(value: dict[str, Any], shape: Shape) -> Reading:
 
     taken = take(value, shape, "")
     if not found:
-        return Reading(value, ())
+        return ReadPayload(value, ())
     pointer, spelling = found[0]
     text = f'numbers written as strings: {len(found)}, the first "{shorten(spelling)}"'
-    return Reading(taken, (Fault("JSN-4", text, pointer),))
+    return ReadPayload(taken, (PayloadFault("JSN-4", text, pointer),))
 
 
 def spelled(spelling: str) -> int | float:

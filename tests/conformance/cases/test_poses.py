@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from splatbus_conformance.cases.drawing import draw
-from splatbus_conformance.cases.valid.poses import Steered, poses
+from splatbus_conformance.cases.valid.poses import SteeredDraw, poses
 
 DOUBLE = draw(poses("a"), 600, 0)
 SINGLE = draw(poses("a", single=True), 600, 0)
@@ -52,14 +52,14 @@ def test_the_same_seed_draws_the_same_poses_and_another_salt_others():
 
 
 def test_a_search_moves_one_number_by_much_or_by_little():
-    numbers, near = [1.0, 2.0, 3.0], Steered(21 * (5,))
+    numbers, near = [1.0, 2.0, 3.0], SteeredDraw(21 * (5,))
     before = near.moved(numbers)
     for at, step in ((3, 2.0**-15), (4, 2.0**-34), (5, 2.0**-53)):
-        stepped = Steered((*near.integers[:at], 6, *near.integers[at + 1 :]))
+        stepped = SteeredDraw((*near.integers[:at], 6, *near.integers[at + 1 :]))
         assert stepped.rng("a").random() == near.rng("a").random()
         changed = [a - b for a, b in zip(stepped.moved(numbers), before, strict=True)]
         assert changed == pytest.approx([0.0, 2.0 * step, 0.0], rel=0.5, abs=0.0)
-    other = Steered((5 + 2**12, *near.integers[1:]))
+    other = SteeredDraw((5 + 2**12, *near.integers[1:]))
     assert other.rng("a").random() != near.rng("a").random()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from splatbus_conformance.checks.registry import check_functions
 from splatbus_conformance.plan import Side
-from splatbus_conformance.run.testbed import Stand
+from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
@@ -116,7 +116,7 @@ class Alike(Nothing):
     ids=["errors", "welcomes", "dies at the second"],
 )
 def test_no_check_passes_a_server_that_answers_everything_alike(
-    met: Stand,
+    met: Testbed,
     welcomes: bool,
     last: int,
     passes: set[str],

@@ -16,7 +16,7 @@ import pytest
 from splatbus_conformance.checks.registry import check_functions
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.options import LAUNCH_PATIENCE
-from splatbus_conformance.run.testbed import Stand, set_up
+from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.trials.testee.adapter import AdapterBroken
 from splatbus_conformance.trials.testee.process import Ended
 from splatbus_conformance.trials.trial import Trial, Violation
@@ -113,17 +113,17 @@ def _accept(nothing: Nothing, listener: socket.socket) -> None:
 
 
 @pytest.fixture(scope="module", params=["client", "server"])
-def met(request: pytest.FixtureRequest) -> Iterator[Stand]:
+def met(request: pytest.FixtureRequest) -> Iterator[Testbed]:
     """A stand that has met the reference, and has nobody to judge yet."""
     side = request.param
     size = (64, 48) if side == "client" else (0, 0)
     plan = Plan(side, REFERENCE[side], "127.0.0.1", (0, 0), size, LAUNCH_PATIENCE)
-    stand = set_up(plan)
-    stand.introduce()
-    stand.testee.stop()
-    hurry(stand.peer)
-    yield stand
-    stand.close()
+    testbed = set_up(plan)
+    testbed.introduce()
+    testbed.testee.stop()
+    hurry(testbed.peer)
+    yield testbed
+    testbed.close()
 
 
 def hurry(peer: Peer) -> None:
@@ -142,7 +142,7 @@ def hurry(peer: Peer) -> None:
 @pytest.mark.filterwarnings("ignore")  # as where checks run
 @pytest.mark.parametrize("dies", [False, True], ids=["deaf", "dies"])
 def test_no_check_passes_a_testee_that_does_nothing(
-    met: Stand, dies: bool, monkeypatch: pytest.MonkeyPatch
+    met: Testbed, dies: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     side: Side = "client" if "Client" in type(met).__name__ else "server"
     nothing = Nothing(met.peer, side, dies=dies)

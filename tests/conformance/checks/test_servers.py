@@ -25,9 +25,9 @@ from splatbus_conformance.checks.v1_1.cam.lenses import (
     scaled,
 )
 from splatbus_conformance.checks.v1_1.obj import broken_object_poses
-from splatbus_conformance.checks.v1_1.tim_png import Reading, expect_one_offset
-from splatbus_conformance.images.known_scene import Setting
-from splatbus_conformance.images.pinhole import STILL, Placed, told_of
+from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset
+from splatbus_conformance.images.known_scene import SceneState
+from splatbus_conformance.images.pinhole import STILL, ObjectPlacement, told_of
 from splatbus_conformance.rules.v1_1.cam import lens as judged_lens
 from splatbus_conformance.rules.v1_1.obj import object_pose as judged_object_pose
 from splatbus_conformance.trials.moves.image_session import AT_REST, placed
@@ -136,8 +136,8 @@ def test_every_bad_lens_breaks_the_rule_and_the_good_one_does_not() -> None:
 # Clocks
 
 
-def read_at(moment: float, server: float, trip: float = 0.002) -> Reading:
-    return Reading(moment, server, moment + trip, f"a pong at {moment}")
+def read_at(moment: float, server: float, trip: float = 0.002) -> ClockReading:
+    return ClockReading(moment, server, moment + trip, f"a pong at {moment}")
 
 
 class Judge(SimpleNamespace):
@@ -198,12 +198,12 @@ def test_of_a_scene_that_is_not_told_the_default_object_alone_is_known(scene: An
     known = facts(scene=scene)
     assert known.objects() == ["default"]
     assert known.time_range() is None
-    assert known.setting(frame(1, 1, 0) | {"time": 3.0}) == Setting()
+    assert known.setting(frame(1, 1, 0) | {"time": 3.0}) == SceneState()
 
 
 def test_a_scene_with_a_ball_that_moves_is_set_as_it_is_told() -> None:
     objects = [{"id": "default"}, {"id": "ball"}]
     known = facts(scene={"objects": objects, "timeRange": [0.0, 4.0]})
-    half = Placed(scale=0.5)
-    assert known.setting(frame(1, 1, 0) | {"time": 3.0}, half) == Setting(half, STILL, 3.0)
+    half = ObjectPlacement(scale=0.5)
+    assert known.setting(frame(1, 1, 0) | {"time": 3.0}, half) == SceneState(half, STILL, 3.0)
     assert known.setting(frame(1, 1, 0) | {"time": "now"}).time == 0.0

@@ -8,7 +8,14 @@ from typing import Any
 import pytest
 from splatbus_conformance.cases.script import Case, Script
 from splatbus_conformance.checks.registry import check_functions
-from splatbus_conformance.checks.stateful import Breach, Found, Over, Session, Step, in_words
+from splatbus_conformance.checks.stateful import (
+    BreachFound,
+    Session,
+    SessionBreach,
+    SessionOver,
+    Step,
+    in_words,
+)
 from splatbus_conformance.checks.stateful.explore import (
     MOST_CUT_SHORT,
     SHRINKING_SECONDS,
@@ -18,7 +25,7 @@ from splatbus_conformance.checks.stateful.explore import (
 from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Asker, Reader
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.replay import replay, worked_out
-from splatbus_conformance.run.testbed import Stand, set_up
+from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.trials.trial import Trial, Violation
 from splatbus_schemas.requirements import requirements
 
@@ -52,7 +59,7 @@ class Vault:
         self.open = {"open": True, "close": False}.get(step[0], self.open)
         self.history += step[0][0] if step[0] != "knock" else ""
         if "oeco" in self.history:
-            raise Breach(self.breaks, "it is on fire")
+            raise SessionBreach(self.breaks, "it is on fire")
 
     def settle(self) -> None:
         pass
@@ -91,7 +98,7 @@ def test_what_is_found_tells_the_step_and_the_session() -> None:
     session = Session(Vault(), JUDGED)
     for step in FIRE[:3]:
         session.take(step)
-    with pytest.raises(Found) as caught:
+    with pytest.raises(BreachFound) as caught:
         session.take(FIRE[3])
     said = "at step 4 (open), it is on fire; the session: open; empty; close; open"
     assert str(caught.value) == said
@@ -112,7 +119,7 @@ def test_another_requirement_s_breach_ends_the_session_and_its_connections() -> 
 def test_a_session_ends_with_a_testee_that_may_end() -> None:
     class Leaves(Vault):
         def take(self, step: Step) -> None:
-            raise Over
+            raise SessionOver
 
         def settle(self) -> None:
             raise AssertionError("nobody is there any more")
@@ -179,7 +186,7 @@ def test_what_fails_once_only_keeps_all_that_came_before_it() -> None:
 
         def settle(self) -> None:
             if sessions == 3:
-                raise Breach(JUDGED, "for once")
+                raise SessionBreach(JUDGED, "for once")
 
         def take(self, step: Step) -> None:
             pass
@@ -197,7 +204,7 @@ def test_where_every_session_is_cut_short_nothing_is_said() -> None:
         def begin(self) -> None:
             nonlocal begun
             begun += 1
-            raise Breach("IMG-12", "it was not released")
+            raise SessionBreach("IMG-12", "it was not released")
 
     with pytest.raises(pytest.skip.Exception, match="IMG-12 was broken: it was not released"):
         explore(trial(), BreaksAnother)
@@ -244,7 +251,7 @@ def test_a_frame_without_a_camera_shows_none(camera: Any) -> None:
 
 
 @pytest.fixture
-def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
+def testbed(request: pytest.FixtureRequest) -> Iterator[Testbed]:
     """A stand for one of the reference pair, or one of its mutants."""
     side, name = request.param
     module = f"splatbus_conformance.selftest.mutants {name}" if name else f"splatbus_{side}"
@@ -262,36 +269,36 @@ def of_sessions(side: Side, requirement: str) -> Any:
     return next(f for f in found if f.check.requirement == requirement)
 
 
-def run(stand: Stand, side: Side, requirement: str) -> Trial:
+def run(testbed: Testbed, side: Side, requirement: str) -> Trial:
     """Run the check by sessions of this requirement."""
-    made = stand.trial(requirements("1.1")[requirement])
+    made = testbed.trial(requirements("1.1")[requirement])
     of_sessions(side, requirement)(made)
     return made
 
 
-@pytest.mark.parametrize("stand", [("server", "")], indirect=True)
-def test_the_reference_server_serves_in_any_session(stand: Stand) -> None:
+@pytest.mark.parametrize("testbed", [("server", "")], indirect=True)
+def test_the_reference_server_serves_in_any_session(testbed: Testbed) -> None:
     for requirement in ("CHN-14", "REQ-7", "POS-11", "IMG-2", "IMG-17"):
-        made = run(stand, "server", requirement)
+        made = run(testbed, "server", requirement)
         assert made.delivered == len(made.went_through[0]) > 1
 
 
-@pytest.mark.parametrize("stand", [("client", "")], indirect=True)
-def test_the_reference_client_survives_any_session(stand: Stand) -> None:
-    made = run(stand, "client", "CHN-19")
+@pytest.mark.parametrize("testbed", [("client", "")], indirect=True)
+def test_the_reference_client_survives_any_session(testbed: Testbed) -> None:
+    made = run(testbed, "client", "CHN-19")
     assert made.delivered == len(made.went_through[0]) > 1
 
 
-@pytest.mark.parametrize("stand", [("client", "keeps-the-last-size-over-a-loss")], indirect=True)
-def test_a_session_that_fails_is_shown_again(stand: Stand) -> None:
-    made = stand.trial(requirements("1.1")["CHN-24"])
+@pytest.mark.parametrize("testbed", [("client", "keeps-the-last-size-over-a-loss")], indirect=True)
+def test_a_session_that_fails_is_shown_again(testbed: Testbed) -> None:
+    made = testbed.trial(requirements("1.1")["CHN-24"])
     check = of_sessions("client", "CHN-24")
     with pytest.raises(Violation, match="was answered with open_failed") as caught:
         check(made)
     cases = tuple(map(tuple, made.went_through))
     script = Script("client", "CHN-24", check.__name__, False, cases, seen=str(caught.value))
-    assert "was answered with open_failed" in str(replay(stand, script).broken)
-    small = worked_out(stand, script, 8.0)
+    assert "was answered with open_failed" in str(replay(testbed, script).broken)
+    small = worked_out(testbed, script, 8.0)
     assert small.again == small.tried > 1
     (((drawn, steps),),) = small.cases
     assert drawn

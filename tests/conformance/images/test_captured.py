@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from splatbus_conformance.images.captured import Photograph, shows_the_scene
+from splatbus_conformance.images.captured import CapturedFrame, shows_the_scene
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.pinhole import camera_of, rigid
 from splatbus_conformance.wire.messages import frame
@@ -13,14 +13,14 @@ from splatbus_conformance.wire.messages import frame
 DEPTHS = np.array([[np.inf, 100.0, 7.0, 2.5], [np.nan, -1.0, 0.0, 99.9]], np.float32)
 
 
-def photograph(depth: Any = DEPTHS, *, kind: str = "planar_z", empty: Any = "inf") -> Photograph:
+def photograph(depth: Any = DEPTHS, *, kind: str = "planar_z", empty: Any = "inf") -> CapturedFrame:
     height, width = depth.shape
     message = frame(1, 1, 0, width, height)
     message["camera"] |= {"fx": 2.0, "fy": 2.0, "position": [0.0, 0.0, 0.0]}
     camera = camera_of(message)
     assert camera is not None
     color = np.zeros((*depth.shape, 4), np.float32)
-    return Photograph(message, camera, color, depth, {"depth": {"kind": kind, "empty": empty}})
+    return CapturedFrame(message, camera, color, depth, {"depth": {"kind": kind, "empty": empty}})
 
 
 def test_what_is_infinite_legacy_or_no_depth_is_not_covered() -> None:
@@ -40,7 +40,7 @@ def test_a_distance_along_the_ray_is_made_planar() -> None:
     assert seen._replace(camera=camera).planar()[0, 0] == pytest.approx(3.0 / math.sqrt(3.0))
 
 
-def shown(*centres: tuple[float, float], turned: float = 0.0) -> Photograph:
+def shown(*centres: tuple[float, float], turned: float = 0.0) -> CapturedFrame:
     """The scene, as a renderer draws it that looks through so many points of each pixel."""
     blank = photograph(np.zeros((48, 64), np.float32))
     camera = blank.camera._replace(fx=41.6, fy=41.6, cx=32.0, cy=24.0)
@@ -52,7 +52,7 @@ def shown(*centres: tuple[float, float], turned: float = 0.0) -> Photograph:
     color = np.mean([it.color for it in drawn], axis=0)
     with np.errstate(divide="ignore"):
         depth = 1.0 / np.mean([1.0 / it.depth for it in drawn], axis=0)
-    return Photograph(
+    return CapturedFrame(
         blank.frame, camera, color.astype(np.float32), depth.astype(np.float32), blank.semantics
     )
 

@@ -10,7 +10,7 @@ from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.images.memory.device import STAND_IN, why_no_device
 from splatbus_conformance.images.memory.device_reading import open_on_device
 from splatbus_conformance.images.memory.gpu import device as real
-from splatbus_conformance.images.memory.gpu.device import Device, find
+from splatbus_conformance.images.memory.gpu.device import GpuDevice, find
 from splatbus_conformance.images.memory.gpu.driver import CudaError, Driver
 from splatbus_conformance.images.memory.reading import CannotOpen
 from splatbus_conformance.images.painted import coordinates
@@ -24,13 +24,13 @@ def cuda() -> FakeCuda:
 
 
 @pytest.fixture
-def device(cuda: FakeCuda) -> Device:
-    return Device(Driver(cuda))
+def device(cuda: FakeCuda) -> GpuDevice:
+    return GpuDevice(Driver(cuda))
 
 
 @pytest.fixture
-def neighbour(cuda: FakeCuda) -> Device:
-    return Device(Driver(cuda.neighbour()))
+def neighbour(cuda: FakeCuda) -> GpuDevice:
+    return GpuDevice(Driver(cuda.neighbour()))
 
 
 def test_memory_is_poisoned_until_it_is_written_and_its_neighbour_reads_it(device, neighbour):
@@ -63,7 +63,7 @@ def test_freed_memory_is_no_memory(device, cuda):
     memory.free()
     assert not cuda.memory
     with pytest.raises(ValueError, match="cuIpcOpenMemHandle_v2: CUDA_ERROR_1"):
-        Device(Driver(cuda.neighbour())).read(memory.handle, 0, 8)
+        GpuDevice(Driver(cuda.neighbour())).read(memory.handle, 0, 8)
 
 
 def test_reads_end_where_the_memory_does(device, neighbour):
@@ -108,7 +108,7 @@ def test_a_device_that_nobody_used_is_never_started(device, cuda):
 
 
 def test_devices_are_known_by_their_uuid():
-    device = Device(Driver(FakeCuda(2)))
+    device = GpuDevice(Driver(FakeCuda(2)))
     other = device.named("GPU-01010101-0101-0101-0101-010101010101")
     assert (other.ordinal, device.named(device.uuid)) == (1, device)
     with pytest.raises(ValueError, match=r"is GPU-x, and the harness sees GPU-0.*, GPU-01"):
@@ -117,7 +117,7 @@ def test_devices_are_known_by_their_uuid():
 
 def test_a_refused_call_is_named(device):
     with pytest.raises(CudaError, match="cuDeviceGet: CUDA_ERROR_101"):
-        Device(device.driver, 3)
+        GpuDevice(device.driver, 3)
 
 
 def test_there_is_no_device_without_a_driver(monkeypatch):

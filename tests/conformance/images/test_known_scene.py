@@ -11,11 +11,11 @@ from splatbus_conformance.images.known_scene import (
     BOBS,
     FLOOR,
     NOTHING,
-    Setting,
+    SceneState,
     render,
     surface,
 )
-from splatbus_conformance.images.pinhole import Camera, Placed, Rigid, rigid
+from splatbus_conformance.images.pinhole import Camera, ObjectPlacement, Rigid, rigid
 from splatbus_server.scene import Camera as ReferenceCamera
 from splatbus_server.scene import ObjectPose, Scene, default_scene, exact_pixel
 
@@ -66,7 +66,7 @@ def test_a_moved_scene_seen_by_a_camera_that_moved_along_is_the_same_image() -> 
     q = (0.3, -0.5, 0.1, 0.8)
     alone, away = render(small()), rigid((1e6, -2e6, 3e6), q)
     along = small()._replace(pose=away)
-    moved = render(along, Setting(Placed(away)))
+    moved = render(along, SceneState(ObjectPlacement(away)))
     assert np.mean(alone.what == moved.what) > 0.99
     both = (alone.what == moved.what) & (alone.what != NOTHING)
     assert moved.depth[both] == pytest.approx(alone.depth[both], rel=1e-8)
@@ -84,7 +84,7 @@ def test_it_agrees_with_the_reference_s_own_closed_form(seed: int) -> None:
         tuple(map(tuple, camera.pose.rotation)),
     )
     given, pose = default_scene(), ObjectPose(tuple(place), tuple(map(tuple, scene.rotation)))
-    exact = render(camera, Setting(Placed(scene)))
+    exact = render(camera, SceneState(ObjectPlacement(scene)))
     pixels = [
         [
             exact_pixel(Scene(given.spheres, given.floor, given.light, pose), theirs, u, v)
@@ -130,7 +130,7 @@ def test_surfaces_tell_how_far_outside_of_them_a_point_lies() -> None:
 
 def test_an_object_of_half_its_size_at_half_its_distance_looks_the_same_and_is_nearer() -> None:
     """The camera is the point from which it shrinks: colours stay, depths in world units halve."""
-    usual, small_one = render(small()), render(small(), Setting(Placed(scale=0.5)))
+    usual, small_one = render(small()), render(small(), SceneState(ObjectPlacement(scale=0.5)))
     assert (small_one.what == usual.what).all()
     assert small_one.color == pytest.approx(usual.color)
     seen = usual.what != NOTHING
@@ -139,24 +139,24 @@ def test_an_object_of_half_its_size_at_half_its_distance_looks_the_same_and_is_n
 
 @pytest.mark.parametrize("scale", [1e-3, 0.25, 7.0])
 def test_a_scaled_object_is_cut_by_the_planes_of_the_world(scale: float) -> None:
-    seen = render(small()._replace(near=3.0, far=4.0), Setting(Placed(scale=scale)))
+    seen = render(small()._replace(near=3.0, far=4.0), SceneState(ObjectPlacement(scale=scale)))
     depths = seen.depth[seen.what != NOTHING]
     assert ((depths >= 3.0) & (depths <= 4.0)).all()
 
 
 def test_the_ball_is_placed_by_itself_where_it_is_an_object() -> None:
-    still, camera = Placed(), USUAL._replace(cx=160.5, cy=120.5)
-    ahead = Placed(Rigid(position=np.array((-0.75, -0.275, 0.6))), 0.5)
-    seen = render(camera, Setting(still, ahead))
+    still, camera = ObjectPlacement(), USUAL._replace(cx=160.5, cy=120.5)
+    ahead = ObjectPlacement(Rigid(position=np.array((-0.75, -0.275, 0.6))), 0.5)
+    seen = render(camera, SceneState(still, ahead))
     assert seen.what[120, 160] == 2 * BALL
     assert seen.depth[120, 160] == pytest.approx(0.5 * 2.8 + 0.6 - 0.225)
-    alone = render(small(), Setting(still, still))
+    alone = render(small(), SceneState(still, still))
     assert (alone.what == render(small()).what).all()
 
 
 @pytest.mark.parametrize(("time", "y"), [(0.0, 0.4), (1.0, 0.15), (2.0, -0.1), (4.0, 0.4)])
 def test_one_sphere_bobs(time: float, y: float) -> None:
     camera = USUAL._replace(pose=Rigid(position=np.array((-1.6, y, 0.0))), cx=160.5, cy=120.5)
-    seen = render(camera, Setting(time=time))
+    seen = render(camera, SceneState(time=time))
     assert seen.what[120, 160] == 2 * BOBS
     assert seen.depth[120, 160] == pytest.approx(2.6)

@@ -5,7 +5,7 @@ import hashlib
 import numpy as np
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
-from splatbus_conformance.images.memory.reading import Layout, Opened
+from splatbus_conformance.images.memory.reading import Opened, RingLayout
 from splatbus_conformance.images.painted import coordinates, sha256, spoilt, write
 from splatbus_conformance.wire.messages import init_packet_1_1, ring_bytes
 
@@ -18,7 +18,7 @@ def opened():
     with HostMemory(ring_bytes(W, H, SLOTS)) as memory:
         ring = init_packet_1_1("", 1, W, H, SLOTS)["ring"]
         names = ("colorOffset", "colorStride", "depthOffset", "depthStride")
-        layout = Layout(W, H, SLOTS, *(ring[name] for name in names), memory.size)
+        layout = RingLayout(W, H, SLOTS, *(ring[name] for name in names), memory.size)
         yield memory, Opened(1, memory.name, layout), ring
 
 

@@ -4,8 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from splatbus_conformance.images.known_scene import Setting, render
-from splatbus_conformance.images.pinhole import Camera, Placed, Reals, Rigid, rigid, rotation_matrix
+from splatbus_conformance.images.known_scene import SceneState, render
+from splatbus_conformance.images.pinhole import (
+    Camera,
+    ObjectPlacement,
+    Reals,
+    Rigid,
+    rigid,
+    rotation_matrix,
+)
 from splatbus_conformance.images.registration import Registration, register
 
 SCENE = rigid((3e4, -2e4, 1e4), (0.2, -0.4, 0.1, 0.8))
@@ -22,10 +29,12 @@ def found(used: Rigid, *, noise: float = 0.0) -> Registration:
     """What is found of an image that names POSE and was rendered with another pose."""
     named = camera(POSE)
     depth: Reals = (
-        render(camera(used), Setting(Placed(SCENE))).depth.astype(np.float32).astype(np.float64)
+        render(camera(used), SceneState(ObjectPlacement(SCENE)))
+        .depth.astype(np.float32)
+        .astype(np.float64)
     )
     depth *= 1.0 + np.random.default_rng(0).normal(scale=noise, size=depth.shape)
-    result = register(named, depth, render(named, Setting(Placed(SCENE))), SCENE)
+    result = register(named, depth, render(named, SceneState(ObjectPlacement(SCENE))), SCENE)
     assert result is not None
     return result
 

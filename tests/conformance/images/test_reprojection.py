@@ -5,8 +5,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from splatbus_conformance.images.known_scene import Setting, render
-from splatbus_conformance.images.pinhole import Camera, Placed, Rigid, rigid, rotation_matrix
+from splatbus_conformance.images.known_scene import SceneState, render
+from splatbus_conformance.images.pinhole import (
+    Camera,
+    ObjectPlacement,
+    Rigid,
+    rigid,
+    rotation_matrix,
+)
 from splatbus_conformance.images.reprojection import (
     APART,
     AS_SPECIFIED,
@@ -14,9 +20,9 @@ from splatbus_conformance.images.reprojection import (
     FITS,
     POSES,
     SCENES,
-    Pair,
-    Reading,
-    View,
+    DepthView,
+    Misreading,
+    ViewPair,
     agreement,
     explain,
 )
@@ -36,21 +42,23 @@ def camera(pose: Rigid, width: int = 64, height: int = 48) -> Camera:
     return Camera(pose, focal, focal, width / 2, height / 2, width, height, 0.01, 100.0)
 
 
-def view(position, rotation, seen: Rigid | None = None, scene: Rigid = Rigid()) -> View:  # noqa: B008
+def view(position, rotation, seen: Rigid | None = None, scene: Rigid = Rigid()) -> DepthView:  # noqa: B008
     """An image that names one camera and was rendered by another."""
     named = camera(rigid(position, rotation))
-    depth = render(named._replace(pose=seen or named.pose), Setting(Placed(scene))).depth
-    return View(named, position, rotation, depth)
+    depth = render(
+        named._replace(pose=seen or named.pose), SceneState(ObjectPlacement(scene))
+    ).depth
+    return DepthView(named, position, rotation, depth)
 
 
-def pairs(seen=rigid, change=lambda it: it.depth) -> list[Pair]:
+def pairs(seen=rigid, change=lambda it: it.depth) -> list[ViewPair]:
     start = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
     views = [view(p, q, seen(p, q)) for p, q in (start, *MOVES)]
     views = [it._replace(depth=change(it)) for it in views]
-    return [Pair(views[0], after) for after in views[1:]]
+    return [ViewPair(views[0], after) for after in views[1:]]
 
 
-def best(found: list[Pair]) -> str:
+def best(found: list[ViewPair]) -> str:
     shares = explain(found, EVERY)
     assert shares[0] < FITS
     assert shares.max() - shares[0] > APART
@@ -110,7 +118,7 @@ def test_rows_top_down_are_found() -> None:
     ],
 )
 def test_depths_that_are_something_else_are_found(words: str, change) -> None:
-    def stored(it: View):
+    def stored(it: DepthView):
         with np.errstate(divide="ignore"):
             depth = change(it)
         return np.where(np.isfinite(it.depth) | ("right" in words), depth, np.inf)
@@ -128,24 +136,25 @@ def test_a_scene_that_moved_is_followed_and_one_that_did_not_is_found_out() -> N
     right = view((0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), scene=moved)
     wrong = view((0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     readings = (AS_SPECIFIED, *SCENES)
-    assert agreement(Pair(before, right, moved), AS_SPECIFIED) > 0.9
-    assert explain([Pair(before, right, moved)], readings)[1:].max() < FITS
+    assert agreement(ViewPair(before, right, moved), AS_SPECIFIED) > 0.9
+    assert explain([ViewPair(before, right, moved)], readings)[1:].max() < FITS
     assert (
-        "did not move" in readings[explain([Pair(before, wrong, moved)], readings).argmax()].words
+        "did not move"
+        in readings[explain([ViewPair(before, wrong, moved)], readings).argmax()].words
     )
 
 
 def test_images_in_which_nothing_is_seen_fit_nothing() -> None:
     nothing = view((0.0, -50.0, 0.0), (0.7, 0.0, 0.0, 0.7))
     assert not np.isfinite(nothing.depth).any()
-    assert explain([Pair(nothing, nothing)], EVERY).max() == 0.0
+    assert explain([ViewPair(nothing, nothing)], EVERY).max() == 0.0
 
 
 def test_no_reading_is_another_one() -> None:
     """Poses in general position tell every two camera readings apart."""
     position, rotation = (0.3, -0.7, 0.2), (0.1, -0.4, 0.2, 0.8)
     seen = view(position, rotation)
-    told: list[tuple[Reading, Rigid]] = [(r, r.pose(seen)) for r in (AS_SPECIFIED, *POSES)]
+    told: list[tuple[Misreading, Rigid]] = [(r, r.pose(seen)) for r in (AS_SPECIFIED, *POSES)]
     for i, (_, a) in enumerate(told):
         for _, b in told[i + 1 :]:
             assert not np.allclose(np.c_[a.rotation, a.position], np.c_[b.rotation, b.position])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from splatbus_conformance.observe.audit import audit
-from splatbus_conformance.observe.live import Live
+from splatbus_conformance.observe.live import LiveSession
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Entry, load
@@ -16,8 +16,8 @@ def said(at: float, /, direction: str, channel: str = "msg", **message: object) 
     return Entry(at, channel, 1, direction, packet(encode(message)))  # type: ignore[arg-type]
 
 
-def fed(*entries: Entry) -> Live:
-    live = Live()
+def fed(*entries: Entry) -> LiveSession:
+    live = LiveSession()
     for entry in entries:
         live.feed(entry)
     return live
@@ -87,7 +87,7 @@ def test_a_long_session_is_judged_by_its_beginning_and_counted_to_its_end(
 def test_a_judgement_now_is_not_bound_by_an_earlier_one() -> None:
     """The `welcome` that had not come then has come since."""
     entries = load(RECORDINGS / "python-client.jsonl")
-    live = Live()
+    live = LiveSession()
     for entry in entries:
         live.feed(entry)
         live.judged()
@@ -96,7 +96,7 @@ def test_a_judgement_now_is_not_bound_by_an_earlier_one() -> None:
 
 
 def test_judging_all_along_costs_a_few_looks_at_the_whole() -> None:
-    live, judged = Live(), 0
+    live, judged = LiveSession(), 0
     for t in range(2000):
         live.feed(said(float(t), "c2s", type="camera_pose"))
         if live.is_due:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 from rich.console import Console
-from splatbus_conformance.observe.audit import Finding, audit_of
+from splatbus_conformance.observe.audit import AuditFinding, audit_of
 from splatbus_conformance.observe.judgement import opinion
-from splatbus_conformance.observe.live import Live
+from splatbus_conformance.observe.live import LiveSession
 from splatbus_conformance.observe.screen import line, screen, told
 from splatbus_conformance.plan import SIDES
 from splatbus_conformance.reports.files import Files
@@ -23,8 +23,8 @@ def said(at: float, direction: Direction, channel: Channel, **message: object) -
     return Entry(at, channel, 1, direction, packet(json.dumps(message).encode()))
 
 
-def session() -> Live:
-    live = Live()
+def session() -> LiveSession:
+    live = LiveSession()
     for entry in (
         Entry(0.0, "ipc", 1, event="open"),
         Entry(0.0, "msg", 1, event="open"),
@@ -38,11 +38,11 @@ def session() -> Live:
     return live
 
 
-def broken(live: Live) -> list[Finding]:
+def broken(live: LiveSession) -> list[AuditFinding]:
     return [finding for finding in audit_of(live.so_far()).findings if finding.broken]
 
 
-def drawn(live: Live, columns: int, rows: int, *, colour: bool = False) -> str:
+def drawn(live: LiveSession, columns: int, rows: int, *, colour: bool = False) -> str:
     text = io.StringIO()
     out = Console(file=text, width=columns, height=rows, force_terminal=colour)
     found = broken(live)
@@ -80,7 +80,7 @@ def test_with_many_kinds_the_busiest_are_shown_and_the_rest_counted() -> None:
 
 
 def test_before_anything_is_said_it_says_so() -> None:
-    assert "nobody has said anything yet" in drawn(Live(), 80, 24)
+    assert "nobody has said anything yet" in drawn(LiveSession(), 80, 24)
 
 
 def test_one_line_says_the_same() -> None:
@@ -93,7 +93,7 @@ def test_one_line_says_the_same() -> None:
 
 def test_nothing_that_a_peer_sends_reaches_the_terminal_as_a_command() -> None:
     """Whatever any rule quotes of a message: nothing moves the cursor, colours or hides text."""
-    live = Live()
+    live = LiveSession()
     kinds = (*CLIENT_1_0, *CLIENT_1_1, *REPLIES, *SERVER_1_1, HOSTILE)
     names = (
         *("type", "tag", "id", "object", "position", "rotation", "camera", "objects", "versions"),

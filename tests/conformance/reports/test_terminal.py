@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 from splatbus_conformance.reports.terminal import (
     SHOWN_WITH_BYTES,
-    Live,
+    LiveProgress,
     print_end,
     print_failures,
     print_what_next,
@@ -41,7 +41,7 @@ def failed(requirement: str, check: str = "check_it", level: Level = Level.WIRE,
 
 def test_a_reason_for_skips_is_told_once_with_all_that_it_hid() -> None:
     out = console()
-    live = Live(out)
+    live = LiveProgress(out)
     live.begin(4)
     for name in ("CNV-1", "CNV-2", "CNV-1"):
         live.done(Result(name, "check_a", Level.ADAPTER, Verdict.SKIP, NO_ADAPTER))
@@ -59,7 +59,7 @@ def test_a_reason_for_skips_is_told_once_with_all_that_it_hid() -> None:
 def test_a_terminal_sees_what_runs_and_a_file_does_not() -> None:
     outs = console(terminal=True, TERM="xterm"), console()
     for out in outs:
-        live = Live(out)
+        live = LiveProgress(out)
         live.begin(2)
         live.start("check_any_segmentation", "FRM-4")
         live.end()

@@ -40,7 +40,7 @@ class Desk:
         self.delivered: list[tuple[str, int]] = []
         """The requirement, and how many cases."""
 
-    def replay(self, stand: object, script: Script) -> replay.Replay:
+    def replay(self, testbed: object, script: Script) -> replay.Replay:
         self.now += 1
         (row,) = script.cases
         self.delivered.append((script.requirement, len(row)))
@@ -56,8 +56,8 @@ def desk(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Ite
     for module in (failures, replay):
         monkeypatch.setattr(module, "replay", made.replay)
         monkeypatch.setattr(module, "time", clock)
-    stand = SimpleNamespace(introduce=lambda: None, close=lambda: None)
-    monkeypatch.setattr(failures, "set_up", lambda plan: stand)
+    testbed = SimpleNamespace(introduce=lambda: None, close=lambda: None)
+    monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
     return made
 
 
@@ -108,8 +108,8 @@ def test_what_is_seen_now_and_then_says_how_often(
     desk = Desk(lambda requirement, row: next(answers))
     for module in (failures, replay):
         monkeypatch.setattr(module, "replay", desk.replay)
-    stand = SimpleNamespace(introduce=lambda: None, close=lambda: None)
-    monkeypatch.setattr(failures, "set_up", lambda plan: stand)
+    testbed = SimpleNamespace(introduce=lambda: None, close=lambda: None)
+    monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
     assert told(tmp_path, failure("FRM-1", 1, 2)) == ["2 cases; tried 3 times more, seen 2"]
 
 
@@ -143,8 +143,8 @@ def test_verdicts_survive_what_goes_wrong_afterwards(
     def fails() -> None:
         raise error
 
-    stand = SimpleNamespace(introduce=fails, close=lambda: None)
-    monkeypatch.setattr(failures, "set_up", lambda plan: stand)
+    testbed = SimpleNamespace(introduce=fails, close=lambda: None)
+    monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
     [said] = told(tmp_path, failure("FRM-1", 1))
     assert "not tried again: " in said
 

@@ -10,7 +10,7 @@ from splatbus_conformance.cases.script import Case, Script, ScriptError, save
 from splatbus_conformance.checks.registry import check_functions
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.replay import replay, worked_out
-from splatbus_conformance.run.testbed import Stand, set_up
+from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.trials.trial import Violation
 from splatbus_schemas.requirements import requirements
 
@@ -21,7 +21,7 @@ SEGMENTS = "check_any_segmentation"
 
 
 @pytest.fixture
-def stand(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stand]:
+def testbed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Testbed]:
     """A stand for the miniature, with the replacements of the test made in it."""
     source = MINIATURE.read_text("utf-8")
     for old, new in getattr(request, "param", ()):
@@ -31,16 +31,16 @@ def stand(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stand]:
     path.write_text(source, "utf-8")
     command = f'"{sys.executable}" "{path}" 1.1'
     plan = Plan("client", command, "127.0.0.1", (0, 0), (64, 48), 10.0)
-    stand = set_up(plan)
-    stand.introduce()
-    yield stand
-    stand.close()
+    testbed = set_up(plan)
+    testbed.introduce()
+    yield testbed
+    testbed.close()
 
 
-def failing(stand: Stand, name: str) -> Script:
+def failing(testbed: Testbed, name: str) -> Script:
     """The script of a check that fails."""
     check = next(f for f in check_functions("client") if f.__name__ == name)
-    trial = stand.trial(requirements("1.1")[check.check.requirement])
+    trial = testbed.trial(requirements("1.1")[check.check.requirement])
     with pytest.raises(Violation) as caught:
         check(trial)
     cases = tuple(map(tuple, trial.went_through))
@@ -59,29 +59,29 @@ ENDS_ON_AN_ESCAPE = (
 )
 
 
-@pytest.mark.parametrize("stand", [ENDS_ON_AN_ESCAPE], indirect=True)
-def test_a_failure_is_made_small_and_confirmed(stand: Stand) -> None:
-    whole = failing(stand, "check_takes_any_spelling_on_ipc")
-    small = worked_out(stand, whole, 15.0)
+@pytest.mark.parametrize("testbed", [ENDS_ON_AN_ESCAPE], indirect=True)
+def test_a_failure_is_made_small_and_confirmed(testbed: Testbed) -> None:
+    whole = failing(testbed, "check_takes_any_spelling_on_ipc")
+    small = worked_out(testbed, whole, 15.0)
     assert small.again == small.tried > 2
     (((_, (_, liberties)),),) = small.cases
     assert liberties == ["escapes"]
     assert "exited" in small.seen
     assert small.transcript
-    assert replay(stand, small).broken
+    assert replay(testbed, small).broken
 
 
-def test_what_a_good_client_does_is_no_failure(stand: Stand) -> None:
+def test_what_a_good_client_does_is_no_failure(testbed: Testbed) -> None:
     script = Script("client", "FRM-4", SEGMENTS, False, ((Case(True, [1, 2, 3]),),))
-    assert replay(stand, script).broken is None
-    again = worked_out(stand, script, 10.0)
+    assert replay(testbed, script).broken is None
+    again = worked_out(testbed, script, 10.0)
     assert again.again == 0
     assert again == replace(script, tried=3)
 
 
-def test_only_the_cases_of_the_script_are_delivered(stand: Stand) -> None:
+def test_only_the_cases_of_the_script_are_delivered(testbed: Testbed) -> None:
     script = Script("client", "FRM-4", SEGMENTS, False, ((Case(False, 0), Case(True, [5])),))
-    given = replay(stand, script)
+    given = replay(testbed, script)
     assert given.trial.went_through == [[Case(False, 0), Case(True, [5])]]
 
 
@@ -89,27 +89,27 @@ MARK = "b'\\xef\\xbb\\xbf' + "
 BREAKS_A_RULE = (("payload = json", f"payload = {MARK}json"),)
 
 
-@pytest.mark.parametrize("stand", [BREAKS_A_RULE], indirect=True)
-def test_a_breach_that_a_rule_finds_is_found_again(stand: Stand) -> None:
+@pytest.mark.parametrize("testbed", [BREAKS_A_RULE], indirect=True)
+def test_a_breach_that_a_rule_finds_is_found_again(testbed: Testbed) -> None:
     script = Script("client", "JSN-2", "check_keeps_the_ipc_connection", True, ())
-    assert "byte-order mark" in str(replay(stand, script).broken)
+    assert "byte-order mark" in str(replay(testbed, script).broken)
 
 
 LATE_POSES = (("over.wait(0.03)", "over.wait(0.4)"), ('"w": 1.0}', '"w": 2.0}'))
 
 
-@pytest.mark.parametrize("stand", [LATE_POSES], indirect=True)
-def test_a_breach_that_comes_after_its_check_is_waited_for_and_shown(stand: Stand) -> None:
-    given = replay(stand, Script("client", "POS-3", "check_host_and_ports_can_be_set", True, ()))
+@pytest.mark.parametrize("testbed", [LATE_POSES], indirect=True)
+def test_a_breach_that_comes_after_its_check_is_waited_for_and_shown(testbed: Testbed) -> None:
+    given = replay(testbed, Script("client", "POS-3", "check_host_and_ports_can_be_set", True, ()))
     assert "norm of rotation" in str(given.broken)
     marked = [line for line in given.transcript if line.startswith(">")]
     assert "camera_pose" in marked[1]
     assert "/rotation, from byte" in marked[2]
 
 
-def test_a_check_that_is_gone_is_named(stand: Stand) -> None:
+def test_a_check_that_is_gone_is_named(testbed: Testbed) -> None:
     with pytest.raises(ScriptError, match="check_of_old"):
-        replay(stand, Script("client", "FRM-3", "check_of_old", False, ()))
+        replay(testbed, Script("client", "FRM-3", "check_of_old", False, ()))
 
 
 def test_a_command_that_does_not_exist_is_no_verdict(tmp_path: Path) -> None:

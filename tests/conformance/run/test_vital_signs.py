@@ -119,33 +119,33 @@ def test_a_server_that_has_a_further_client_wait_serves_one(tmp_path: Path, wait
     """Whether it closes that one in time (CHN-13) or not."""
     program = tmp_path / "server.py"
     program.write_text(f"WAITS = {waits}\n{ONE_AT_A_TIME}")
-    stand = set_up(
+    testbed = set_up(
         Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
     )
     try:
-        stand.introduce()
-        assert stand.facts.alone == {"ipc": False, "msg": True}
+        testbed.introduce()
+        assert testbed.facts.alone == {"ipc": False, "msg": True}
     finally:
-        stand.close()
+        testbed.close()
 
 
 def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path) -> None:
     program = tmp_path / "server.py"
     program.write_text(f"MOST = {MET}\n{SERVER}")
-    stand = set_up(
+    testbed = set_up(
         Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
     )
     try:
-        stand.introduce()
-        while not stand.lost(briefly=False):
+        testbed.introduce()
+        while not testbed.lost(briefly=False):
             pass
         waited: list[float] = []
-        until = stand.peer.until
-        stand.peer.until = lambda condition, seconds: (  # type: ignore[method-assign]
+        until = testbed.peer.until
+        testbed.peer.until = lambda condition, seconds: (  # type: ignore[method-assign]
             waited.append(seconds),
             until(condition, seconds),
         )[1]
-        assert "it accepts no connection on the message channel" in stand.lost(briefly=True)
+        assert "it accepts no connection on the message channel" in testbed.lost(briefly=True)
         assert max(waited) <= BRIEF_SECONDS
     finally:
-        stand.close()
+        testbed.close()

@@ -22,7 +22,7 @@ from splatbus_conformance.selftest.machine import (
 from splatbus_conformance.selftest.machine.changes import Change, changes
 from splatbus_conformance.selftest.machine.lines import MEETING, START, Watched, noted
 from splatbus_conformance.selftest.machine.testing import ByTests
-from splatbus_conformance.selftest.machine.trials import Fate, Judged, Opinion, Phase
+from splatbus_conformance.selftest.machine.trials import HarnessVerdict, Judged, MutantFate, Phase
 from splatbus_conformance.selftest.registry import specimen_named
 
 MODULE = "splatbus_wire.framing"
@@ -107,9 +107,9 @@ def test_a_watched_specimen_is_told_which_check_runs(tmp_path):
     assert lines.told(now) == ""
     code = (
         f"import {lines.__name__} as it\nit.tell({str(now)!r})\n"
-        "from splatbus_conformance.run.collector import Gathering\n"
+        "from splatbus_conformance.run.collector import Collector\n"
         "from unittest import mock\n"
-        "Gathering.pytest_runtest_logstart(mock.MagicMock(), 'x.py::check_it')\n"
+        "Collector.pytest_runtest_logstart(mock.MagicMock(), 'x.py::check_it')\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ))
     assert lines.told(now) == "check_it"
@@ -151,7 +151,11 @@ def told(monkeypatch, *found):
     return runs
 
 
-ALIVE, DEAD, UNMET = Opinion(Fate.SURVIVED), Opinion(Fate.KILLED, "x"), Opinion(Fate.UNMET)
+ALIVE, DEAD, UNMET = (
+    HarnessVerdict(MutantFate.SURVIVED),
+    HarnessVerdict(MutantFate.KILLED, "x"),
+    HarnessVerdict(MutantFate.UNMET),
+)
 TOKEN = "server with a token"
 
 
@@ -195,14 +199,14 @@ def test_a_client_that_no_adapter_can_speak_for_is_tried_without_one(monkeypatch
 
 def test_the_check_that_killed_it_formerly_is_the_first(monkeypatch):
     runs = told(monkeypatch, ALIVE, DEAD)
-    former = replace(judged(wire().change.name, Fate.KILLED), phase=TOKEN, check="check_it")
+    former = replace(judged(wire().change.name, MutantFate.KILLED), phase=TOKEN, check="check_it")
     trials.by_harness(wire(), None, [former])
     assert runs == [(TOKEN, ["check_it"]), (TOKEN, [])]
 
 
 def test_a_few_checks_of_each_side_come_before_the_others(monkeypatch):
     runs = told(monkeypatch, *[ALIVE] * 9)
-    former = replace(judged(wire().change.name, Fate.KILLED), phase="server", check="check_7")
+    former = replace(judged(wire().change.name, MutantFate.KILLED), phase="server", check="check_7")
     trials.by_harness(wire(), watched("server", "client unity"), [former])
     assert [(name, len(checks)) for name, checks in runs] == [
         *(("server", trials.FIRST), ("client unity", trials.FIRST)),
@@ -222,7 +226,7 @@ def test_with_a_token_the_few_are_enough_where_all_ran_without_one(monkeypatch):
 
 def test_what_no_run_executes_is_not_run(monkeypatch):
     runs = told(monkeypatch)
-    assert trials.by_harness(wire(), watched(), []).fate is Fate.UNTOUCHED
+    assert trials.by_harness(wire(), watched(), []).fate is MutantFate.UNTOUCHED
     assert runs == []
 
 
@@ -234,10 +238,10 @@ def report(*cells):
 @pytest.mark.parametrize(
     ("verdicts", "fate"),
     [
-        (["pass", "skip"], Fate.SURVIVED),
-        (["pass", "warn"], Fate.WARNED),
-        (["warn", "harness-error"], Fate.CRASHED),
-        (["harness-error", "fail"], Fate.KILLED),
+        (["pass", "skip"], MutantFate.SURVIVED),
+        (["pass", "warn"], MutantFate.WARNED),
+        (["warn", "harness-error"], MutantFate.CRASHED),
+        (["harness-error", "fail"], MutantFate.KILLED),
     ],
 )
 def test_the_worst_verdict_decides(monkeypatch, verdicts, fate):
@@ -249,7 +253,7 @@ def test_a_mutant_that_cannot_be_met_is_neither_killed_nor_alive(monkeypatch):
     nobody = {"requirement": "", "check": "run", "verdict": "harness-error", "text": "nobody came"}
     given = {"requirements": [], "others": [nobody]}
     monkeypatch.setattr(trials, "run_harness", lambda *_: (given, 3, ""))
-    assert trials.run("m:f:bound:1", Phase("client")).fate is Fate.UNMET
+    assert trials.run("m:f:bound:1", Phase("client")).fate is MutantFate.UNMET
 
 
 def test_a_test_that_fails_without_the_change_kills_nothing(monkeypatch):
@@ -290,11 +294,11 @@ def judged(name, fate, tested=ByTests.KILLED):
 
 def test_two_figures_leave_out_what_cannot_count():
     found = [
-        judged("a", Fate.KILLED),
-        judged("b", Fate.SURVIVED),
-        judged("c", Fate.SURVIVED, ByTests.SURVIVED),
-        judged("d", Fate.UNTOUCHED),
-        judged("e", Fate.UNMET),
+        judged("a", MutantFate.KILLED),
+        judged("b", MutantFate.SURVIVED),
+        judged("c", MutantFate.SURVIVED, ByTests.SURVIVED),
+        judged("d", MutantFate.UNTOUCHED),
+        judged("e", MutantFate.UNMET),
     ]
     executed, tested, both, counts = command.sentences(found)
     assert executed.startswith("1 of 3 (33.3%) in lines that a run executes")
@@ -314,7 +318,7 @@ def test_what_was_judged_is_not_judged_again(monkeypatch, tmp_path):
 
     def judge(drawn, watched, former):
         seen.append(drawn.change.name)
-        return judged(drawn.change.name, Fate.KILLED)
+        return judged(drawn.change.name, MutantFate.KILLED)
 
     monkeypatch.setattr(command, "judge", judge)
     monkeypatch.setattr(command, "watched_at", lambda *_: {})
@@ -322,29 +326,31 @@ def test_what_was_judged_is_not_judged_again(monkeypatch, tmp_path):
     assert command.machine(given(json=path), out) == 0
     assert command.machine(given(json=path, count=5, resume=True), out) == 0
     assert sorted(seen) == sorted(it.change.name for it in modules.draw(5, 1))
-    assert len(command.Result.read(Path(path)).judged) == 5
+    assert len(command.StoredMutants.read(Path(path)).judged) == 5
     assert command.machine(given(again=path, count=2), out) == 0
     assert len(seen) == 7
 
 
 def test_what_was_killed_has_to_be_killed_again(monkeypatch, tmp_path):
     alive, dead = (it.change.name for it in modules.draw(2, 1))
-    result = command.Result(1, "")
+    result = command.StoredMutants(1, "")
     result.judged = {
-        alive: judged(alive, Fate.KILLED),
-        dead: judged(dead, Fate.SURVIVED),
+        alive: judged(alive, MutantFate.KILLED),
+        dead: judged(dead, MutantFate.SURVIVED),
         "splatbus_wire.framing:gone:bound:1": judged(
-            "splatbus_wire.framing:gone:bound:1", Fate.KILLED
+            "splatbus_wire.framing:gone:bound:1", MutantFate.KILLED
         ),
     }
     result.save(tmp_path / "former.json")
-    monkeypatch.setattr(command, "judge", lambda it, *_: judged(it.change.name, Fate.SURVIVED))
+    monkeypatch.setattr(
+        command, "judge", lambda it, *_: judged(it.change.name, MutantFate.SURVIVED)
+    )
     printed = io.StringIO()
     assert command.machine(given(again=str(tmp_path / "former.json")), Console(file=printed)) == 1
     assert "0 of 1 are killed again; 1 are not there any more" in printed.getvalue()
 
 
 def test_most_of_the_mutants_that_have_to_die_are_still_there():
-    former = command.Result.read(Path(__file__).parents[2] / "data" / "machine_mutants.json")
-    assert {it.fate for it in former.judged.values()} == {Fate.KILLED}
+    former = command.StoredMutants.read(Path(__file__).parents[2] / "data" / "machine_mutants.json")
+    assert {it.fate for it in former.judged.values()} == {MutantFate.KILLED}
     assert len(modules.named(former.judged)) >= len(former.judged) / 2

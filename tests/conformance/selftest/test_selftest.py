@@ -14,7 +14,7 @@ from splatbus_conformance import rules
 from splatbus_conformance.checks.registry import check_functions, judges
 from splatbus_conformance.selftest import command, kill_matrix
 from splatbus_conformance.selftest import judge as trials
-from splatbus_conformance.selftest.judge import Cell, Fate, Row, fate_of
+from splatbus_conformance.selftest.judge import Cell, Fate, SpecimenResult, fate_of
 from splatbus_conformance.selftest.mutant import RULE, SIDES, Mutant
 from splatbus_conformance.selftest.registry import mutants, specimen_named, variations
 from splatbus_conformance.selftest.seeds import differences
@@ -136,7 +136,7 @@ def run_selftest(monkeypatch, out, rows, only="", path=None):
 
 
 def row(name, fate, kind="mutant"):
-    return Row(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a | reason")
+    return SpecimenResult(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a | reason")
 
 
 def test_the_selftest_fails_when_a_mutant_survives(monkeypatch, out):

@@ -13,8 +13,8 @@ from splatbus_conformance.images.pinhole import placed_in
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.rules import judge
 from splatbus_conformance.trials.moves.resizing import size_of
-from splatbus_conformance.trials.scripted_client import Viewer, readable
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_client import ScriptedClient, readable
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.server import shows
 from splatbus_conformance.trials.testee import probe_advice
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
@@ -108,7 +108,7 @@ def test_a_client_can_say_what_it_likes(kind: str) -> None:
 
 def play_server(memory: HostMemory, channel: str, payload: bytes) -> None:
     """The harness plays the server, to a client that says something good, this, and good again."""
-    role = Role(memory, 64, 48)
+    role = ScriptedServer(memory, 64, 48)
     ipc, msg = Wire("ipc", 1), Wire("msg", 2)
     hostile = ipc if channel == "ipc" else msg
     greetings = {ipc: hello(*ON_IPC), msg: hello(*ALL_MSG)}
@@ -131,7 +131,10 @@ def play_server(memory: HostMemory, channel: str, payload: bytes) -> None:
     facts = ClientFacts(hello={"ipc": role.with_(ipc).hello, "msg": role.with_(msg).hello})
     assert str(facts)
     assert [facts.lacks(need) for need in NEEDS]
-    heard = [probe_advice.Met(wire.channel, 1, role.with_(wire).heard) for wire in (ipc, msg)]
+    heard = [
+        probe_advice.ObservedConnection(wire.channel, 1, role.with_(wire).heard)
+        for wire in (ipc, msg)
+    ]
     probe_advice.on_client(heard, {"ipc": 1, "msg": 2}, None)
 
 
@@ -145,7 +148,7 @@ def test_a_server_can_say_what_it_likes(kind: str) -> None:
 
 def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
     """The harness plays the viewer, and hears something good, this, and good again."""
-    viewer = Viewer()
+    viewer = ScriptedClient()
     payload = payload.replace(HOST_INIT["memory"]["name"].encode(), memory.name.encode())
     announced = changed(HOST_INIT, "/memory/name", memory.name)
     ipc, msg = Listening("ipc", 1), Listening("msg", 2)
@@ -192,6 +195,9 @@ def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
         planes_of(init_packet)
         with contextlib.suppress(CannotOpen):
             open_on_device(init_packet, Nowhere())
-    heard = [probe_advice.Met(wire.channel, 1, viewer.with_(wire).heard) for wire in (ipc, msg)]
+    heard = [
+        probe_advice.ObservedConnection(wire.channel, 1, viewer.with_(wire).heard)
+        for wire in (ipc, msg)
+    ]
     probe_advice.on_server(heard)
     viewer.close()

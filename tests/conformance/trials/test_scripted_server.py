@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.rules import judge
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.message_kinds import CAPABILITIES
@@ -33,7 +33,9 @@ LENS = {**POSE, "intrinsics": INTRINSICS}
 class Wire:
     """A connection without sockets, and what the role said on it."""
 
-    def __init__(self, role: Role, channel: Any, recording: list[Entry], number: int) -> None:
+    def __init__(
+        self, role: ScriptedServer, channel: Any, recording: list[Entry], number: int
+    ) -> None:
         self.channel, self.open, self.ended = channel, True, None
         self.role, self.recording, self.number = role, recording, number
         self.said: list[dict] = []
@@ -78,7 +80,7 @@ class Stage:
     """A role, and its connections; what it says has to keep every rule."""
 
     def __init__(self, memory: HostMemory, seed: int = 0) -> None:
-        self.role, self.recording = Role(memory, *SIZE, seed=seed), []
+        self.role, self.recording = ScriptedServer(memory, *SIZE, seed=seed), []
 
     def connect(self, channel: Any, *capabilities: str) -> Wire:
         wire = Wire(self.role, channel, self.recording, len(self.role.dealings))

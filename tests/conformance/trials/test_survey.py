@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.pinhole import camera_of, rigid
 from splatbus_conformance.trials.moves.survey import (
     LEAST_COVERED,
@@ -15,13 +15,13 @@ from splatbus_conformance.trials.moves.survey import (
 from splatbus_conformance.wire.messages import frame
 
 
-def photograph(depth: float) -> Photograph:
+def photograph(depth: float) -> CapturedFrame:
     message = frame(1, 1, 0, 64, 48)
     message["camera"] |= {"position": [1.0, 2.0, 3.0], "rotation": [0.5, 0.5, 0.5, 0.5]}
     camera = camera_of(message)
     assert camera is not None
     color, depths = np.full((48, 64, 4), 0.5, np.float32), np.full((48, 64), depth, np.float32)
-    return Photograph(message, camera, color, depths, {})
+    return CapturedFrame(message, camera, color, depths, {})
 
 
 def test_the_camera_moves_along_its_own_axes_by_what_it_sees() -> None:

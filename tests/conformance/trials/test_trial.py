@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import strategies as st
 from splatbus_conformance.cases.script import Case
-from splatbus_conformance.trials.scripted_client import Dealings
+from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.process import Awaited, Launched
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
@@ -106,7 +106,7 @@ SIZE, CAMERA = {"viewport_size": [64, 48]}, {"position": [0.0, 0.0, 0.0]}
     [([], "ignores"), ([SIZE], "replies"), ([CAMERA], "replies"), ([{"type": "error"}], "reports")],
 )
 def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, outcome) -> None:
-    dealings = Dealings()
+    dealings = DialledConnection()
     trial = object.__new__(ServerTrial)
     trial.delivered = 0
     trial.facts = ServerFacts()

@@ -4,13 +4,13 @@ import base64
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from splatbus_conformance.cases.malformed.init_packets import ABSENT, NO_STRINGS, Breach
+from splatbus_conformance.cases.malformed.init_packets import ABSENT, NO_STRINGS, BrokenInitPacket
 from splatbus_conformance.wire.messages import EXAMPLE_HANDLE
 
 UNKNOWN_HANDLE = EXAMPLE_HANDLE.decode()
 
 
-def breaches_of_handles(handles: Mapping[str, str]) -> Iterator[Breach]:
+def breaches_of_handles(handles: Mapping[str, str]) -> Iterator[BrokenInitPacket]:
     """Each handle spoilt: missing, of another type, length or spelling.
 
     A decoder that is not strict finds the handle of memory that is there.
@@ -25,7 +25,7 @@ def breaches_of_handles(handles: Mapping[str, str]) -> Iterator[Breach]:
             "white space": (f"{text}\n", f" {text}", f"{text[:44]}\r\n{text[44:]}"),
             "alphabet": (f"{text[:10]}!{text[10:]}", f"data:;base64,{text}"),
         }
-        yield Breach("INI-1", {member: ABSENT})
+        yield BrokenInitPacket("INI-1", {member: ABSENT})
         for how, values in spoilt.items():
             for value in values:
-                yield Breach("INI-7", {member: value}, how=how)
+                yield BrokenInitPacket("INI-7", {member: value}, how=how)

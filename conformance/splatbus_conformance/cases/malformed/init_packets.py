@@ -21,7 +21,7 @@ NO_STRINGS: tuple[Any, ...] = (ABSENT, None, 1, [], {}, True)
 NO_NUMBERS: tuple[Any, ...] = (None, [], {}, False)
 
 
-class Breach(NamedTuple):
+class BrokenInitPacket(NamedTuple):
     """Members to be changed in a good init packet, and what that breaks."""
 
     requirement: str
@@ -73,66 +73,66 @@ def changed(good: Json, changes: dict[str, Any]) -> Json:
     return packet
 
 
-def _each(requirement: str, path: str, values: tuple[Any, ...]) -> Iterator[Breach]:
+def _each(requirement: str, path: str, values: tuple[Any, ...]) -> Iterator[BrokenInitPacket]:
     for value in values:
-        yield Breach(requirement, {path: value})
+        yield BrokenInitPacket(requirement, {path: value})
 
 
-def breaches_of_1_0() -> list[Breach]:
+def breaches_of_1_0() -> list[BrokenInitPacket]:
     """Each rule of INI-1 to INI-6 broken, in a packet for memory of the host."""
     return [*_meta(), *_sizes(), *_pitches(), *_offsets()]
 
 
-def breaches_of_1_1() -> list[Breach]:
+def breaches_of_1_1() -> list[BrokenInitPacket]:
     """Each rule of MEM-1, MEM-2, MEM-8, MEM-9 and MEM-12 broken; for names see `BAD_NAMES`."""
     return [*_version(), *_memory(), *_ring(), *_overlaps(), *_semantics()]
 
 
-def _meta() -> Iterator[Breach]:
+def _meta() -> Iterator[BrokenInitPacket]:
     yield from _each("INI-1", "meta", NO_OBJECTS)
     for member in ("w", "h", "fmtColor", "pitchColor", "fmtDepth", "pitchDepth"):
-        yield Breach("INI-1", {f"meta/{member}": ABSENT})
+        yield BrokenInitPacket("INI-1", {f"meta/{member}": ABSENT})
     formats = ("rgba32f", "RGBA16F", "RGBA8", "R32F", "RGBA32F ", "", *NO_STRINGS[1:])
     yield from _each("INI-3", "meta/fmtColor", formats)
     formats = ("r32f", "R16F", "D32F", "RGBA32F", "R32F\x00", "", *NO_STRINGS[1:])
     yield from _each("INI-3", "meta/fmtDepth", formats)
 
 
-def _sizes() -> Iterator[Breach]:
+def _sizes() -> Iterator[BrokenInitPacket]:
     most: int = LIMITS["max_image_size"]
     for member, size in (("w", WIDTH), ("h", HEIGHT)):
         values = (str(size), float(size) + 0.5, -size, *NO_NUMBERS)
         yield from _each("INI-2", f"meta/{member}", values)
     no_pitch = {"meta/pitchColor": 0, "meta/pitchDepth": 0}
-    yield Breach("INI-2", {"meta/w": 0, **no_pitch})
-    yield Breach("INI-2", {"meta/h": 0})
-    yield Breach("INI-2", {"meta/w": True}, width=1)
-    yield Breach("INI-2", {"meta/h": True}, height=1)
-    yield Breach("INI-2", {"meta/w": most + 1}, width=most + 1, height=1, slots=1)
-    yield Breach("INI-2", {"meta/h": most + 1}, width=1, height=most + 1, slots=1)
+    yield BrokenInitPacket("INI-2", {"meta/w": 0, **no_pitch})
+    yield BrokenInitPacket("INI-2", {"meta/h": 0})
+    yield BrokenInitPacket("INI-2", {"meta/w": True}, width=1)
+    yield BrokenInitPacket("INI-2", {"meta/h": True}, height=1)
+    yield BrokenInitPacket("INI-2", {"meta/w": most + 1}, width=most + 1, height=1, slots=1)
+    yield BrokenInitPacket("INI-2", {"meta/h": most + 1}, width=1, height=most + 1, slots=1)
 
 
-def _pitches() -> Iterator[Breach]:
+def _pitches() -> Iterator[BrokenInitPacket]:
     for member, pitch in (("pitchColor", 16 * WIDTH), ("pitchDepth", 4 * WIDTH)):
         wrong = (pitch + 16, pitch - 16, 2 * pitch, 0, -pitch, pitch + 0.5, str(pitch))
         yield from _each("INI-4", f"meta/{member}", (*wrong, *NO_NUMBERS))
 
 
-def _offsets() -> Iterator[Breach]:
+def _offsets() -> Iterator[BrokenInitPacket]:
     for member, unaligned in (("offsetColor", 8), ("offsetDepth", 2)):
         wrong = (unaligned, -16, 0.5, BEYOND, "0", *NO_NUMBERS)
         yield from _each("INI-5", f"meta/{member}", wrong)
     yield from _each("INI-6", "meta/device", (-1, 0.5, BEYOND, "0", *NO_NUMBERS))
 
 
-def _version() -> Iterator[Breach]:
+def _version() -> Iterator[BrokenInitPacket]:
     versions = ("1.0", "1.2", "1.10", "2.0", "1.1 ", "", 1.1, *NO_STRINGS)
     yield from _each("MEM-1", "version", versions)
     generations = (ABSENT, 0, -1, 1.5, BEYOND, "1", *NO_NUMBERS, True)
     yield from _each("MEM-1", "generation", generations)
 
 
-def _memory() -> Iterator[Breach]:
+def _memory() -> Iterator[BrokenInitPacket]:
     yield from _each("MEM-2", "memory", NO_OBJECTS)
     kinds = ("posix_shm", "HOST_SHM", "cuda_ipc", "", *NO_STRINGS)
     yield from _each("MEM-2", "memory/kind", kinds)
@@ -140,49 +140,51 @@ def _memory() -> Iterator[Breach]:
     yield from _each("MEM-2", "memory/bytes", sizes)
 
 
-def _ring() -> Iterator[Breach]:
+def _ring() -> Iterator[BrokenInitPacket]:
     yield from _each("MEM-8", "ring", NO_OBJECTS)
     for member in ("slots", "colorOffset", "colorStride", "depthOffset", "depthStride"):
-        yield Breach("MEM-8", {f"ring/{member}": ABSENT})
+        yield BrokenInitPacket("MEM-8", {f"ring/{member}": ABSENT})
     yield from _each("MEM-8", "ring/slots", (0, -1, 2.5, "3", *NO_NUMBERS))
     most: int = LIMITS["max_slots"]
-    yield Breach("MEM-8", {"ring/slots": most + 1}, width=1, height=1, slots=most + 1)
-    yield Breach("MEM-8", {"ring/slots": True}, slots=1)
+    yield BrokenInitPacket("MEM-8", {"ring/slots": most + 1}, width=1, height=1, slots=most + 1)
+    yield BrokenInitPacket("MEM-8", {"ring/slots": True}, slots=1)
     room = {"memory/bytes": ROOM}
     for member in ("colorOffset", "depthOffset"):
         for wrong in (-16, 0.5, "0", *NO_NUMBERS):
-            yield Breach("MEM-8", {f"ring/{member}": wrong})
+            yield BrokenInitPacket("MEM-8", {f"ring/{member}": wrong})
     for member, apart in (("colorOffset", ROOM // 2), ("depthOffset", ROOM // 4)):
-        yield Breach("MEM-8", {f"ring/{member}": apart + 8, **room})
+        yield BrokenInitPacket("MEM-8", {f"ring/{member}": apart + 8, **room})
     color, depth = 16 * WIDTH * HEIGHT, 4 * WIDTH * HEIGHT
     behind = {"ring/depthOffset": ROOM // 2, **room}
     for wrong in (color - 16, color + 8, 0, -color, color + 0.5, str(color), *NO_NUMBERS):
-        yield Breach("MEM-8", {"ring/colorStride": wrong, **behind})
+        yield BrokenInitPacket("MEM-8", {"ring/colorStride": wrong, **behind})
     for wrong in (depth - 16, depth + 8, 0, -depth, depth + 0.5, str(depth), *NO_NUMBERS):
-        yield Breach("MEM-8", {"ring/depthStride": wrong, **behind})
-    yield Breach("MEM-8", {"ring/colorStride": color - 16, **behind}, slots=1)
-    yield Breach("MEM-8", {"ring/depthStride": depth - 16, **behind}, slots=1)
+        yield BrokenInitPacket("MEM-8", {"ring/depthStride": wrong, **behind})
+    yield BrokenInitPacket("MEM-8", {"ring/colorStride": color - 16, **behind}, slots=1)
+    yield BrokenInitPacket("MEM-8", {"ring/depthStride": depth - 16, **behind}, slots=1)
 
 
-def _overlaps() -> Iterator[Breach]:
+def _overlaps() -> Iterator[BrokenInitPacket]:
     color, depth = 16 * WIDTH * HEIGHT, 4 * WIDTH * HEIGHT
     end_of_color = SLOTS * color
     for offset in (0, color, end_of_color - 16):
-        yield Breach("MEM-9", {"ring/depthOffset": offset})
-    yield Breach("MEM-9", {"ring/colorOffset": depth, "ring/depthOffset": 0, "memory/bytes": ROOM})
+        yield BrokenInitPacket("MEM-9", {"ring/depthOffset": offset})
+    yield BrokenInitPacket(
+        "MEM-9", {"ring/colorOffset": depth, "ring/depthOffset": 0, "memory/bytes": ROOM}
+    )
     interleaved = {
         "ring/colorStride": color + depth - 16,
         "ring/depthStride": color + depth - 16,
         "ring/depthOffset": color,
         "memory/bytes": ROOM,
     }
-    yield Breach("MEM-9", interleaved)
+    yield BrokenInitPacket("MEM-9", interleaved)
 
 
-def _semantics() -> Iterator[Breach]:
+def _semantics() -> Iterator[BrokenInitPacket]:
     yield from _each("MEM-12", "semantics", NO_OBJECTS)
     for member in ("rows", "alpha", "colorSpace", "depth", "unitMetres", "origin"):
-        yield Breach("MEM-12", {f"semantics/{member}": ABSENT})
+        yield BrokenInitPacket("MEM-12", {f"semantics/{member}": ABSENT})
     wrong: dict[str, tuple[Any, ...]] = {
         "rows": ("top_down", "bottom-up", "", *NO_STRINGS[1:]),
         "alpha": ("inverse", "Straight", "", *NO_STRINGS[1:]),
@@ -198,7 +200,7 @@ def _semantics() -> Iterator[Breach]:
         yield from _each("MEM-12", f"semantics/{member}", values)
 
 
-def beyond_memory() -> list[Breach]:
+def beyond_memory() -> list[BrokenInitPacket]:
     """Rings that end beyond `memory.bytes`, some by so much that 64 bits overflow."""
     color, depth = 16 * WIDTH * HEIGHT, 4 * WIDTH * HEIGHT
     size = SLOTS * (color + depth)
@@ -226,13 +228,13 @@ def beyond_memory() -> list[Breach]:
         f"ring/{plane}{what}": most for plane in ("color", "depth") for what in ("Offset", "Stride")
     }
     return [
-        *(Breach("MEM-9", change) for change in near),
-        Breach("MEM-9", {**furthest, "memory/bytes": ROOM}, 64, 64, LIMITS["max_slots"]),
-        *(Breach("MEM-8", change) for change in far),
+        *(BrokenInitPacket("MEM-9", change) for change in near),
+        BrokenInitPacket("MEM-9", {**furthest, "memory/bytes": ROOM}, 64, 64, LIMITS["max_slots"]),
+        *(BrokenInitPacket("MEM-8", change) for change in far),
     ]
 
 
-def wrapping_in_32_bits() -> list[Breach]:
+def wrapping_in_32_bits() -> list[BrokenInitPacket]:
     """Images and rings beyond memory that look small in arithmetic of 32 bits."""
     color, depth = 16 * WIDTH * HEIGHT, 4 * WIDTH * HEIGHT
     wrap = 1 << 32
@@ -244,10 +246,10 @@ def wrapping_in_32_bits() -> list[Breach]:
         {"ring/depthStride": wrap + depth},
         {"memory/bytes": wrap + ROOM},
     )
-    return [*found, *(Breach("MEM-9", change) for change in changes)]
+    return [*found, *(BrokenInitPacket("MEM-9", change) for change in changes)]
 
 
-def _image(width: int, height: int) -> Breach:
+def _image(width: int, height: int) -> BrokenInitPacket:
     """One slot with an image of this size, which `bytes` is too small for."""
     sizes = {"memory/bytes": ROOM, "ring/depthOffset": ROOM // 2}
-    return Breach("MEM-9", sizes, width, height, slots=1)
+    return BrokenInitPacket("MEM-9", sizes, width, height, slots=1)

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.cases.valid.poses import Steered, steering
+from splatbus_conformance.cases.valid.poses import SteeredDraw, steering
 from splatbus_conformance.oracle import to_double
 from splatbus_conformance.wire.messages import Json, encode
 
@@ -17,7 +17,7 @@ _EXACT = Context(prec=400)
 def hard_numbers() -> st.SearchStrategy[str]:
     """Numbers up to 10⁶ as text: exact, of 17 digits, halfway between two doubles, or beside."""
 
-    def text(way: Callable[[float], str], steered: Steered) -> str:
+    def text(way: Callable[[float], str], steered: SteeredDraw) -> str:
         rng = steered.rng("numbers")
         (number,) = steered.moved([rng.uniform(-10, 10) * 10.0 ** rng.randint(-7, 5)])
         return way(number)

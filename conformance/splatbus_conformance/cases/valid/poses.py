@@ -49,7 +49,7 @@ def poses(salt: str, *, single: bool = False, unit: bool = False) -> st.SearchSt
     def pose(
         position: Callable[[random.Random], Sequence[float]],
         rotation: Callable[[random.Random], Sequence[float]],
-        steered: Steered,
+        steered: SteeredDraw,
     ) -> Pose:
         rng = steered.rng(salt)
         place, turn = position(rng), rotation(rng)
@@ -65,7 +65,7 @@ def poses(salt: str, *, single: bool = False, unit: bool = False) -> st.SearchSt
     return st.builds(pose, st.sampled_from(POSITIONS), st.sampled_from(rotations), steering())
 
 
-class Steered(NamedTuple):
+class SteeredDraw(NamedTuple):
     """What was drawn, so that a search can steer: each integer's high half has a say in everything
     that is random, and its low half moves one number a little.
     """
@@ -98,9 +98,9 @@ class Steered(NamedTuple):
         return [part * scale for part in moved]
 
 
-def steering() -> st.SearchStrategy[Steered]:
+def steering() -> st.SearchStrategy[SteeredDraw]:
     """Three integers for each of seven numbers."""
-    return st.tuples(*21 * [st.integers(0, 2 ** (2 * _HALF) - 1)]).map(Steered)
+    return st.tuples(*21 * [st.integers(0, 2 ** (2 * _HALF) - 1)]).map(SteeredDraw)
 
 
 def simpler(numbers: list[list[float]]) -> list[list[list[float]]]:

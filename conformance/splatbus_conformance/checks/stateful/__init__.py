@@ -12,7 +12,7 @@ Step = tuple[Any, ...]
 """What is done, and its arguments: strings and numbers."""
 
 
-class Breach(Exception):  # noqa: N818 - a finding, no error of ours
+class SessionBreach(Exception):  # noqa: N818 - a finding, no error of ours
     """The testee broke a requirement."""
 
     def __init__(self, requirement: str, what: str) -> None:
@@ -20,11 +20,11 @@ class Breach(Exception):  # noqa: N818 - a finding, no error of ours
         self.requirement = requirement
 
 
-class Over(Exception):  # noqa: N818 - a finding, no error of ours
+class SessionOver(Exception):  # noqa: N818 - a finding, no error of ours
     """The testee has ended as it may; the session ends too."""
 
 
-class Part(Protocol):
+class Counterpart(Protocol):
     """The other side of one session."""
 
     def begin(self) -> None:
@@ -43,7 +43,7 @@ class Part(Protocol):
         """End without a look, from wherever the session is."""
 
 
-class Found(Exception):  # noqa: N818 - a finding, no error of ours
+class BreachFound(Exception):  # noqa: N818 - a finding, no error of ours
     """A session broke the requirement that is judged."""
 
     def __init__(self, steps: Sequence[Step], what: str) -> None:
@@ -61,9 +61,9 @@ class Session:
     left out.
     """
 
-    def __init__(self, part: Part, judged: str, steps: list[Step] | None = None) -> None:
+    def __init__(self, part: Counterpart, judged: str, steps: list[Step] | None = None) -> None:
         self.steps: list[Step] = [] if steps is None else steps
-        self.other: Breach | None = None
+        self.other: SessionBreach | None = None
         """What was broken that is not judged here."""
         self._part, self._judged = part, judged
         self._goes_on = True
@@ -89,10 +89,10 @@ class Session:
     def _do(self, action: Callable[[], None], when: str) -> None:
         try:
             action()
-        except Over:
+        except SessionOver:
             self._goes_on = False
             return
-        except Breach as breach:
+        except SessionBreach as breach:
             found = breach
         else:
             return
@@ -100,7 +100,7 @@ class Session:
         self._part.leave()
         if found.requirement == self._judged:
             # Here alone, and outside of the handler: Hypothesis tells failures by where they are.
-            raise Found(self.steps, f"{when}, {found}")
+            raise BreachFound(self.steps, f"{when}, {found}")
         self.other = found
 
 

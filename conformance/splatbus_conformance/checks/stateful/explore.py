@@ -23,7 +23,7 @@ from hypothesis.stateful import (
 from splatbus_conformance.cases.drawing import seeds_meaning_the_same
 from splatbus_conformance.cases.script import Case
 from splatbus_conformance.cases.shrinking import smallest, without_one
-from splatbus_conformance.checks.stateful import Found, Part, Session, Step
+from splatbus_conformance.checks.stateful import BreachFound, Counterpart, Session, Step
 from splatbus_conformance.trials.trial import Trial
 
 EXPLORING_SECONDS = {False: 10.0, True: 40.0}
@@ -46,7 +46,7 @@ class _OutOfTime(BaseException):
 
 def go_through(
     trial: Trial,
-    part: Callable[[], Part],
+    part: Callable[[], Counterpart],
     kinds: Sequence[str],
     *,
     kept: Sequence[Sequence[Step]] = (),
@@ -78,11 +78,11 @@ def go_through(
 class _Search:
     """Sessions with one testee, one after the other."""
 
-    def __init__(self, trial: Trial, part: Callable[[], Part]) -> None:
+    def __init__(self, trial: Trial, part: Callable[[], Counterpart]) -> None:
         self.other: list[str] = []
         """What cut sessions short."""
         self._trial, self._part = trial, part
-        self._found: list[Found] = []
+        self._found: list[BreachFound] = []
         self._until = time.monotonic() + EXPLORING_SECONDS[trial.thorough]
 
     def deliver(self, steps: Sequence[Step]) -> None:
@@ -122,7 +122,7 @@ class _Search:
             suppress_health_check=list(HealthCheck),
             verbosity=Verbosity.quiet,
         )
-        with seeds_meaning_the_same(), contextlib.suppress(Found, Flaky, _OutOfTime):
+        with seeds_meaning_the_same(), contextlib.suppress(BreachFound, Flaky, _OutOfTime):
             run_state_machine_as_test(self._machine(kinds), settings=chosen)
         if self._found:
             smallest(self._shortest().steps, self._fails_too, self._in_time)
@@ -132,13 +132,13 @@ class _Search:
                 self._trial.went_through[-1][:] = [Case(True, list(shortest.steps))]
             self._trial.violated(str(shortest))
 
-    def _fails_by(self, steps: Sequence[Step]) -> Found | None:
+    def _fails_by(self, steps: Sequence[Step]) -> BreachFound | None:
         try:
             session = self.begin()
             for step in steps:
                 session.take(step)
             session.end()
-        except Found as found:
+        except BreachFound as found:
             return found
         self.done(session)
         return None
@@ -148,7 +148,7 @@ class _Search:
             self._found.append(found)
         return found is not None
 
-    def _shortest(self) -> Found:
+    def _shortest(self) -> BreachFound:
         return min(reversed(self._found), key=lambda found: len(found.steps))
 
     def _in_time(self) -> bool:
@@ -160,7 +160,7 @@ class _Search:
         def take(session: Session, step: Step) -> None:
             try:
                 session.take(step)
-            except Found as found:
+            except BreachFound as found:
                 search.note_failure(found)
                 raise
 
@@ -169,14 +169,14 @@ class _Search:
             search.stop_in_time()
             try:
                 self.session = search.begin()
-            except Found as found:
+            except BreachFound as found:
                 search.note_failure(found)
                 raise
 
         def teardown(self: Any) -> None:
             try:
                 self.session.end()
-            except Found as found:
+            except BreachFound as found:
                 search.note_failure(found)
                 raise
             search.done(self.session)
@@ -189,7 +189,7 @@ class _Search:
         )
         return seed(self._trial.seed)(machine)
 
-    def note_failure(self, found: Found) -> None:
+    def note_failure(self, found: BreachFound) -> None:
         """The first failure ends the search for others, and begins that for a smaller one."""
         if not self._found:
             self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.thorough]

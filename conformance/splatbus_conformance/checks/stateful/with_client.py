@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks.stateful import Breach, Over, Step
+from splatbus_conformance.checks.stateful import SessionBreach, SessionOver, Step
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.pose_error import engine_of, off, read_pose
 from splatbus_conformance.trials.returning import return_seconds
-from splatbus_conformance.trials.scripted_server import Dealings
+from splatbus_conformance.trials.scripted_server import ServedConnection
 from splatbus_conformance.trials.trial import Violation
 from splatbus_conformance.wire.json_values import whole
 from splatbus_conformance.wire.messages import encode, init_packet_1_1
@@ -177,7 +177,7 @@ class WithClient:
         try:
             self.trial.ask("send_camera", position=list(position), rotation=list(rotation))
         except Violation as violation:
-            raise Breach("CHN-19", str(violation)) from None
+            raise SessionBreach("CHN-19", str(violation)) from None
         engine = engine_of(self.trial.greeting, "camera_pose")
         right = engine.position_to_wire(position), engine.quaternion_to_wire(rotation)
         heard = self.role.with_(self._at["msg"]).heard
@@ -193,7 +193,7 @@ class WithClient:
             text = "the pose that its engine was given" + (
                 " became another" if any_came else " never came"
             )
-            raise Breach("CNV-1" if any_came else "CHN-19", text)
+            raise SessionBreach("CNV-1" if any_came else "CHN-19", text)
 
     # What must hold
 
@@ -202,13 +202,15 @@ class WithClient:
         self.trial.rest(0.0)
         fate = self.trial.fate()
         if fate == "exits":
-            raise Over
+            raise SessionOver
         if fate:
-            raise Breach("CHN-19" if self._lost else "OPN-1", "the testee died")
+            raise SessionBreach("CHN-19" if self._lost else "OPN-1", "the testee died")
         if "ipc" in self._at:
             self._nothing_twice()
             if self._at["ipc"].ended:
-                raise Breach("CHN-10", "it closed the IPC connection, though nothing was wrong")
+                raise SessionBreach(
+                    "CHN-10", "it closed the IPC connection, though nothing was wrong"
+                )
         if "msg" in self._at and self._at["msg"].ended:
             self._return(["msg"])
 
@@ -221,13 +223,13 @@ class WithClient:
             for generation, times in said.items():
                 if times > least:
                     text = f"generation {generation} got {times} {kind}"
-                    raise Breach(requirement, text)
+                    raise SessionBreach(requirement, text)
         if dealings.generation in self._said("closed"):
-            raise Breach("OPN-5", f"it closed generation {dealings.generation}, the newest")
+            raise SessionBreach("OPN-5", f"it closed generation {dealings.generation}, the newest")
         for image, times in self._releases().items():
             if times > self._lent[image]:
                 text = f"frame {image[1]} of generation {image[0]} was released {times} times"
-                raise Breach("IMG-12", f"{text} and lent {self._lent[image]} times")
+                raise SessionBreach("IMG-12", f"{text} and lent {self._lent[image]} times")
 
     def _rest(self) -> None:
         """What must hold once nothing more comes."""
@@ -238,31 +240,37 @@ class WithClient:
         self._until(lambda: set(self._said("opened", "open_failed")) >= announced)
         unanswered = announced - set(self._said("opened", "open_failed"))
         if unanswered:
-            raise Breach("OPN-1", f"no answer to generation {min(unanswered)}")
+            raise SessionBreach("OPN-1", f"no answer to generation {min(unanswered)}")
         self._released()
         former = set(self._said("opened")) - {newest}
         self._until(lambda: former <= set(self._said("closed")))
         if still := former - set(self._said("closed")):
-            raise Breach("OPN-5", f"generation {min(still)} was not closed after {newest} came")
+            raise SessionBreach(
+                "OPN-5", f"generation {min(still)} was not closed after {newest} came"
+            )
 
     def _answered(self) -> None:
         """The newest init packet has been answered, and rightly."""
         dealings, newest = self._dealings, self._dealings.generation
         self._until(lambda: newest in dealings.opened | dealings.failed)
         if newest not in dealings.opened | dealings.failed:
-            raise Breach("OPN-1", f"no answer to generation {newest}")
+            raise SessionBreach("OPN-1", f"no answer to generation {newest}")
         if self._misled and newest in dealings.opened:
-            raise Breach("OPN-2", "it said that it had opened memory that does not exist")
+            raise SessionBreach("OPN-2", "it said that it had opened memory that does not exist")
         if not self._misled and newest in dealings.failed:
             first = "CHN-24" if len(dealings.generations) == 1 else "OPN-5"
-            raise Breach(first, f"good memory, generation {newest}, was answered with open_failed")
+            raise SessionBreach(
+                first, f"good memory, generation {newest}, was answered with open_failed"
+            )
 
     def _released(self) -> None:
         """Every frame has come back."""
         self._until(lambda: len(self._releases()) >= len(self._lent))
         if held := self._lent - self._releases():
             generation, seq = min(held)
-            raise Breach("IMG-12", f"frame {seq} of generation {generation} was not released")
+            raise SessionBreach(
+                "IMG-12", f"frame {seq} of generation {generation} was not released"
+            )
 
     # Losing connections, and what comes back
 
@@ -273,7 +281,7 @@ class WithClient:
         if how == "end":
             connection.end_stream()
             if not self.trial.ends(connection):
-                raise Breach("CHN-17", f"it kept the {channel} connection after its end")
+                raise SessionBreach("CHN-17", f"it kept the {channel} connection after its end")
         if how == "cut":
             connection.send(HALF_A_PACKET)
         if how == "reset":
@@ -289,14 +297,14 @@ class WithClient:
     def _judge_return(self, missing: Sequence[Channel]) -> None:
         fate = self.trial.fate()
         if fate == "exits":
-            raise Over
+            raise SessionOver
         if fate:
-            raise Breach("CHN-19", "the testee died")
+            raise SessionBreach("CHN-19", "the testee died")
         if not missing:
             return
         if set(missing) == set(self._channels):
-            raise Breach("CHN-19", "the testee neither reacted nor went on")
-        raise Breach("CHN-20", f"it did not connect to the {missing[0]} channel again")
+            raise SessionBreach("CHN-19", "the testee neither reacted nor went on")
+        raise SessionBreach("CHN-20", f"it did not connect to the {missing[0]} channel again")
 
     def _meet_on(self, channels: Iterable[Channel]) -> None:
         """Take connections that are new, and let the testee say what it says first."""
@@ -320,7 +328,9 @@ class WithClient:
                 break
         return connection
 
-    def _greeted(self, channel: Channel, connection: Connection, dealings: Dealings) -> None:
+    def _greeted(
+        self, channel: Channel, connection: Connection, dealings: ServedConnection
+    ) -> None:
         if self.facts.speaks_1_1(channel):
             came = self.trial.wait(lambda: dealings.welcome or connection.ended)
         elif channel == "msg" and self.facts.asks:
@@ -328,7 +338,9 @@ class WithClient:
         else:
             return
         if not came or connection.ended:
-            raise Breach("CHN-19", f"it came to the {channel} channel, and did not go on there")
+            raise SessionBreach(
+                "CHN-19", f"it came to the {channel} channel, and did not go on there"
+            )
 
     def _arrives(self, channel: Channel, before: int) -> bool:
         seconds = return_seconds(self.trial) if self.facts.away_seconds else RETURN_SECONDS
@@ -353,7 +365,7 @@ class WithClient:
             self._watch()
 
     @property
-    def _dealings(self) -> Dealings:
+    def _dealings(self) -> ServedConnection:
         return self.role.with_(self._at["ipc"])
 
     def _said(self, *kinds: str) -> Counter[int]:

@@ -4,7 +4,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from splatbus_conformance.checks.stateful import Breach, Step
+from splatbus_conformance.checks.stateful import SessionBreach, Step
 from splatbus_conformance.checks.stateful.knowledge import CAMERAS, SEATS, Knowledge, crowd
 from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Asker, Reader
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
@@ -55,7 +55,7 @@ class WithServer:
         """Those that are open and have sent a valid pose, in the order of their first."""
         self._of_others: dict[float, Asker] = {}
         """Where those who never moved the camera would have it."""
-        self._found: Breach | None = None
+        self._found: SessionBreach | None = None
         self._of_another: Asker | None = None
         """Who was first when an image showed somebody else's pose."""
         self._restarted = False
@@ -85,18 +85,18 @@ class WithServer:
             for n in range(self.knowledge.seats[channel])
             if n not in self._seated(channel)
         ]
-        lending = [n for n in reading if self.knowledge.frames]
+        lender = [n for n in reading if self.knowledge.frames]
         steps: dict[str, Callable[[], list[Step]]] = {
             "connect": lambda: [("connect", *seat) for seat in free],
             "ask": lambda: [
                 ("ask", n, what) for n in asking for what in (VIEWPORT, *range(CAMERAS))
             ],
             "pose": lambda: [("pose", n, what) for n in asking for what in POSES],
-            "hold": lambda: [("hold", n) for n in lending if not self._readers[n].keeps],
-            "release": lambda: [("release", n) for n in lending if self._readers[n].keeps],
+            "hold": lambda: [("hold", n) for n in lender if not self._readers[n].keeps],
+            "release": lambda: [("release", n) for n in lender if self._readers[n].keeps],
             "subscribe": lambda: [
                 ("subscribe", n, *what)
-                for n in lending
+                for n in lender
                 if self.knowledge.subscribes
                 for what in WANTED
             ],
@@ -147,7 +147,7 @@ class WithServer:
             if served < self.knowledge.crowd:
                 before = self.knowledge.crowd
                 text = f"once all had left, {served} clients were lent frames, {before} before"
-                raise Breach("IMG-17", text)
+                raise SessionBreach("IMG-17", text)
 
     def leave(self) -> None:
         """Close every connection."""
@@ -174,7 +174,7 @@ class WithServer:
                 # What has ended still takes a place, or the server greets nobody any more.
                 lost = channel == "ipc" and self.knowledge.frames
                 text = f"a new client on the {CHANNEL_WORDS[channel]} channel was not served"
-                raise Breach("IMG-17" if lost else "CHN-14", text)
+                raise SessionBreach("IMG-17" if lost else "CHN-14", text)
             connection.close()
             self.trial.rest(0.02)
             connection = self._seated(channel)[seat].connection = self._dial(channel)
@@ -284,7 +284,7 @@ class WithServer:
         """What must hold at any moment."""
         self.trial.rest(0.0)
         if self.trial.fate():
-            raise Breach("CHN-14", "the server ended")
+            raise SessionBreach("CHN-14", "the server ended")
         if self._found is not None:
             raise self._found
         if self._of_another is not None:
@@ -293,11 +293,11 @@ class WithServer:
             self._excuse()
             if first in self._movers[:1]:
                 text = "an image shows the pose of a message client that was not first"
-                raise Breach("POS-11", text)
+                raise SessionBreach("POS-11", text)
         for asker in self._askers.values():
             replies = self.trial.replies(asker.connection)
             if wrong := asker.wrong(replies, self.knowledge.cameras):
-                raise Breach("REQ-7", wrong)
+                raise SessionBreach("REQ-7", wrong)
 
     def _look(self) -> None:
         """What must hold everywhere once time was given: replies to all, and images of the pose."""
@@ -311,7 +311,7 @@ class WithServer:
         self._excuse()
         for reader in self._readers.values():
             if reader.connection.ended and not reader.half:
-                raise Breach("CHN-14", f"IPC client {reader.seat} was disconnected")
+                raise SessionBreach("CHN-14", f"IPC client {reader.seat} was disconnected")
         if self.knowledge.frames:
             self._shown()
 
@@ -326,7 +326,7 @@ class WithServer:
             return
         if len(self.trial.replies(connection)) < len(asker.asked):
             how = "disconnected" if connection.ended else "not answered"
-            raise Breach("CHN-14", f"message client {asker.seat} was {how}")
+            raise SessionBreach("CHN-14", f"message client {asker.seat} was {how}")
 
     def _shown(self) -> None:
         """Every client that can take a frame has one, and it shows the pose that counts."""
@@ -350,9 +350,11 @@ class WithServer:
             return
         if any(shown(r) for r in free) or not behind[0].frames:
             text = f"IPC client {behind[0].seat} is sent no newer frame, and holds none"
-            raise Breach("IMG-11" if len(behind) < len(free) else "CHN-14", text)
+            raise SessionBreach("IMG-11" if len(behind) < len(free) else "CHN-14", text)
         seat = mover.seat if mover else None
-        raise Breach("POS-11", f"no image shows the pose of message client {seat}, first of all")
+        raise SessionBreach(
+            "POS-11", f"no image shows the pose of message client {seat}, first of all"
+        )
 
     def _on_packet(self, connection: Connection, arrived: Packet) -> None:
         dealings = self.viewer.with_(connection)
@@ -365,7 +367,7 @@ class WithServer:
     def _on_frame(self, reader: Reader, frame: Json) -> None:
         if reader.held is not None:
             text = f"IPC client {reader.seat} was sent a frame while it held another"
-            self._found = self._found or Breach("IMG-2", text)
+            self._found = self._found or SessionBreach("IMG-2", text)
         reader.show(frame)
         if reader.camera in self._of_others:
             self._of_another = next(iter(self._movers), None)
@@ -382,7 +384,7 @@ class WithServer:
     def _dial(self, channel: Channel) -> Connection:
         connection = self.trial.reached(channel)
         if connection is None:
-            raise Breach("CHN-14", f"no connection is accepted on the {channel} channel")
+            raise SessionBreach("CHN-14", f"no connection is accepted on the {channel} channel")
         return connection
 
     def _forget(self, connection: Connection) -> None:

@@ -8,18 +8,18 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
 from splatbus_conformance.checks.v1_1.tim_png import CLOSENESS, set_time
 from splatbus_conformance.images.pinhole import placed_in, told_of
-from splatbus_conformance.trials.moves.camera_control import Steering, camera_in, camera_of
+from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_in, camera_of
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
-    Studio,
+    ImageSession,
     answers,
     at_rest,
     further,
+    image_session,
     placed,
-    studio,
 )
-from splatbus_conformance.trials.moves.nudging import Nudges
+from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
@@ -220,7 +220,7 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     """Three clients, of 1.1, 1.0 and 1.1, pose many times, the last with all that it may say, its
     intrinsics only once (CAM-7); the first closes, then the next.
     """
-    steering, first = Steering(trial), trial.commanding()
+    steering, first = CameraControl(trial), trial.commanding()
     trial.expect(steering.shows(first, camera_pose((0.0, 0.0, 3.0))), "no frame shows a good pose")
     old = trial.dial("msg")
     trial.answers(old)
@@ -281,7 +281,7 @@ def _expect_the_rest(
     )
 
 
-def _lens_as_shown(trial: ServerTrial, steering: Steering) -> Json | None:
+def _lens_as_shown(trial: ServerTrial, steering: CameraControl) -> Json | None:
     """Intrinsics that are not those of the newest frame; None where they are not granted."""
     if not _grants(trial, "intrinsics"):
         return None
@@ -294,7 +294,7 @@ def _grants(trial: ServerTrial, capability: str) -> bool:
     return trial.facts.lacks(f"capability:{capability}") is None
 
 
-def _depth_of_cloud(trial: ServerTrial, steering: Steering) -> float:
+def _depth_of_cloud(trial: ServerTrial, steering: CameraControl) -> float:
     """Where the newest frame has the Gaussians, along z, which is a small integer here."""
     newest = trial.viewer.with_(steering.reader).frames[-1]
     return round(float(placed_in(newest, DEFAULT).pose.position[2]), 4)
@@ -312,7 +312,7 @@ def _cloud(z: float) -> Json:
 def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
     """A client has control and has set what it may; another sends a pose of each kind."""
     span = trial.facts.time_range() if _grants(trial, "time") else None
-    with studio(trial) as it:
+    with image_session(trial) as it:
         other = further(trial, it.poser)
         for kind, pose in trial.each(list(poses(trial, 3.0).items())):
             before = it.look(at_rest(), *([set_time(span[0])] if span else [])).frame
@@ -354,7 +354,7 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
     cases += [("1.1", moment, end) for moment, end in zip(AFTERWARDS, ENDS, strict=True)]
     for speaks, moment, end in trial.each(cases):
         trial.peer.close_all()
-        it = Studio(trial)
+        it = ImageSession(trial)
         sets = it.look(
             *([set_time(odd)] if span else []), **({"intrinsics": lens} if has_lens else {})
         )
@@ -367,7 +367,7 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
             trial.viewer.say(heir, camera_pose((0.5, 0.25, -1.5)))
             trial.answers(heir)
         leave(it.poser, end)
-        nudges = Nudges(trial, it.frames, it.photographer.new)
+        nudges = Nudging(trial, it.frames, it.capture.new)
         if not nudges.shown(heir):
             trial.violated("control did not pass on: no frame shows what the next client moved")
         seen = it.frames[-1]

@@ -10,12 +10,17 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import turned_about
-from splatbus_conformance.images.known_scene import COLOR_BUDGET, NOTHING, Exact, render
-from splatbus_conformance.images.pinhole import STILL, Placed, rigid, told_of
+from splatbus_conformance.images.known_scene import COLOR_BUDGET, NOTHING, ExactImage, render
+from splatbus_conformance.images.pinhole import STILL, ObjectPlacement, rigid, told_of
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
-from splatbus_conformance.trials.moves.image_session import Studio, answers, placed, studio
+from splatbus_conformance.trials.moves.image_session import (
+    ImageSession,
+    answers,
+    image_session,
+    placed,
+)
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import BALL, DEFAULT
 from splatbus_conformance.wire.json_values import is_number, numbers, show
@@ -59,10 +64,10 @@ def listed(names: list[str]) -> list[Moved]:
     return [*each, dict.fromkeys(names, (pose, 1.5)), {DEFAULT: (AT_REST, 1.0)}]
 
 
-def moving(trial: ServerTrial, quick: int, full: int) -> Iterator[tuple[Moved, Photograph]]:
+def moving(trial: ServerTrial, quick: int, full: int) -> Iterator[tuple[Moved, CapturedFrame]]:
     """Objects where they were put, and the image that came of it."""
     names = trial.facts.objects()
-    with studio(trial) as it:
+    with image_session(trial) as it:
         where: Moved = {}
         for moved in trial.each(listed(names), arrangements(names), quick=quick, full=full):
             where |= moved
@@ -71,10 +76,11 @@ def moving(trial: ServerTrial, quick: int, full: int) -> Iterator[tuple[Moved, P
             trial.delivered += 1
 
 
-def exact_of(trial: ServerTrial, where: Moved, seen: Photograph) -> Exact:
+def exact_of(trial: ServerTrial, where: Moved, seen: CapturedFrame) -> ExactImage:
     """What the known scene looks like with its objects there."""
     default, ball = (
-        Placed(rigid(*pose), scale) for pose, scale in (where.get(n, (AT_REST, 1.0)) for n in BOTH)
+        ObjectPlacement(rigid(*pose), scale)
+        for pose, scale in (where.get(n, (AT_REST, 1.0)) for n in BOTH)
     )
     return render(seen.camera, trial.facts.setting(seen.frame, default, ball))
 
@@ -124,7 +130,7 @@ def check_frames_list_what_was_moved(trial: ServerTrial) -> None:
         for where, seen in moving(trial, quick=4, full=300):
             _expect_listed(trial, where, seen.frame)
     trial.peer.close_all()
-    it = Studio(trial)
+    it = ImageSession(trial)
     for number in range(3):
         pose = Pose((0.125 * number, 0.0, 0.25), turned_about(AT_REST.rotation, (0, 1, 0), 0.25))
         seen = it.look(camera_pose(*pose, kind="point_cloud_pose"))
@@ -165,7 +171,7 @@ def check_point_cloud_pose_is_of_the_default_object(trial: ServerTrial) -> None:
     """The default object is moved by one message and by the other, in turns."""
     pose = Pose((0.25, -0.125, 0.5), turned_about(AT_REST.rotation, (1, 0, 0), 0.2))
     further = Pose((-0.25, 0.125, 0.25), turned_about(AT_REST.rotation, (0, 0, 1), 0.2))
-    with studio(trial) as it:
+    with image_session(trial) as it:
         for number in trial.each(range(3)):
             seen = it.look(placed(DEFAULT, pose, 0.5 + number))
             told = told_of(seen.frame, DEFAULT)
@@ -219,7 +225,7 @@ def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
     """Poses of an object that miss or mistype members, and scales that are none."""
     good = placed(DEFAULT, Pose((0.5, 0.25, 0.75), AT_REST.rotation), 0.75)
     home = Pose((-0.125, 0.125, 0.25), turned_about(AT_REST.rotation, (0, 1, 0), 0.25))
-    with studio(trial) as it:
+    with image_session(trial) as it:
         told = told_of(it.look(placed(DEFAULT, home, 1.25)).frame, DEFAULT)
         if told is None or not _same(told, home, 1.25):
             trial.not_observable(f"frames tell of {DEFAULT} that it is at {show(told)} (OBJ-7)")
@@ -231,7 +237,7 @@ def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
             if not it.answers():
                 trial.judge(it.end(), f"a pose of an object with {what}")
                 trial.peer.close_all()
-                it = Studio(trial)
+                it = ImageSession(trial)
                 it.look(placed(DEFAULT, home, 1.25))
                 continue
             it.look()
@@ -249,7 +255,7 @@ def check_keeps_the_former_pose_of_each_object(trial: ServerTrial) -> None:
     """The same of every object of the scene, by a rotation and by a scale that are none."""
     home = Pose((-0.125, 0.125, 0.25), AT_REST.rotation)
     away = Pose((0.5, 0.25, 0.75), (0.0, 0.0, 0.0, 2.0))
-    with studio(trial) as it:
+    with image_session(trial) as it:
         for name in trial.each(trial.facts.objects()):
             told = told_of(it.look(placed(name, home, 1.25)).frame, name)
             if told is None or not _same(told, home, 1.25):
@@ -270,7 +276,7 @@ def check_keeps_the_former_pose_of_each_object(trial: ServerTrial) -> None:
 def check_a_scale_that_is_absent_is_1(trial: ServerTrial) -> None:
     """Each object of the scene is scaled, and then posed without a scale."""
     here, there = (Pose((0.125, 0.25, z), AT_REST.rotation) for z in (0.5, 0.75))
-    with studio(trial) as it:
+    with image_session(trial) as it:
         for name in trial.each(trial.facts.objects()):
             told = told_of(it.look(placed(name, here, 1.5)).frame, name)
             if told is None or not _same(told, here, 1.5):

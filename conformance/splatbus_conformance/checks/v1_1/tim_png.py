@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.checks import check
 from splatbus_conformance.images.known_scene import BOBS, COLOR_BUDGET, render
 from splatbus_conformance.trials.moves.frame_readers import frames_of
-from splatbus_conformance.trials.moves.image_session import Studio, further
+from splatbus_conformance.trials.moves.image_session import ImageSession, further
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import is_number, show
@@ -45,16 +45,16 @@ def times(first: float, last: float) -> st.SearchStrategy[float]:
 def check_renders_at_the_time_that_was_set(trial: ServerTrial) -> None:
     """Times inside and outside of the range, several at once, of which the newest counts."""
     first, last = time_range(trial)
-    studio = Studio(trial)
+    image_session = ImageSession(trial)
     listed = [[0.75 * first + 0.25 * last], [last, first], [last + 1e6], [first - 1e6, first - 1.0]]
     drawn = st.lists(times(first, last), min_size=1, max_size=4)
     for asked in trial.each(listed, drawn, quick=6, full=500):
-        seen = studio.look(*map(set_time, asked))
+        seen = image_session.look(*map(set_time, asked))
         wanted = min(max(asked[-1], first), last)
         told = seen.frame.get("time")
         what = f"set_time was sent for {show(asked)}, of a scene from {first} to {last},"
         trial.expect(_near(told, wanted), f"{what} and the next frame has time {show(told)}")
-        again = studio.look().frame.get("time")
+        again = image_session.look().frame.get("time")
         trial.expect(_near(again, wanted), f"{what} and then time went on to {show(again)}")
         trial.delivered += 1
 
@@ -63,10 +63,10 @@ def check_renders_at_the_time_that_was_set(trial: ServerTrial) -> None:
 def check_frames_tell_the_time_of_their_image(trial: ServerTrial) -> None:
     """What moves with time is where it has to be at the time that each frame tells."""
     first, last = time_range(trial)
-    studio, compared = Studio(trial), 0
+    image_session, compared = ImageSession(trial), 0
     step = (last - first) / 8.0
     for number in trial.each(range(64 if trial.thorough else 8)):
-        seen = studio.look(set_time(first + step * (3 * number % 8) + step / (1 + number)))
+        seen = image_session.look(set_time(first + step * (3 * number % 8) + step / (1 + number)))
         exact = render(seen.camera, trial.facts.setting(seen.frame))
         moves = exact.certain & (exact.what // 2 == BOBS)
         if moves.sum() < 10:
@@ -93,7 +93,7 @@ def _near(told: Any, wanted: float) -> bool:
     return is_number(told) and math.isclose(told, wanted, rel_tol=CLOSENESS, abs_tol=CLOSENESS)
 
 
-class Reading(NamedTuple):
+class ClockReading(NamedTuple):
     """A server's clock, read between two moments of the harness's."""
 
     sent: float
@@ -112,7 +112,7 @@ class Reading(NamedTuple):
         return self.server - self.sent
 
 
-def read_clock(trial: ServerTrial, connection: Connection, t: float, id: int) -> Reading:
+def read_clock(trial: ServerTrial, connection: Connection, t: float, id: int) -> ClockReading:
     """Send a `ping`, and judge the `pong` by itself (PNG-2)."""
     sent = time.monotonic()
     told = trial.ask(connection, {"type": "ping", "t": t, "id": id}) or {}
@@ -125,7 +125,7 @@ def read_clock(trial: ServerTrial, connection: Connection, t: float, id: int) ->
     clock = told.get("serverTime")
     if not isinstance(clock, int | float) or isinstance(clock, bool):
         trial.violated(f"{what}: serverTime is {show(clock)}")
-    return Reading(sent, float(clock), came, what)
+    return ClockReading(sent, float(clock), came, what)
 
 
 @check("PNG-2", observable="the pong, and its time between the ping and itself", needs=PINGS)
@@ -146,7 +146,7 @@ def check_pong_tells_the_clock(trial: ServerTrial) -> None:
         expect_one_offset(trial, readings)
 
 
-def rendered(trial: ServerTrial) -> list[Reading]:
+def rendered(trial: ServerTrial) -> list[ClockReading]:
     """When images were rendered, by their frames."""
     reader, found = trial.reading(), []
     trial.wait(lambda: frames_of(trial, reader))
@@ -155,11 +155,11 @@ def rendered(trial: ServerTrial) -> list[Reading]:
         frame = trial.sees(reader, trial.move())
         if frame and is_number(frame.get("renderedAt")):
             clock = float(frame["renderedAt"])
-            found.append(Reading(sent, clock, time.monotonic(), "renderedAt of a frame"))
+            found.append(ClockReading(sent, clock, time.monotonic(), "renderedAt of a frame"))
     return found
 
 
-def expect_one_offset(trial: ServerTrial, readings: list[Reading]) -> None:
+def expect_one_offset(trial: ServerTrial, readings: list[ClockReading]) -> None:
     """Some offset of the server's clock is possible by all readings."""
     least, most = max(it.least for it in readings), min(it.most for it in readings)
     if least > most + TICK_SECONDS:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from splatbus_conformance.images.memory.cuda_stand_in.device import POISON
 from splatbus_conformance.images.memory.device import Device
-from splatbus_conformance.images.memory.reading import CannotOpen, Layout, Opened, layout_of
+from splatbus_conformance.images.memory.reading import CannotOpen, Opened, RingLayout, layout_of
 from splatbus_conformance.wire.json_values import is_handle, whole
 from splatbus_conformance.wire.messages import Json
 
@@ -14,7 +14,12 @@ class OpenedOnDevice(Opened):
     """The memory that a handle names, each slot behind its event; poison, once it was freed."""
 
     def __init__(
-        self, generation: int, device: Device, handle: str, events: Sequence[bytes], layout: Layout
+        self,
+        generation: int,
+        device: Device,
+        handle: str,
+        events: Sequence[bytes],
+        layout: RingLayout,
     ) -> None:
         self.generation = generation
         self.name = handle

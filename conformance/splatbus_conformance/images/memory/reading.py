@@ -28,7 +28,7 @@ class CannotOpen(Exception):  # noqa: N818 - a finding, no error of ours
     """What was announced cannot be opened here; the message says why."""
 
 
-class Layout(NamedTuple):
+class RingLayout(NamedTuple):
     """Where the images of a ring lie: sizes in pixels, offsets and strides in bytes."""
 
     width: int
@@ -44,7 +44,7 @@ class Layout(NamedTuple):
 class Opened:
     """Shared memory of a server, mapped for reading."""
 
-    def __init__(self, generation: int, name: str, layout: Layout) -> None:
+    def __init__(self, generation: int, name: str, layout: RingLayout) -> None:
         self.generation = generation
         self.name = name
         self.layout = layout
@@ -102,7 +102,7 @@ def open_memory(init_packet: Json) -> Opened:
         raise CannotOpen(f"shared memory {name}: {error}") from None
 
 
-def layout_of(init_packet: Json) -> Layout:
+def layout_of(init_packet: Json) -> RingLayout:
     """The layout that a 1.1 init packet announces. Raises CannotOpen where it fits no memory."""
     numbers = [
         _number(init_packet, *path)
@@ -112,7 +112,7 @@ def layout_of(init_packet: Json) -> Layout:
             *(("ring", "depthOffset"), ("ring", "depthStride"), ("memory", "bytes")),
         )
     ]
-    layout = Layout(*numbers)
+    layout = RingLayout(*numbers)
     w, h, slots, color, color_stride, depth, depth_stride, size = layout
     if not (1 <= w * h <= MOST_PIXELS and slots >= 1 and size <= MOST_BYTES):
         raise CannotOpen("its sizes are out of bounds")

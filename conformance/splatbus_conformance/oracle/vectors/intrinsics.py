@@ -59,7 +59,7 @@ CALIBRATIONS = {
 }
 
 
-class Place(NamedTuple):
+class PixelPlace(NamedTuple):
     """A pixel of an image."""
 
     column: int
@@ -67,16 +67,16 @@ class Place(NamedTuple):
 
 
 PIXELS = {
-    "top left": (EXAMPLE, Place(0, 0)),
-    "top right": (EXAMPLE, Place(319, 0)),
-    "bottom left": (EXAMPLE, Place(0, 239)),
-    "bottom right": (EXAMPLE, Place(319, 239)),
-    "right and below of the middle": (EXAMPLE, Place(160, 120)),
-    "left and above of the middle": (EXAMPLE, Place(159, 119)),
-    "the middle pixel of an odd image": (ODD, Place(3, 2)),
-    "principal point off centre": (OFF_CENTRE, Place(971, 533)),
-    "principal point off centre, top left": (OFF_CENTRE, Place(0, 0)),
-    "the last of 8K": (OFF_CENTRE.scaled(7680, 4320), Place(7679, 4319)),
+    "top left": (EXAMPLE, PixelPlace(0, 0)),
+    "top right": (EXAMPLE, PixelPlace(319, 0)),
+    "bottom left": (EXAMPLE, PixelPlace(0, 239)),
+    "bottom right": (EXAMPLE, PixelPlace(319, 239)),
+    "right and below of the middle": (EXAMPLE, PixelPlace(160, 120)),
+    "left and above of the middle": (EXAMPLE, PixelPlace(159, 119)),
+    "the middle pixel of an odd image": (ODD, PixelPlace(3, 2)),
+    "principal point off centre": (OFF_CENTRE, PixelPlace(971, 533)),
+    "principal point off centre, top left": (OFF_CENTRE, PixelPlace(0, 0)),
+    "the last of 8K": (OFF_CENTRE.scaled(7680, 4320), PixelPlace(7679, 4319)),
 }
 
 IMAGE_POINTS = {
@@ -95,12 +95,12 @@ IMAGE_POINTS = {
 }
 
 DISTANCES = {
-    "straight ahead": (ODD, Place(3, 2), 4.0),
-    "towards a corner": (EXAMPLE, Place(0, 0), 4.0),
-    "towards the other corner": (EXAMPLE, Place(319, 239), 4.0),
-    "off centre": (OFF_CENTRE, Place(1919, 0), 123.5),
-    "a thousand million units away": (OFF_CENTRE, Place(17, 1000), 1e9),
-    "a millionth of a unit away": (EXAMPLE, Place(319, 0), 2.0**-20),
+    "straight ahead": (ODD, PixelPlace(3, 2), 4.0),
+    "towards a corner": (EXAMPLE, PixelPlace(0, 0), 4.0),
+    "towards the other corner": (EXAMPLE, PixelPlace(319, 239), 4.0),
+    "off centre": (OFF_CENTRE, PixelPlace(1919, 0), 123.5),
+    "a thousand million units away": (OFF_CENTRE, PixelPlace(17, 1000), 1e9),
+    "a millionth of a unit away": (EXAMPLE, PixelPlace(319, 0), 2.0**-20),
 }
 
 
@@ -192,7 +192,7 @@ def _calibration(name: str, calibration: Intrinsics) -> Json:
     )
 
 
-def _pixel(name: str, camera: Intrinsics, place: Place) -> Json:
+def _pixel(name: str, camera: Intrinsics, place: PixelPlace) -> Json:
     centre = place.column + HALF, place.row + HALF
     return _case(
         "pixel",
@@ -218,7 +218,7 @@ def _image_point(name: str, u: float, v: float) -> Json:
     )
 
 
-def _distance(name: str, camera: Intrinsics, place: Place, distance: float) -> Json:
+def _distance(name: str, camera: Intrinsics, place: PixelPlace, distance: float) -> Json:
     depth = camera.planar(place.column + HALF, place.row + HALF, distance)
     return _case(
         "ray_distance",

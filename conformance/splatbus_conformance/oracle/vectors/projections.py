@@ -38,21 +38,21 @@ OBJECT_ROWS = {
 """For each row of a camera, the row of an object in the same engine."""
 
 
-class Pose(NamedTuple):
+class WirePose(NamedTuple):
     """On the wire."""
 
     position: tuple[float, ...]
     rotation: tuple[float, ...]
 
 
-class View(NamedTuple):
+class ProjectedView(NamedTuple):
     """What a case is about, before it is put into an engine's axes."""
 
-    camera: Pose
+    camera: WirePose
     intrinsics: Intrinsics
     seen: list[tuple[float, float, float]]
     """Points in camera axes, roughly: they are rounded once they are in the engine's."""
-    placed: Pose | None = None
+    placed: WirePose | None = None
     """An object, in whose axes the points are then given."""
     size: float | None = None
     """The object's scale, where it is said."""
@@ -60,29 +60,35 @@ class View(NamedTuple):
 
 AROUND = [(0.0, 0.0, 4.0), (1.0, -0.75, 3.0), (-2.0, 1.5, 10.0), (30.0, 4.0, 5.0)]
 BEHIND = [(0.25, 0.5, 4.0), (0.0, 0.0, -4.0), (1.0, 1.0, -0.125)]
-OBJECT = Pose((0.5, -0.25, 1.5), (0.18, -0.24, 0.4, 0.866))
+OBJECT = WirePose((0.5, -0.25, 1.5), (0.18, -0.24, 0.4, 0.866))
 VIEWS = {
-    "at rest": View(Pose((0.0, 0.0, 0.0), IDENTITY), EXAMPLE, AROUND),
-    "moved": View(Pose((1.0, -2.0, 5.0), IDENTITY), OFF_CENTRE, AROUND),
-    "a quarter turn about y": View(Pose((1.0, 2.0, 3.0), (0.0, HALF, 0.0, HALF)), EXAMPLE, AROUND),
-    "the worked example of section 7.3": View(Pose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND),
-    "what is behind is nowhere": View(Pose((1.0, -2.0, 5.0), WORKED), EXAMPLE, BEHIND),
-    "nearly a half turn": View(
-        Pose((-3.5, 0.25, 8.0), (0.36, -0.48, 0.8, 1e-4)), OFF_CENTRE, AROUND
+    "at rest": ProjectedView(WirePose((0.0, 0.0, 0.0), IDENTITY), EXAMPLE, AROUND),
+    "moved": ProjectedView(WirePose((1.0, -2.0, 5.0), IDENTITY), OFF_CENTRE, AROUND),
+    "a quarter turn about y": ProjectedView(
+        WirePose((1.0, 2.0, 3.0), (0.0, HALF, 0.0, HALF)), EXAMPLE, AROUND
     ),
-    "a kilometre away": View(Pose((707.106, -12.5, -707.107), WORKED), OFF_CENTRE, AROUND),
-    "a million units away": View(Pose((1e6, -1e6, 1e6), WORKED), OFF_CENTRE, AROUND),
-    "an object, and the camera at rest": View(
-        Pose((0.0, 0.0, 0.0), IDENTITY), EXAMPLE, AROUND, OBJECT
+    "the worked example of section 7.3": ProjectedView(
+        WirePose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND
     ),
-    "an object, and the camera turned": View(
-        Pose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND, OBJECT
+    "what is behind is nowhere": ProjectedView(WirePose((1.0, -2.0, 5.0), WORKED), EXAMPLE, BEHIND),
+    "nearly a half turn": ProjectedView(
+        WirePose((-3.5, 0.25, 8.0), (0.36, -0.48, 0.8, 1e-4)), OFF_CENTRE, AROUND
     ),
-    "an object at a third of its size": View(
-        Pose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND, OBJECT, to_single(Fraction(1, 3))
+    "a kilometre away": ProjectedView(
+        WirePose((707.106, -12.5, -707.107), WORKED), OFF_CENTRE, AROUND
     ),
-    "an object a thousand times its size": View(
-        Pose((1.0, -2.0, 5.0), WORKED), EXAMPLE, AROUND, OBJECT, 1000.0
+    "a million units away": ProjectedView(WirePose((1e6, -1e6, 1e6), WORKED), OFF_CENTRE, AROUND),
+    "an object, and the camera at rest": ProjectedView(
+        WirePose((0.0, 0.0, 0.0), IDENTITY), EXAMPLE, AROUND, OBJECT
+    ),
+    "an object, and the camera turned": ProjectedView(
+        WirePose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND, OBJECT
+    ),
+    "an object at a third of its size": ProjectedView(
+        WirePose((1.0, -2.0, 5.0), WORKED), OFF_CENTRE, AROUND, OBJECT, to_single(Fraction(1, 3))
+    ),
+    "an object a thousand times its size": ProjectedView(
+        WirePose((1.0, -2.0, 5.0), WORKED), EXAMPLE, AROUND, OBJECT, 1000.0
     ),
 }
 
@@ -133,7 +139,7 @@ def document() -> Json:
     }
 
 
-def _case(name: str, engine: str, view: View) -> Json:
+def _case(name: str, engine: str, view: ProjectedView) -> Json:
     row, object_row = ROWS[engine], ROWS[OBJECT_ROWS[engine]]
     camera = _in_engine(row, view.camera)
     placed = None if view.placed is None else _in_engine(object_row, view.placed)
@@ -170,9 +176,9 @@ def _size(size: float | None) -> Json:
     return {} if size is None else {"scale": both(size)}
 
 
-def _in_engine(row: Engine, wire: Pose) -> Pose:
+def _in_engine(row: Engine, wire: WirePose) -> WirePose:
     """In single precision, so that every engine can hold it."""
-    return Pose(
+    return WirePose(
         _singles(row.position_from_wire(wire.position)),
         _singles(row.quaternion_from_wire(wire.rotation)),
     )
@@ -182,7 +188,7 @@ def _singles(numbers: Sequence[Fraction]) -> tuple[float, ...]:
     return tuple(to_single(number) for number in numbers)
 
 
-def _on_wire(row: Engine, engine: Pose) -> Exactly:
+def _on_wire(row: Engine, engine: WirePose) -> Exactly:
     return row.position_to_wire(engine.position), row.quaternion_to_wire(engine.rotation)
 
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from splatbus_conformance.reports.files.as_json import Report
 from splatbus_conformance.reports.files.characters import printable
-from splatbus_conformance.reports.files.results import Told, results
+from splatbus_conformance.reports.files.results import ReportedResult, results
 
 SKIPPED = {"skip": "", "warn": "warning: ", "expected": "expected failure: "}
 """What JUnit has no word for, and how the reason of its skipped test begins."""
@@ -66,7 +66,7 @@ def _properties(report: Report) -> Iterator[tuple[str, str]]:
     yield from ((name, str(value)) for name, value in report["environment"].items())
 
 
-def _case(told: Told, package: str) -> ElementTree.Element:
+def _case(told: ReportedResult, package: str) -> ElementTree.Element:
     result, requirement = told.result, told.requirement or "run"
     case = ElementTree.Element(
         "testcase",
@@ -83,7 +83,7 @@ def _case(told: Told, package: str) -> ElementTree.Element:
     return case
 
 
-def _account(told: Told) -> Iterator[str]:
+def _account(told: ReportedResult) -> Iterator[str]:
     """Of what is broken: what was to come, what came, the bytes, and how to see it again."""
     result = told.result
     if told.sentence:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from splatbus_conformance.reports.files.as_json import Report
 from splatbus_conformance.reports.files.characters import printable
-from splatbus_conformance.reports.files.results import Told, results
+from splatbus_conformance.reports.files.results import ReportedResult, results
 
 MOST_BYTES = 1 << 20
 """What GitHub shows of a step; of a longer summary it shows nothing."""
@@ -79,12 +79,12 @@ def _circumstances(report: Report) -> str:
     return plain("; ".join((*found, f"{report['seconds']:.1f} s", harness)))
 
 
-def _title(told: Told) -> str:
+def _title(told: ReportedResult) -> str:
     check = told.result["check"].removeprefix("check_").replace("_", " ")
     return f"{told.requirement or 'the run'}, {check} ({told.result['assurance']})"
 
 
-def _account(told: Told) -> str:
+def _account(told: ReportedResult) -> str:
     """What was to come, what came, what crossed the wire, and how to see it again."""
     result = told.result
     lines = [f"Seen: {code(result['text'])}\n"]

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from splatbus_conformance.reports.files.as_json import Report
 
 
-class Told(NamedTuple):
+class ReportedResult(NamedTuple):
     """One result, and what it is about."""
 
     requirement: str
@@ -16,10 +16,10 @@ class Told(NamedTuple):
     result: dict[str, Any]
 
 
-def results(report: Report) -> Iterator[Told]:
+def results(report: Report) -> Iterator[ReportedResult]:
     """Every result, in the order of the specification, those of the run itself last."""
     for entry in report["requirements"]:
         for result in entry["results"]:
-            yield Told(entry["id"], entry["sentence"], tuple(entry["acceptable"]), result)
+            yield ReportedResult(entry["id"], entry["sentence"], tuple(entry["acceptable"]), result)
     for result in report["others"]:
-        yield Told(result["requirement"], "", (), result)
+        yield ReportedResult(result["requirement"], "", (), result)

@@ -40,7 +40,7 @@ DEPTH = {
 }
 
 
-class Announced(NamedTuple):
+class AnnouncedMemory(NamedTuple):
     """An init packet, and what it shows."""
 
     message: Message
@@ -65,9 +65,9 @@ def members_of_1_1(conversation: Conversation) -> Iterator[Sighting]:
 
 
 @lru_cache(maxsize=1)  # each rule on memory asks for the same
-def announced(conversation: Conversation) -> tuple[Announced, ...]:
+def announced(conversation: Conversation) -> tuple[AnnouncedMemory, ...]:
     """The init packets of a connection."""
-    found: list[Announced] = []
+    found: list[AnnouncedMemory] = []
     newest = 0
     speaks_1_1 = conversation.welcome is not None
     for message, _, welcome in conversation.placed("init_packet"):
@@ -81,7 +81,7 @@ def announced(conversation: Conversation) -> tuple[Announced, ...]:
         is_one = "meta" in message.value and "type" not in message.value  # INI-11
         judged = all(j.breach is None for j in shown + added)
         sound = is_one and judged and not message.faults
-        found.append(Announced(message, added, granted, sound))
+        found.append(AnnouncedMemory(message, added, granted, sound))
     return tuple(found)
 
 

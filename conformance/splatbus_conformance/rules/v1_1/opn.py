@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Rule, Sighting, about, rule
-from splatbus_conformance.rules.v1_1.mem import Announced, announced
+from splatbus_conformance.rules.v1_1.mem import AnnouncedMemory, announced
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import SAFE, integer_in, show, text_of
 
@@ -25,7 +25,7 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
     if conversation.streams["s2c"].refused is not None:
         return
     coming = list(announced(conversation))
-    known: list[Announced] = []
+    known: list[AnnouncedMemory] = []
     answered: Counter[int] = Counter()
     for message, _, welcome in conversation.placed("init_packet", *ANSWERS, "closed"):
         if coming and message is coming[0].message:
@@ -89,7 +89,10 @@ def further_init_packets_are_agreed(conversation: Conversation) -> Iterator[Sigh
 
 
 def _answer(
-    conversation: Conversation, message: Message, known: list[Announced], answered: Counter[int]
+    conversation: Conversation,
+    message: Message,
+    known: list[AnnouncedMemory],
+    answered: Counter[int],
 ) -> Iterator[Sighting]:
     generation = (message.value or {}).get("generation")
     named = [i for i, packet in enumerate(known) if _same(packet.generation, generation)]
@@ -118,7 +121,7 @@ def _answer(
     answered[last] += 1
 
 
-def _to_be_ignored(known: list[Announced], i: int) -> bool:
+def _to_be_ignored(known: list[AnnouncedMemory], i: int) -> bool:
     """OPN-6: it follows an init packet that broke no rule, and `reinit` was not agreed."""
     granted = known[i].granted
     further = any(packet.breaks_no_rule for packet in known[:i])

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
-from splatbus_conformance.rules.exchanges import Pair, exchanges
+from splatbus_conformance.rules.exchanges import Exchange, exchanges
 from splatbus_conformance.rules.members import count, each_once, named, number, vector
 from splatbus_conformance.rules.v1_0.req_replies import size_told
 from splatbus_conformance.rules.v1_1.mem import capabilities
@@ -116,7 +116,7 @@ def _time(message: Message, *kinds: str) -> float | None:
     return as_double(time)
 
 
-def granted(conversation: Conversation, kind: str) -> Iterator[Pair]:
+def granted(conversation: Conversation, kind: str) -> Iterator[Exchange]:
     """The answers to faultless requests of a kind that `welcome` agrees to."""
     if NEEDS[kind] in (capabilities(conversation.welcome) or ()):
         for pair in exchanges(conversation).pairs:
@@ -126,7 +126,7 @@ def granted(conversation: Conversation, kind: str) -> Iterator[Pair]:
 
 
 def _promised(
-    pair: Pair, requirement: str, content: Callable[[Json, Json], Iterator[Judgement]]
+    pair: Exchange, requirement: str, content: Callable[[Json, Json], Iterator[Judgement]]
 ) -> Iterator[Judgement]:
     """What an answer shows of the requirement that promises it: `internal` owns up to a defect."""
     value = pair.answer.value or {}

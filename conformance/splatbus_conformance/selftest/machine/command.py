@@ -25,8 +25,8 @@ from splatbus_conformance.selftest.machine.trials import (
     BY_RULES,
     PHASES,
     TESTS,
-    Fate,
     Judged,
+    MutantFate,
     Phase,
     judge,
     judging,
@@ -48,7 +48,7 @@ T = TypeVar("T")
 
 
 @dataclass
-class Result:
+class StoredMutants:
     """What is stored: more is added until all that were drawn are judged."""
 
     seed: int
@@ -69,7 +69,7 @@ class Result:
         _write(path, f'{head[:-1]},\n"judged": [\n{rows}\n]}}\n')
 
     @classmethod
-    def read(cls, path: Path) -> "Result":
+    def read(cls, path: Path) -> "StoredMutants":
         """What was saved."""
         members = json.loads(path.read_text("utf-8"))
         judged = {it["name"]: Judged.from_json(it) for it in members["judged"]}
@@ -79,13 +79,13 @@ class Result:
 def machine(arguments: argparse.Namespace, out: Console) -> int:
     """Judge mutants that are drawn, or again those that a result says were killed."""
     if arguments.again:
-        return judge_again(Result.read(Path(arguments.again)), arguments.count, out)
+        return judge_again(StoredMutants.read(Path(arguments.again)), arguments.count, out)
     drawn = modules.draw(arguments.count, arguments.seed)
     path = Path(arguments.json) if arguments.json else None
     if arguments.resume and path and path.exists():
-        result = Result.read(path)
+        result = StoredMutants.read(path)
     else:
-        result = Result(arguments.seed, _commit())
+        result = StoredMutants(arguments.seed, _commit())
     watched = watched_at(result.commit, path and path.with_suffix(".watched.json"), out)
     left = [it for it in drawn if it.change.name not in result.judged]
     for judged in run([partial(judge, it, watched, result.judged) for it in left], out):
@@ -94,21 +94,21 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
             result.save(path)
     in_order = [result.judged[it.change.name] for it in drawn]
     for survivor in in_order:
-        if survivor.fate is not Fate.KILLED and survivor.tested is ByTests.KILLED:
+        if survivor.fate is not MutantFate.KILLED and survivor.tested is ByTests.KILLED:
             _tell(survivor, out)
     for sentence in sentences(in_order):
         out.print(Text(sentence))
     return EXIT_CONFORMING
 
 
-def judge_again(former: Result, count: int, out: Console) -> int:
+def judge_again(former: StoredMutants, count: int, out: Console) -> int:
     """Whether what was killed most quickly is killed; 1 if not. What is gone is counted."""
-    killed = [it for it in former.judged.values() if it.fate is Fate.KILLED]
+    killed = [it for it in former.judged.values() if it.fate is MutantFate.KILLED]
     killed = sorted(killed, key=lambda it: it.seconds.get("harness", 0.0))[:count]
     drawn = modules.named(it.name for it in killed)
     alone = {it.name: {it.name: it} for it in killed}
     found = list(run([partial(judge, it, None, alone[it.change.name]) for it in drawn], out))
-    for survivor in (alive := [it for it in found if it.fate is not Fate.KILLED]):
+    for survivor in (alive := [it for it in found if it.fate is not MutantFate.KILLED]):
         _tell(survivor, out)
     gone = len(killed) - len(drawn)
     out.print(
@@ -198,10 +198,10 @@ def _by_checks(phase: Phase) -> tuple[str, Watched]:
 def sentences(judged: Iterable[Judged]) -> list[str]:
     """The two figures, and what is left out of them."""
     every = list(judged)
-    executed = [it for it in every if it.fate not in (Fate.UNTOUCHED, Fate.UNMET)]
-    tested = [it for it in every if it.tested is ByTests.KILLED and it.fate is not Fate.UNMET]
+    executed = [it for it in every if it.fate not in (MutantFate.UNTOUCHED, MutantFate.UNMET)]
+    tested = [it for it in every if it.tested is ByTests.KILLED and it.fate is not MutantFate.UNMET]
     both = [it for it in tested if it in executed]
-    counts = {fate: sum(it.fate is fate for it in every) for fate in Fate}
+    counts = {fate: sum(it.fate is fate for it in every) for fate in MutantFate}
     return [
         f"{_share(executed)} in lines that a run executes die by the harness",
         f"{_share(tested)} that a test kills die by the harness",
@@ -211,7 +211,7 @@ def sentences(judged: Iterable[Judged]) -> list[str]:
 
 
 def _share(judged: Sequence[Judged]) -> str:
-    killed = sum(it.fate is Fate.KILLED for it in judged)
+    killed = sum(it.fate is MutantFate.KILLED for it in judged)
     return f"{killed} of {len(judged)} ({killed / max(1, len(judged)):.1%})"
 
 

@@ -163,17 +163,17 @@ def told(path: Path) -> str:
 
 def tell(path: str) -> None:
     """Have the harness that runs in this process tell in a file which check it runs."""
-    from splatbus_conformance.run.collector import Gathering
+    from splatbus_conformance.run.collector import Collector
 
-    original = Gathering.pytest_runtest_logstart
+    original = Collector.pytest_runtest_logstart
 
-    def begins(self: Gathering, nodeid: str) -> None:
+    def begins(self: Collector, nodeid: str) -> None:
         name = nodeid.rpartition("::")[2].encode()
         with Path(path).open("r+b") as file:  # whoever reads it has it in memory
             file.write(name.ljust(LONGEST_NAME, b"\0"))
         original(self, nodeid)
 
-    Gathering.pytest_runtest_logstart = begins  # type: ignore[method-assign]
+    Collector.pytest_runtest_logstart = begins  # type: ignore[method-assign]
 
 
 def noted(text: str) -> dict[str, Lines]:

@@ -65,7 +65,7 @@ class Watching:
         return len(self._seen) > before
 
 
-class Only:
+class SelectedTests:
     """A pytest plugin that runs these tests in this order."""
 
     def __init__(self, names: Iterable[str]) -> None:
@@ -153,7 +153,7 @@ def _meet(change: str, names: Sequence[str], line: list[str]) -> int:
         change_on_import(change)
     timeout = ("-o", f"timeout={TEST_SECONDS}")
     # Threads that a change has hung keep no process alive.
-    return _ending(_pytest([*line, "-x", *timeout], Only(names)))
+    return _ending(_pytest([*line, "-x", *timeout], SelectedTests(names)))
 
 
 def _pytest(line: Sequence[str], plugin: object) -> int:

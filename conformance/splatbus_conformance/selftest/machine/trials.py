@@ -61,7 +61,7 @@ PHASES = (
 """A later one of a side is for what no earlier one executes, or only while modules are read."""
 
 
-class Fate(StrEnum):
+class MutantFate(StrEnum):
     """What the harness makes of a mutant; of several sides and runs the first of these counts."""
 
     KILLED = "killed"
@@ -86,7 +86,7 @@ class Judged:
     line: int
     before: str
     after: str
-    fate: Fate
+    fate: MutantFate
     tested: ByTests
     phase: str = ""
     """Of the harness, in which it was found."""
@@ -110,14 +110,14 @@ class Judged:
     @classmethod
     def from_json(cls, members: dict[str, Any]) -> "Judged":
         """The reverse."""
-        fate, tested = Fate(members["fate"]), ByTests(members["tested"])
+        fate, tested = MutantFate(members["fate"]), ByTests(members["tested"])
         return cls(**{**members, "fate": fate, "tested": tested})
 
 
-class Opinion(NamedTuple):
+class HarnessVerdict(NamedTuple):
     """What the harness found."""
 
-    fate: Fate
+    fate: MutantFate
     phase: str = ""
     check: str = ""
     by: str = ""
@@ -151,22 +151,22 @@ def judge(
 
 def by_harness(
     drawn: Drawn, watched: Mapping[str, Watched] | None, alike: Sequence[Judged]
-) -> Opinion:
+) -> HarnessVerdict:
     """The worst that is found, one run after the other until one breaks a MUST."""
-    found = [Opinion(Fate.UNTOUCHED)]
+    found = [HarnessVerdict(MutantFate.UNTOUCHED)]
     unmet: set[Side] = set()
     for phase, checks in _plan(drawn, watched, alike):
         if phase.side in unmet:
             continue
         opinion = run(drawn.change.name, phase, checks)
-        if opinion.fate is Fate.UNMET:
+        if opinion.fate is MutantFate.UNMET:
             unmet.add(phase.side)
             if phase.axes:  # what cannot speak through its adapter may do so by itself
                 opinion = run(drawn.change.name, Phase(phase.side))
-        if opinion.fate is Fate.KILLED:
+        if opinion.fate is MutantFate.KILLED:
             return opinion
         found.append(opinion)
-    order = list(Fate)
+    order = list(MutantFate)
     return min(found, key=lambda opinion: order.index(opinion.fate))
 
 
@@ -213,7 +213,7 @@ def _in_order(watched: Watched, drawn: Drawn, deadly: Sequence[str]) -> list[str
     return sorted(watched.telling(change), key=rank)
 
 
-def run(change: str, phase: Phase, checks: Sequence[str] = ()) -> Opinion:
+def run(change: str, phase: Phase, checks: Sequence[str] = ()) -> HarnessVerdict:
     """What these checks find, in their order, or all."""
     name = specimens.named(specimens.CHANGED, phase.side, phase.axes, change)
     with tempfile.TemporaryDirectory(prefix="splatbus-machine-") as folder:
@@ -236,18 +236,20 @@ def run(change: str, phase: Phase, checks: Sequence[str] = ()) -> Opinion:
         for it in (report or {}).get("others", [])
     ]
     if report is None:
-        return Opinion(Fate.NO_VERDICT, phase.name, check, last_words)
+        return HarnessVerdict(MutantFate.NO_VERDICT, phase.name, check, last_words)
     unmet = status == EXIT_NO_VERDICT and any(cell.check == "run" for cell in cells)
     for verdict, fate in (
-        (Verdict.FAIL, Fate.KILLED),
-        (Verdict.ERROR, Fate.UNMET if unmet else Fate.CRASHED),
-        (Verdict.WARN, Fate.WARNED),
+        (Verdict.FAIL, MutantFate.KILLED),
+        (Verdict.ERROR, MutantFate.UNMET if unmet else MutantFate.CRASHED),
+        (Verdict.WARN, MutantFate.WARNED),
     ):
         if told := [cell for cell in cells if cell.verdict == verdict]:
             it = told[0]
             by = "a rule" if it.check == RULE else it.check
-            return Opinion(fate, phase.name, check, f"{it.requirement} {by}: {it.text}"[:300])
-    return Opinion(Fate.SURVIVED)
+            return HarnessVerdict(
+                fate, phase.name, check, f"{it.requirement} {by}: {it.text}"[:300]
+            )
+    return HarnessVerdict(MutantFate.SURVIVED)
 
 
 def judging(now: str, checks: Sequence[str], line: list[str]) -> int:

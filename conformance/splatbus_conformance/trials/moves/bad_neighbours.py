@@ -29,7 +29,7 @@ WORK_SECONDS = 60.0
 """For poses by the thousand, of a server that takes as long as it may for each."""
 
 
-class Misdeed(NamedTuple):
+class BadNeighbour(NamedTuple):
     """Something that a client does on its connection."""
 
     what: str
@@ -37,29 +37,29 @@ class Misdeed(NamedTuple):
     begins: Callable[[ServerTrial, Channel], Connection] = ServerTrial.dial
 
 
-def sends(what: str, data: bytes) -> Misdeed:
+def sends(what: str, data: bytes) -> BadNeighbour:
     """A misdeed that consists in what is sent."""
-    return Misdeed(what, lambda trial, connection: connection.send(data))
+    return BadNeighbour(what, lambda trial, connection: connection.send(data))
 
 
-def sends_and_resets(what: str, data: bytes) -> Misdeed:
+def sends_and_resets(what: str, data: bytes) -> BadNeighbour:
     """The same, and then the connection is reset."""
 
     def commit(trial: ServerTrial, connection: Connection) -> None:
         connection.send(data)
         connection.reset()
 
-    return Misdeed(what, commit)
+    return BadNeighbour(what, commit)
 
 
-def sends_and_closes(what: str, data: bytes) -> Misdeed:
+def sends_and_closes(what: str, data: bytes) -> BadNeighbour:
     """The same, and then the connection is closed at once."""
 
     def commit(trial: ServerTrial, connection: Connection) -> None:
         connection.send(data)
         connection.close()
 
-    return Misdeed(what, commit)
+    return BadNeighbour(what, commit)
 
 
 def _never_reads(trial: ServerTrial, connection: Connection) -> None:
@@ -117,9 +117,9 @@ def _resets_with_a_lease(trial: ServerTrial, connection: Connection) -> None:
     connection.reset()
 
 
-HARMLESS: dict[Channel, Misdeed] = {
+HARMLESS: dict[Channel, BadNeighbour] = {
     "msg": sends("asks", REQUEST),
-    "ipc": Misdeed("reads", _reads, ServerTrial.before_hello),
+    "ipc": BadNeighbour("reads", _reads, ServerTrial.before_hello),
 }
 MISDEEDS = (
     sends("says nothing", b""),
@@ -135,20 +135,20 @@ MISDEEDS = (
     sends("sends a thousand unknown messages", 1000 * packet(b'{"type":"weather_report"}')),
     sends("sends deep text", packet(b"[" * 100_000)),
     sends("sends a bad length and much more", bytes(4) + b" " * (4 * LONGEST)),
-    Misdeed("sends twenty thousand poses", _sends_many_poses),
-    Misdeed("never reads its replies", _never_reads, ServerTrial.dial_narrowly),
-    Misdeed("ends its stream in the middle of a packet", _half_closes),
+    BadNeighbour("sends twenty thousand poses", _sends_many_poses),
+    BadNeighbour("never reads its replies", _never_reads, ServerTrial.dial_narrowly),
+    BadNeighbour("ends its stream in the middle of a packet", _half_closes),
     sends_and_resets("resets at once", b""),
     sends_and_resets("resets in the middle of a packet", REQUEST[:16]),
     sends_and_resets("resets before its replies come", 100 * REQUEST),
     sends_and_closes("closes before its reply comes", REQUEST),
     sends_and_closes("closes before its replies come", 100 * REQUEST),
     sends_and_resets("sends a broken pose and resets", packet(encode(camera_pose())[:-1])),
-    Misdeed("closes at once", lambda trial, connection: connection.close()),
+    BadNeighbour("closes at once", lambda trial, connection: connection.close()),
 )
 MISDEEDS_OF_READERS = (
-    Misdeed("never gives a frame back", _holds_a_lease, ServerTrial.before_hello),
-    Misdeed("resets while it holds a frame", _resets_with_a_lease, ServerTrial.before_hello),
+    BadNeighbour("never gives a frame back", _holds_a_lease, ServerTrial.before_hello),
+    BadNeighbour("resets while it holds a frame", _resets_with_a_lease, ServerTrial.before_hello),
 )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from splatbus_conformance.trials.moves.frame_readers import fell_silent
-from splatbus_conformance.trials.moves.nudging import Nudges
+from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, JITTER_SECONDS
 from splatbus_conformance.wire.json_values import finites, within
@@ -17,13 +17,13 @@ CLOSENESS = 1e-5
 """How far a number of a pose in force may be from the one that was sent, absolute or relative."""
 
 
-class Camera(NamedTuple):
+class RenderedCamera(NamedTuple):
     """What a frame was rendered with: position x, y, z and unit quaternion x, y, z, w."""
 
     position: tuple[float, ...]
     rotation: tuple[float, ...]
 
-    def shows(self, other: "Camera") -> bool:
+    def shows(self, other: "RenderedCamera") -> bool:
         """Whether both are the same pose; q and −q are the same rotation."""
         turned = tuple(-part for part in other.rotation)
         return _close(self.position, other.position) and (
@@ -34,22 +34,22 @@ class Camera(NamedTuple):
         return f"position {_rounded(self.position)}, rotation {_rounded(self.rotation)}"
 
 
-def camera_of(pose: Json) -> Camera:
+def camera_of(pose: Json) -> RenderedCamera:
     """The camera that a valid pose message asks for."""
-    return Camera(
+    return RenderedCamera(
         tuple(float(pose["position"][name]) for name in "xyz"),
         _unit([float(pose["rotation"][name]) for name in "xyzw"]),
     )
 
 
-class Steering:
+class CameraControl:
     """A viewer that reads frames on one connection, while others send poses."""
 
     def __init__(self, trial: ServerTrial) -> None:
         self.trial = trial
         self.reader = trial.reading()
         self._frames = trial.viewer.with_(self.reader).frames
-        self._nudges = Nudges(trial, self._frames)
+        self._nudges = Nudging(trial, self._frames)
         self._was_nudged = False
         if not trial.wait(lambda: self._frames or self.reader.ended):
             fell_silent(trial, self.reader, "the server sent no frame")
@@ -59,11 +59,11 @@ class Steering:
         """How many frames came."""
         return len(self._frames)
 
-    def cameras(self, since: int = 0) -> list[Camera]:
+    def cameras(self, since: int = 0) -> list[RenderedCamera]:
         """What the frames past so many were rendered with; those that do not say are left out."""
         return [camera for frame in self._frames[since:] if (camera := camera_in(frame))]
 
-    def now(self) -> Camera:
+    def now(self) -> RenderedCamera:
         """What the newest frame was rendered with."""
         newest = next(filter(None, map(camera_in, reversed(self._frames))), None)
         if newest is None:
@@ -94,7 +94,7 @@ class Steering:
             return "accepts"
         return self.trial.fate() or ("closes" if connection.ended else "ignores")
 
-    def nudged(self, connection: Connection, since: int | None = None) -> list[Camera]:
+    def nudged(self, connection: Connection, since: int | None = None) -> list[RenderedCamera]:
         """Move the Gaussians, so that an image is due; the cameras since then, or since earlier.
 
         The last of them was rendered after all that was sent before and has been handled. The
@@ -130,11 +130,11 @@ class Steering:
         return "keeps" if kept else "applies"
 
 
-def camera_in(frame: Json) -> Camera | None:
+def camera_in(frame: Json) -> RenderedCamera | None:
     """What a frame was rendered with, if it says so."""
     position = finites(within(frame, "camera", "position"), 3)
     rotation = finites(within(frame, "camera", "rotation"), 4)
-    return Camera(position, _unit(rotation)) if position and rotation else None
+    return RenderedCamera(position, _unit(rotation)) if position and rotation else None
 
 
 def _unit(rotation: Sequence[float]) -> tuple[float, ...]:

@@ -5,7 +5,7 @@ What is broken comes first on its connection, since some clients read no other p
 
 from contextlib import ExitStack
 
-from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, Layout
+from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import encode
@@ -16,7 +16,7 @@ GLANCE_SECONDS = 0.02
 """For a client to close, before it is sent the next packet."""
 
 
-class Listening:
+class DeviceListener:
     """A server of 1.0 that sends what a check wants, and good init packets.
 
     Each good packet names memory of its own, so that it is seen which of them was opened.
@@ -34,7 +34,9 @@ class Listening:
         self._reads = trial.uses(lambda: first.copies(trial.calls()))
         """It was seen to copy what it opened."""
 
-    def image(self, width: int = 64, height: int = 48, layout: Layout | None = None) -> DeviceImage:
+    def image(
+        self, width: int = 64, height: int = 48, layout: PlaneOffsets | None = None
+    ) -> DeviceImage:
         """An image in device memory, drawn and complete; freed in the end."""
         assert self._trial.device is not None, "a check of device memory needs a device"
         image = DeviceImage(self._trial.device, width, height, layout)

@@ -4,7 +4,7 @@ import time
 from typing import Any
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.images.captured import Photograph, photograph_of
+from splatbus_conformance.images.captured import CapturedFrame, photograph_of
 from splatbus_conformance.images.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.trials.moves.frame_readers import fell_silent
 from splatbus_conformance.trials.moves.nudging import AGAIN_SECONDS
@@ -19,7 +19,7 @@ ASIDE = 0.01
 AT_REST = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
-class Photographer:
+class FrameCapture:
     """Moves the camera and the Gaussians, and reads what the server makes of it."""
 
     def __init__(self, trial: ServerTrial) -> None:
@@ -30,12 +30,12 @@ class Photographer:
         self.dealings = trial.viewer.with_(self.reader)
         self._seen = 0
         trial.wait(lambda: self._came() or self.reader.ended)
-        self._last: Photograph | None = None
+        self._last: CapturedFrame | None = None
         self.new()
 
     def take(
         self, camera: Pose, scene: Pose | None = AT_REST, *, insists: bool = True, **members: Any
-    ) -> Photograph:
+    ) -> CapturedFrame:
         """What the server shows for a camera, with the Gaussians as `scene` says, or where they
         were if that is None; `members` are added to the pose of the camera.
 
@@ -78,7 +78,7 @@ class Photographer:
         """Send a camera, and wait for nothing."""
         self.trial.move(camera_pose(*camera) | members)
 
-    def hold(self) -> Photograph:
+    def hold(self) -> CapturedFrame:
         """The next image, not given back; the requirement is violated if none comes."""
         self.trial.wait(lambda: self._came() or self.reader.ended)
         if not self._came():
@@ -89,18 +89,18 @@ class Photographer:
             self.trial.not_observable("the server sent a frame that cannot be read")
         return photograph
 
-    def again(self, photograph: Photograph) -> Photograph:
+    def again(self, photograph: CapturedFrame) -> CapturedFrame:
         """What lies in the slot of an image that is held still."""
         copy = self._copy(photograph.frame)
         if copy is None:
             self.trial.not_observable("the server has announced other memory")
         return copy
 
-    def give_back(self, photograph: Photograph) -> None:
+    def give_back(self, photograph: CapturedFrame) -> None:
         """Release an image that was held."""
         self.trial.viewer.release(self.reader, photograph.frame)
 
-    def new(self) -> list[Photograph]:
+    def new(self) -> list[CapturedFrame]:
         """Copies of the images that came since, which are given back."""
         found = []
         while self._came():
@@ -112,9 +112,9 @@ class Photographer:
             self.trial.viewer.release(self.reader, frame)
         return found
 
-    def stay(self, seconds: float) -> list[Photograph]:
+    def stay(self, seconds: float) -> list[CapturedFrame]:
         """The images of a camera that is not moved for so many seconds."""
-        until, found = time.monotonic() + seconds, list[Photograph]()
+        until, found = time.monotonic() + seconds, list[CapturedFrame]()
         while (left := until - time.monotonic()) > 0 and not self.reader.ended:
             self.trial.wait(self._came, left)
             found += self.new()
@@ -126,7 +126,7 @@ class Photographer:
     def _came(self) -> bool:
         return len(self.dealings.frames) > self._seen
 
-    def _copy(self, frame: Json) -> Photograph | None:
+    def _copy(self, frame: Json) -> CapturedFrame | None:
         if self.dealings.memory is None or not self.dealings.init_packets:
             return None
         return photograph_of(frame, self.dealings.memory, self.dealings.init_packets[-1])

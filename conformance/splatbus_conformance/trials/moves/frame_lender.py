@@ -4,7 +4,7 @@ from splatbus_conformance.images import painted
 from splatbus_conformance.images.painted import Painting, spoilt
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.scripted_server import Coming
+from splatbus_conformance.trials.scripted_server import NextFrame
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.packets import Packet
 from splatbus_conformance.wire.sockets import Connection
@@ -21,7 +21,7 @@ def reading(trial: ClientTrial) -> Connection:
     return connection
 
 
-class Lending:
+class FrameLender:
     """Paints a slot, lends it, and spoils it in the moment in which it is given back.
 
     Attributes:
@@ -54,7 +54,7 @@ class Lending:
         self.paint(image, slot)
         return self._role.lend(self.connection)
 
-    def announced(self, image: Painting) -> Coming:
+    def announced(self, image: Painting) -> NextFrame:
         """Know an image as the one to be lent next; its number and its slot."""
         coming = self._role.coming(self.connection)
         self.shown[coming.seq], self._slots[coming.seq] = image, coming.slot

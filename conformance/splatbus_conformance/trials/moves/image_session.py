@@ -8,11 +8,11 @@ from typing import Any
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.reprojection import AS_SPECIFIED, named
-from splatbus_conformance.trials.moves.frame_capture import AT_REST, Photographer
+from splatbus_conformance.trials.moves.frame_capture import AT_REST, FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import fell_silent
-from splatbus_conformance.trials.moves.nudging import Nudges
+from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
 from splatbus_conformance.wire.messages import Json, camera_pose
@@ -33,7 +33,7 @@ NARROW: Json = dict.fromkeys(("fx", "fy"), 1.0) | {
 _looks = itertools.count(1)
 
 
-class Studio:
+class ImageSession:
     """A client in control of the camera, and a photographer who reads the images.
 
     Attributes:
@@ -44,9 +44,9 @@ class Studio:
     def __init__(self, trial: ServerTrial) -> None:
         self.trial = trial
         self.poser = trial.commanding()
-        self.photographer = Photographer(trial)
+        self.capture = FrameCapture(trial)
         self._looked = False
-        self._nudges = Nudges(trial, self.frames, self.photographer.new)
+        self._nudges = Nudging(trial, self.frames, self.capture.new)
         self.look(placed(DEFAULT, AT_REST) if _has_objects(trial) else at_rest())
 
     @property
@@ -57,29 +57,29 @@ class Studio:
     @property
     def frames(self) -> list[Json]:
         """All frames that came; it grows."""
-        return self.photographer.dealings.frames
+        return self.capture.dealings.frames
 
     def say(self, *messages: Json) -> None:
         """Send messages from the client in control."""
         for message in messages:
             self.trial.viewer.say(self.poser, message)
 
-    def look(self, *messages: Json, **members: Any) -> Photograph:
+    def look(self, *messages: Json, **members: Any) -> CapturedFrame:
         """The first image after these messages, from a camera next to the first view: whoever
         shows it has handled them. `members` are added to the pose of that camera.
         """
         return self.take(self.elsewhere(), *messages, **members)
 
-    def take(self, camera: Pose, *messages: Json, **members: Any) -> Photograph:
+    def take(self, camera: Pose, *messages: Json, **members: Any) -> CapturedFrame:
         """The first image from this camera after these messages; skips the check if there was
         never one.
         """
         self.say(*messages)
-        photograph = self.photographer.take(camera, None, **members)
+        photograph = self.capture.take(camera, None, **members)
         if named(photograph.camera.pose, camera) is not AS_SPECIFIED:
             what = f"no image shows the camera at {camera}"
             if self._looked:
-                fell_silent(self.trial, self.photographer.reader, what)
+                fell_silent(self.trial, self.capture.reader, what)
             self.trial.not_observable(what)
         self._looked = True
         return photograph
@@ -106,9 +106,9 @@ class Studio:
 
 
 @contextlib.contextmanager
-def studio(trial: ServerTrial) -> Iterator[Studio]:
+def image_session(trial: ServerTrial) -> Iterator[ImageSession]:
     """A studio, whose objects are put back at the end: they stay where they are otherwise."""
-    it = Studio(trial)
+    it = ImageSession(trial)
     try:
         yield it
     finally:

@@ -27,7 +27,7 @@ UNNAMED = 3
 _steps = itertools.count()
 
 
-class Nudges:
+class Nudging:
     """Moves the Gaussians by a little, and waits until a frame shows it."""
 
     def __init__(

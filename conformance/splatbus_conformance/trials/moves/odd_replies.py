@@ -10,7 +10,7 @@ from splatbus_conformance.wire.packets import Packet, packet
 from splatbus_conformance.wire.sockets import Connection
 
 
-class Answering:
+class OddReplies:
     """Takes the place of a role's own replies.
 
     Attributes:

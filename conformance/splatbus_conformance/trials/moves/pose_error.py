@@ -28,7 +28,7 @@ _SAME = tuple(tuple(Fraction(i == j) for j in range(3)) for i in range(3))
 OPENCV = Engine(_SAME, _SAME, 1)
 
 
-class Off(NamedTuple):
+class PoseError(NamedTuple):
     """How far one pose is from the right one."""
 
     position: float
@@ -89,7 +89,9 @@ def read_pose(message: Json) -> Pose | None:
     return Pose(*parts)
 
 
-def off(got: Pose, position: Exact, rotation: Exact, *, single: bool, size: tuple[int, int]) -> Off:
+def off(
+    got: Pose, position: Exact, rotation: Exact, *, single: bool, size: tuple[int, int]
+) -> PoseError:
     """How far `got` is from an exact pose.
 
     Args:
@@ -106,7 +108,7 @@ def off(got: Pose, position: Exact, rotation: Exact, *, single: bool, size: tupl
     difference = [a - b for a, b in zip(exact(got.position), position, strict=True)]
     length = math.hypot(*map(float, position))
     distance = math.hypot(*map(float, difference)) / (length or 1.0)
-    return Off(
+    return PoseError(
         ulp,
         _error_of_rotation(got.rotation, rotation, single),
         angle(got.rotation, rotation),

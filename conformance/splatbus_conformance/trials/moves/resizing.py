@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.trials.scripted_client import Dealings
+from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.wire.json_values import whole, within
@@ -117,7 +117,7 @@ def size_of(init_packet: Json) -> tuple[int | None, int | None]:
     return whole(within(init_packet, "meta", "w"), 1), whole(within(init_packet, "meta", "h"), 1)
 
 
-def dealings_of(trial: ServerTrial, connection: Connection) -> Dealings:
+def dealings_of(trial: ServerTrial, connection: Connection) -> DialledConnection:
     """What was said on a connection."""
     return trial.viewer.with_(connection)
 

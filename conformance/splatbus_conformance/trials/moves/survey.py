@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import turned_about
 from splatbus_conformance.images.reprojection import (
     APART,
@@ -17,12 +17,12 @@ from splatbus_conformance.images.reprojection import (
     FITS,
     MIRRORED,
     ROWS,
-    Pair,
-    Reading,
+    Misreading,
+    ViewPair,
     explain,
     named,
 )
-from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.server import ServerTrial
 
 LEAST_COVERED = 0.1
@@ -44,14 +44,14 @@ MOVES = (
 """In the first camera's axes: steps along x, y, z; an axis, and turns about it."""
 
 
-class Taken(NamedTuple):
+class SurveyShot(NamedTuple):
     """A pose that was sent, and the image that came of it."""
 
     sent: Pose
-    photograph: Photograph
+    photograph: CapturedFrame
 
 
-def moves(first: Photograph, scale: float = 1.0) -> list[Pose]:
+def moves(first: CapturedFrame, scale: float = 1.0) -> list[Pose]:
     """Poses around a first view from which most of it is still seen; `scale` makes more of them."""
     depths = first.planar()[first.covered()]
     step = scale * STEP * (float(np.median(depths)) if depths.size else 1.0)
@@ -67,7 +67,7 @@ def moves(first: Photograph, scale: float = 1.0) -> list[Pose]:
     ]
 
 
-def anywhere(first: Photograph, rng: random.Random) -> Pose:
+def anywhere(first: CapturedFrame, rng: random.Random) -> Pose:
     """Some pose around a first view."""
     near = rng.choice(moves(first))
     nudge = [STEP * 0.1 * rng.uniform(-1, 1) for _ in range(3)]
@@ -75,7 +75,7 @@ def anywhere(first: Photograph, rng: random.Random) -> Pose:
     return Pose(place, turned_about(near.rotation, nudge, 0.05))
 
 
-def first_view(trial: ServerTrial, least: float = LEAST_COVERED) -> Photograph:
+def first_view(trial: ServerTrial, least: float = LEAST_COVERED) -> CapturedFrame:
     """The image that the server showed at first; skips the check if it shows less than this."""
     first = trial.facts.first
     if first is None:
@@ -85,28 +85,28 @@ def first_view(trial: ServerTrial, least: float = LEAST_COVERED) -> Photograph:
     return first
 
 
-def survey(trial: ServerTrial, scale: float = 1.0) -> list[Taken]:
+def survey(trial: ServerTrial, scale: float = 1.0) -> list[SurveyShot]:
     """Images from around the first view, and last from where it was itself.
 
     It ends early with an image whose frame names another camera than was sent.
     """
     first = first_view(trial)
-    photographer, found = Photographer(trial), []
+    capture, found = FrameCapture(trial), []
     for pose in (*moves(first, scale), Pose(*first.pose)):
-        found.append(Taken(pose, photographer.take(pose)))
+        found.append(SurveyShot(pose, capture.take(pose)))
         if named(found[-1].photograph.camera.pose, pose) is not AS_SPECIFIED:
             break
     return found
 
 
-class Finding(NamedTuple):
+class SurveyFinding(NamedTuple):
     """What images tell of a requirement: that it is broken, why they tell nothing, or neither."""
 
     broken: str = ""
     silent: str = ""
 
 
-def judge_readings(trial: ServerTrial, wrong: Sequence[Reading], *scales: float) -> None:
+def judge_readings(trial: ServerTrial, wrong: Sequence[Misreading], *scales: float) -> None:
     """The requirement is violated if images fit one of these wrong readings.
 
     Surveys with steps of other scales are made as well, where those before tell nothing. Skips the
@@ -125,11 +125,13 @@ def judge_readings(trial: ServerTrial, wrong: Sequence[Reading], *scales: float)
     trial.not_observable(silent[0])
 
 
-def _weigh(trial: ServerTrial, taken: Sequence[Taken], wrong: Sequence[Reading]) -> Finding:
+def _weigh(
+    trial: ServerTrial, taken: Sequence[SurveyShot], wrong: Sequence[Misreading]
+) -> SurveyFinding:
     if len(taken) <= len(MOVES):
-        return Finding(silent="the server did not show the camera where it was put")
+        return SurveyFinding(silent="the server did not show the camera where it was put")
     *others, base = (it.photograph.view() for it in taken)
-    shares = explain([Pair(base, other) for other in others], EVERY)
+    shares = explain([ViewPair(base, other) for other in others], EVERY)
     right, by_words = float(shares[0]), dict(zip(EVERY, map(float, shares), strict=True))
     if right >= FITS:
         alike = [it.words for it in wrong if by_words[it] > right - APART]
@@ -137,42 +139,44 @@ def _weigh(trial: ServerTrial, taken: Sequence[Taken], wrong: Sequence[Reading])
         trial.measured(
             "points of one image off in others", 100 * (1 - right), None, "%", _at(taken)
         )
-        return Finding(silent=said if alike else "")
+        return SurveyFinding(silent=said if alike else "")
     best = float(shares[1:].max())
     found = [it for it in EVERY[1:] if by_words[it] > best - ALIKE]
     if trial.facts.scene_known:
         found = [it for it in found if it not in ROWS]
     if best < FITS or best - right < APART or not found:
-        return Finding(
+        return SurveyFinding(
             silent="the images cannot tell from where they are seen, as those of soft or sparse"
             f" splats cannot: {right:.0%} of the points of one are where another has them by what"
             f" the frames say, and {best:.0%} by the likeliest mistake"
         )
     guilty = MIRRORED if MIRRORED in found else found[0]
     if guilty not in wrong:
-        return Finding(silent=f"the images fit {guilty.words}, which other requirements forbid")
-    return Finding(
+        return SurveyFinding(
+            silent=f"the images fit {guilty.words}, which other requirements forbid"
+        )
+    return SurveyFinding(
         f"the images fit {_either([guilty.words, *(it.words for it in found if it != guilty)])}:"
         f" {best:.0%} of the points of one image are where another one has them by that,"
         f" and {right:.0%} by what the frames say"
     )
 
 
-def _expect_still(trial: ServerTrial, taken: Sequence[Taken]) -> None:
+def _expect_still(trial: ServerTrial, taken: Sequence[SurveyShot]) -> None:
     """The positive control: the same camera shows the same, so the scene stands still."""
     sent, former = taken[-1]
-    photographer = Photographer(trial)
-    photographer.take(taken[0].sent)
-    if not alike(former, photographer.take(sent)):
+    capture = FrameCapture(trial)
+    capture.take(taken[0].sent)
+    if not alike(former, capture.take(sent)):
         trial.not_observable("the scene moves by itself")
 
 
-def alike(some: Photograph, others: Photograph, share: float = 0.99) -> bool:
+def alike(some: CapturedFrame, others: CapturedFrame, share: float = 0.99) -> bool:
     """Whether nearly all pixels of two images are the same, but for rounding."""
     return likeness(some, others) >= share
 
 
-def likeness(some: Photograph, others: Photograph) -> float:
+def likeness(some: CapturedFrame, others: CapturedFrame) -> float:
     """The share of pixels that are the same, but for rounding."""
     if some.depth.shape != others.depth.shape:
         return 0.0
@@ -185,5 +189,5 @@ def _either(words: Sequence[str]) -> str:
     return " or, which such images cannot tell apart, ".join(words)
 
 
-def _at(taken: Sequence[Taken]) -> str:
+def _at(taken: Sequence[SurveyShot]) -> str:
     return f"{len(taken)} images around {taken[-1].sent}"

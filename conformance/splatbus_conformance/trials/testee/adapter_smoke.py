@@ -6,7 +6,7 @@ import numpy as np
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.images import painted
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import (
     Adapted,
     AdapterBroken,
@@ -33,7 +33,7 @@ HARMLESS: dict[str, dict[str, Any]] = {
 }
 
 
-def smoke(adapted: Adapted, peer: Peer, role: Role) -> None:
+def smoke(adapted: Adapted, peer: Peer, role: ScriptedServer) -> None:
     """Try everything that the adapter says it can, with a well-behaved server at hand.
 
     Raises AdapterBroken, and OSError if the command cannot be started.
@@ -64,7 +64,7 @@ def smoke(adapted: Adapted, peer: Peer, role: Role) -> None:
         peer.clear()
 
 
-def _settled(role: Role) -> bool:
+def _settled(role: ScriptedServer) -> bool:
     return any(dealings.released or dealings.failed for dealings in role.dealings.values())
 
 
@@ -75,7 +75,7 @@ def _requires_an_error(adapted: Adapted) -> None:
         raise AdapterBroken(f"a command that nobody knows was not answered by an error: {answer}")
 
 
-def _asks(adapted: Adapted, peer: Peer, role: Role) -> None:
+def _asks(adapted: Adapted, peer: Peer, role: ScriptedServer) -> None:
     requests = ["viewport_size", {"camera": 0}]
     try:
         replies = adapted.ask("ask", requests=requests)["replies"]
@@ -88,7 +88,7 @@ def _asks(adapted: Adapted, peer: Peer, role: Role) -> None:
         raise AdapterBroken(f"its replies do not answer {requests} in that order: {replies}")
 
 
-def _digest_fits_the_pixels(adapted: Adapted, role: Role) -> None:
+def _digest_fits_the_pixels(adapted: Adapted, role: ScriptedServer) -> None:
     """Pixels that are those of an image of ours come with the digest of that image.
 
     What comes with others is for the checks to judge: then it is the client that reads wrongly.

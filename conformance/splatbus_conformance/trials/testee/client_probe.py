@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from splatbus_conformance.images.memory.device import why_no_device
 from splatbus_conformance.trials import memory_pace
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import os_evidence, probe_advice
 from splatbus_conformance.trials.testee.adapter import Greeting
 from splatbus_conformance.trials.testee.process import Testee, not_met
@@ -185,7 +185,7 @@ class ClientFacts:
 
 
 def introduce(
-    peer: Peer, new_role: Callable[[], Role], testee: Testee, patience: float
+    peer: Peer, new_role: Callable[[], ScriptedServer], testee: Testee, patience: float
 ) -> ClientFacts:
     """Meet the testee as a well-behaved server: what does it say, ask, send, and does it return?
 
@@ -221,7 +221,7 @@ def _both(first: ClientFacts, second: ClientFacts) -> ClientFacts:
     )
 
 
-def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFacts:
+def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> ClientFacts:
     peer.clear()
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
     began = time.monotonic()
@@ -264,7 +264,7 @@ def _meet(peer: Peer, role: Role, testee: Testee, patience: float) -> ClientFact
     return facts
 
 
-def _hear_out(peer: Peer, role: Role, quiet: float, patience: float) -> float:
+def _hear_out(peer: Peer, role: ScriptedServer, quiet: float, patience: float) -> float:
     """Until it has said all that a client may say, or has said nothing new for so long; who has
     been offered memory is given the patience of the run to open it.
 
@@ -306,7 +306,7 @@ def _take_leave(peer: Peer, met: Sequence[Connection]) -> None:
         connection.close()
 
 
-def _shown(connections: Sequence[Connection], role: Role) -> ClientFacts:
+def _shown(connections: Sequence[Connection], role: ScriptedServer) -> ClientFacts:
     facts = ClientFacts()
     for connection in connections:
         dealings = role.with_(connection)
@@ -321,10 +321,12 @@ def _shown(connections: Sequence[Connection], role: Role) -> ClientFacts:
     return facts
 
 
-def _met(connection: Connection, role: Role, testee: Testee) -> probe_advice.Met:
+def _met(
+    connection: Connection, role: ScriptedServer, testee: Testee
+) -> probe_advice.ObservedConnection:
     dealings = role.with_(connection)
     unread = (it.payload for it in connection.packets if read(it.payload).value is None)
-    return probe_advice.Met(
+    return probe_advice.ObservedConnection(
         connection.channel,
         connection.port,
         dealings.heard,
@@ -338,7 +340,7 @@ def _met(connection: Connection, role: Role, testee: Testee) -> probe_advice.Met
     )
 
 
-def _offered(role: Role, connection: Connection) -> str:
+def _offered(role: ScriptedServer, connection: Connection) -> str:
     """What a client was told of images on a connection, if it was told any."""
     dealings = role.with_(connection)
     told = dealings.generation or dealings.count("get_viewport_size")

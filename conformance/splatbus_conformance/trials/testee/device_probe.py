@@ -7,7 +7,7 @@ from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.images.memory.gpu.device import find
 from splatbus_conformance.plan import Plan, Usage
 from splatbus_conformance.trials.memory_pace import of_the_device
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, SETTLE_SECONDS
@@ -44,7 +44,7 @@ def why_server_unseen(announced: Json | None, stand_in: StandIn) -> str | None:
 
 def why_unseen(
     peer: Peer,
-    role: Role,
+    role: ScriptedServer,
     testee: Testee,
     stand_in: StandIn,
     patience: float,

@@ -16,7 +16,7 @@ from splatbus_conformance.wire.recording import Channel
 NAMES: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 
 
-class Met(NamedTuple):
+class ObservedConnection(NamedTuple):
     """One connection, as it was seen while both sides were left alone."""
 
     channel: Channel
@@ -40,7 +40,9 @@ class Met(NamedTuple):
     """What came of a payload that is not complete."""
 
 
-def on_client(met: Sequence[Met], wanted: dict[Channel, int], launched: int | None) -> list[str]:
+def on_client(
+    met: Sequence[ObservedConnection], wanted: dict[Channel, int], launched: int | None
+) -> list[str]:
     """What the first meeting suggests to the author of a client.
 
     Args:
@@ -57,12 +59,12 @@ def on_client(met: Sequence[Met], wanted: dict[Channel, int], launched: int | No
     ]
 
 
-def on_server(met: Sequence[Met]) -> list[str]:
+def on_server(met: Sequence[ObservedConnection]) -> list[str]:
     """What the first meeting suggests to the author of a server, or to who started it."""
     return [*_foreign(met), *_swapped_server(met)]
 
 
-def _foreign(met: Sequence[Met]) -> list[str]:
+def _foreign(met: Sequence[ObservedConnection]) -> list[str]:
     """What is no packet, or no JSON, is said once for each channel."""
     found: dict[Channel, str] = {}
     for it in met:
@@ -80,7 +82,7 @@ def _foreign(met: Sequence[Met]) -> list[str]:
     return list(found.values())
 
 
-def _swapped_client(met: Sequence[Met]) -> list[str]:
+def _swapped_client(met: Sequence[ObservedConnection]) -> list[str]:
     for it in met:
         kinds = [message.get("type") for message in it.heard]
         astray = [kind for kind in kinds if it.channel == "ipc" and kind in CLIENT_1_0]
@@ -92,7 +94,7 @@ def _swapped_client(met: Sequence[Met]) -> list[str]:
     return []
 
 
-def _swapped_server(met: Sequence[Met]) -> list[str]:
+def _swapped_server(met: Sequence[ObservedConnection]) -> list[str]:
     for it in met:
         if it.channel == "msg" and any(_is_init_packet(message) for message in it.heard):
             return [_swapped(f"an init packet came on the message channel, port {it.port}")]
@@ -119,7 +121,7 @@ def _others(channel: Channel, message: Json) -> str:
     return f"lists what belongs to the other: {', '.join(sorted(strange))}" if strange else ""
 
 
-def _one_channel(met: Sequence[Met], wanted: dict[Channel, int]) -> list[str]:
+def _one_channel(met: Sequence[ObservedConnection], wanted: dict[Channel, int]) -> list[str]:
     seen = {it.channel for it in met}
     return [
         f"Nothing connected to the {NAMES[channel]} channel, port {port}: what is said there is "
@@ -129,7 +131,7 @@ def _one_channel(met: Sequence[Met], wanted: dict[Channel, int]) -> list[str]:
     ]
 
 
-def _size(met: Sequence[Met]) -> list[str]:
+def _size(met: Sequence[ObservedConnection]) -> list[str]:
     """Some clients stop when images are not of their own size; others close to begin in earnest."""
     stayed = {it.channel for it in met if not it.ended}
     for it in met:
@@ -144,7 +146,7 @@ def _size(met: Sequence[Met]) -> list[str]:
     return []
 
 
-def _several(met: Sequence[Met], launched: int | None) -> list[str]:
+def _several(met: Sequence[ObservedConnection], launched: int | None) -> list[str]:
     """Who else connects, such as a client that was left over from before."""
     for channel in NAMES:
         here = [it.process for it in met if it.channel == channel and it.process is not None]

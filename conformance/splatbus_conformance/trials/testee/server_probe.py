@@ -6,13 +6,13 @@ Checks ask no more of it than it has shown here.
 import time
 from dataclasses import dataclass, field
 
-from splatbus_conformance.images.captured import Photograph, photograph_of, shows_the_scene
-from splatbus_conformance.images.known_scene import Setting
+from splatbus_conformance.images.captured import CapturedFrame, photograph_of, shows_the_scene
+from splatbus_conformance.images.known_scene import SceneState
 from splatbus_conformance.images.memory.device import why_no_device
-from splatbus_conformance.images.pinhole import Placed, placed_in
+from splatbus_conformance.images.pinhole import ObjectPlacement, placed_in
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.rules.v1_0.ini import size
-from splatbus_conformance.trials.scripted_client import Dealings, Viewer
+from splatbus_conformance.trials.scripted_client import DialledConnection, ScriptedClient
 from splatbus_conformance.trials.testee import diagnostics, probe_advice
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
@@ -56,7 +56,7 @@ class ServerFacts:
     """Its images can be opened here."""
     renders: bool = False
     """It sent a `frame`."""
-    first: Photograph | None = None
+    first: CapturedFrame | None = None
     """The image that it showed before anybody had posed anything."""
     scene_known: bool = False
     """That image is of the scene of `conformance/SCENE.md`."""
@@ -112,14 +112,14 @@ class ServerFacts:
     def setting(
         self,
         frame: Json,
-        default: Placed | None = None,
-        ball: Placed | None = None,
-    ) -> Setting:
+        default: ObjectPlacement | None = None,
+        ball: ObjectPlacement | None = None,
+    ) -> SceneState:
         """How the known scene is to look in an image with its objects here, or where its frame says
         that they are: whoever moved them last may be gone, and they stay (CTL-5).
         """
         seconds = (finite(frame.get("time")) if self.time_range() else None) or 0.0
-        return Setting(
+        return SceneState(
             default or placed_in(frame, DEFAULT),
             (ball or placed_in(frame, BALL)) if BALL in self.objects() else None,
             seconds,
@@ -163,7 +163,7 @@ class ServerFacts:
         return None if known else f"the server {why}"
 
 
-def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> ServerFacts:
+def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: float) -> ServerFacts:
     """Meet the server as a well-behaved client of 1.0, then of 1.1.
 
     Raises NoVerdict if it accepts no connections on either channel within `patience` seconds.
@@ -239,7 +239,7 @@ def introduce(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> Se
 def _serves_one(
     channel: Channel,
     peer: Peer,
-    viewer: Viewer,
+    viewer: ScriptedClient,
     testee: Testee,
     facts: ServerFacts,
     patience: float,
@@ -264,7 +264,7 @@ def _serves_one(
     return any(it.ended for it in pair)
 
 
-def _guards(peer: Peer, viewer: Viewer, testee: Testee, patience: float) -> bool:
+def _guards(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: float) -> bool:
     """Whether the server requires the token that it was given."""
     if viewer.token is None:
         return False
@@ -299,19 +299,19 @@ def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Conne
     return found[0] if found else None
 
 
-def _first(dealings: Dealings) -> Photograph | None:
+def _first(dealings: DialledConnection) -> CapturedFrame | None:
     if dealings.memory is None or not dealings.frames:
         return None
     return photograph_of(dealings.frames[0], dealings.memory, dealings.init_packets[-1])
 
 
-def _scene(dealings: Dealings) -> Json | None:
+def _scene(dealings: DialledConnection) -> Json | None:
     return next((said for said in dealings.heard if said.get("type") == "scene"), None)
 
 
-def _met(connection: Connection, viewer: Viewer) -> probe_advice.Met:
+def _met(connection: Connection, viewer: ScriptedClient) -> probe_advice.ObservedConnection:
     unread = (it.payload for it in connection.packets if read(it.payload).value is None)
-    return probe_advice.Met(
+    return probe_advice.ObservedConnection(
         connection.channel,
         connection.testee_port,
         [value for it in connection.packets if (value := read(it.payload).value) is not None],

@@ -135,14 +135,14 @@ def judged(
 
 def findings_of(plan: Plan, checks: Mapping[str, Any]) -> dict[str, str]:
     """What each of these checks finds: an empty text for a pass."""
-    stand = set_up(plan)
+    testbed = set_up(plan)
     found = {}
     try:
-        stand.introduce()
+        testbed.introduce()
         for name, function in checks.items():
             check: Check = function.check
-            assert not [why for why in map(stand.facts.lacks, check.needs) if why]
-            trial = stand.trial(requirements("1.1")[check.requirement])
+            assert not [why for why in map(testbed.facts.lacks, check.needs) if why]
+            trial = testbed.trial(requirements("1.1")[check.requirement])
             found[name] = ""
             try:
                 function(trial)
@@ -151,8 +151,8 @@ def findings_of(plan: Plan, checks: Mapping[str, Any]) -> dict[str, str]:
                 found[name] = str(violation)
             except pytest.skip.Exception as skipped:
                 found[name] = f"skipped: {skipped}"
-            if stand.testee.ended():
+            if testbed.testee.ended():
                 trial.end_testee()
     finally:
-        stand.close()
+        testbed.close()
     return found

@@ -14,16 +14,16 @@ from splatbus_conformance.images.memory.cuda_stand_in.device import (
     HANDLE_BYTES,
     PREFIX,
     PROGRESS,
-    Device,
+    StandInDevice,
 )
 
 
 @pytest.fixture
-def device() -> Device:
-    return Device()
+def device() -> StandInDevice:
+    return StandInDevice()
 
 
-def test_memory_is_poison_until_written_and_after(device: Device) -> None:
+def test_memory_is_poison_until_written_and_after(device: StandInDevice) -> None:
     memory = device.allocate(10)
     memory.write(2, b"abc")
     assert device.read(memory.handle, 0, 10) == b"\xff\xffabc" + 5 * b"\xff"
@@ -36,7 +36,7 @@ def test_memory_is_poison_until_written_and_after(device: Device) -> None:
     device.close()
 
 
-def test_writing_beyond_memory_is_refused(device: Device) -> None:
+def test_writing_beyond_memory_is_refused(device: StandInDevice) -> None:
     memory = device.allocate(10)
     for offset in (-1, 8, 1 << 40):
         with pytest.raises(ValueError, match="of 10"):
@@ -44,7 +44,7 @@ def test_writing_beyond_memory_is_refused(device: Device) -> None:
     device.close()
 
 
-def test_handles_are_64_bytes_and_differ(device: Device) -> None:
+def test_handles_are_64_bytes_and_differ(device: StandInDevice) -> None:
     handles = {device.allocate(1).handle, device.allocate(1).handle, device.event().handle}
     assert {len(handle) for handle in handles} == {HANDLE_BYTES}
     assert len(handles) == 3
@@ -53,7 +53,7 @@ def test_handles_are_64_bytes_and_differ(device: Device) -> None:
     device.close()
 
 
-def test_an_event_counts_its_records(device: Device) -> None:
+def test_an_event_counts_its_records(device: StandInDevice) -> None:
     event = device.event()
     path = next(device.folder.glob("event-*"))
     counts = [PROGRESS.unpack(path.read_bytes())]
@@ -64,14 +64,14 @@ def test_an_event_counts_its_records(device: Device) -> None:
     device.close()
 
 
-def test_nothing_is_left_when_it_is_closed(device: Device) -> None:
+def test_nothing_is_left_when_it_is_closed(device: StandInDevice) -> None:
     device.allocate(1)
     device.event()
     device.close()
     assert not device.folder.exists()
 
 
-def test_what_a_killed_run_left_is_removed_by_the_next(device: Device) -> None:
+def test_what_a_killed_run_left_is_removed_by_the_next(device: StandInDevice) -> None:
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     left = device.folder.with_name(f"{PREFIX}{ended.pid}-left")
@@ -80,7 +80,7 @@ def test_what_a_killed_run_left_is_removed_by_the_next(device: Device) -> None:
     odd = device.folder.with_name(f"{PREFIX}odd-{os.getpid()}")
     odd.mkdir()
     try:
-        Device().close()
+        StandInDevice().close()
         swept = device.folder.parent == Path("/dev/shm")
         assert left.exists() is not swept
         assert odd.exists()

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, Layout
+from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.images.memory.host import HostMemory
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.process import Launched
 from splatbus_conformance.wire.sockets import Peer
 
@@ -32,17 +32,17 @@ def was_read(image: DeviceImage, folder: Path) -> bool:
 @pytest.mark.parametrize(
     ("width", "height", "layout"),
     [
-        (64, 48, Layout(0, 16 * 64 * 48, apart=False)),
-        (5, 3, Layout(1024, 0, apart=False)),
-        (33, 20, Layout(None, 4)),
+        (64, 48, PlaneOffsets(0, 16 * 64 * 48, apart=False)),
+        (5, 3, PlaneOffsets(1024, 0, apart=False)),
+        (33, 20, PlaneOffsets(None, 4)),
     ],
 )
 def test_the_miniature_reads_every_pixel(
-    width: int, height: int, layout: Layout, tmp_path: Path
+    width: int, height: int, layout: PlaneOffsets, tmp_path: Path
 ) -> None:
     with stand_in() as it, HostMemory(1) as memory:
         image = DeviceImage(it.device, width, height, layout)
-        role = Role(memory, width, height)
+        role = ScriptedServer(memory, width, height)
         role.speaks, role.device_packet = "1.0", image.init_packet()
         peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
         peer.on_open, peer.on_packet = role.on_open, role.on_packet

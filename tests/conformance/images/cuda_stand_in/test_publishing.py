@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from splatbus_conformance.images.memory.cuda_stand_in.publishing import (
-    Span,
+    PlaneSpan,
     beside,
     freed,
     legacy_planes,
@@ -20,7 +20,7 @@ from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.wire.messages import Json, init_packet_1_0, init_packet_1_1
 
 TICKS = itertools.count()
-PLANES = {"colour": Span("m", 0, 160), "depth": Span("m", 160, 200)}
+PLANES = {"colour": PlaneSpan("m", 0, 160), "depth": PlaneSpan("m", 160, 200)}
 NAME = "0123456789abcdef"
 HANDLE = base64.b64encode(
     f"splatbus-stand-in memory 0000000007 {NAME}".encode().ljust(64, b"\0")
@@ -130,12 +130,15 @@ def test_what_is_freed() -> None:
 def test_planes_of_init_packets() -> None:
     handles = {"mem_color": HANDLE, "mem_depth": HANDLE}
     packet: Json = init_packet_1_0(4, 2) | handles
-    legacy = {"colour": Span(NAME, 0, 128), "depth": Span(NAME, 128, 160)}
+    legacy = {"colour": PlaneSpan(NAME, 0, 128), "depth": PlaneSpan(NAME, 128, 160)}
     assert legacy_planes(packet) == legacy
     del packet["meta"]["offsetColor"]
     assert legacy_planes(packet) == legacy
     ring = init_packet_1_1("", 1, 4, 2, 2) | {"memory": {"handle": HANDLE}}
-    assert slot_planes(ring, 1) == {"colour": Span(NAME, 128, 256), "depth": Span(NAME, 288, 320)}
+    assert slot_planes(ring, 1) == {
+        "colour": PlaneSpan(NAME, 128, 256),
+        "depth": PlaneSpan(NAME, 288, 320),
+    }
     assert len(planes_of(packet | {"ring": ring["ring"], "memory": ring["memory"]})) == 6
 
 

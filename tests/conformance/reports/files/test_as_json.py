@@ -16,7 +16,7 @@ from splatbus_conformance.data import read_json
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports.files.stored import validator
 from splatbus_conformance.reports.latencies import Histogram
-from splatbus_conformance.run.options import Wishes
+from splatbus_conformance.run.options import RunOptions
 
 from tests.conformance.harness import GOOD, broken, run
 from tests.conformance.reports.stored_reports import (
@@ -231,9 +231,9 @@ def test_reports_of_a_server_satisfy_it(tmp_path: Path) -> None:
 def test_the_demo_writes_what_it_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[tuple[Plan, Wishes]] = []
+    asked: list[tuple[Plan, RunOptions]] = []
 
-    def judge(plan: Plan, wishes: Wishes, _: object) -> int:
+    def judge(plan: Plan, wishes: RunOptions, _: object) -> int:
         asked.append((plan, wishes))
         return 0
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from markupsafe import Markup
 from splatbus_conformance.reports.files.html.text import (
     ALL_OF_IT,
-    Line,
+    TranscriptLine,
     cut,
     ids,
     spans,
@@ -77,4 +77,4 @@ def test_code_and_ids_are_apart() -> None:
     assert [tuple(it) for it in spans("a `b` c")] == [("a ", False), ("b", True), (" c", False)]
     assert [tuple(it) for it in ids("FRM-3, ok")] == [("FRM-3", True), (", ok", False)]
     assert transcript([], 10) == ()
-    assert Line("a", "event").text == "a"
+    assert TranscriptLine("a", "event").text == "a"

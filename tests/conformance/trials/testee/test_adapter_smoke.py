@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
-from splatbus_conformance.trials.scripted_server import Role
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import Adapted, AdapterBroken
 from splatbus_conformance.trials.testee.adapter_smoke import smoke
 from splatbus_conformance.wire.messages import ring_bytes
@@ -42,7 +42,7 @@ def try_it(peer, tmp_path):
         adapted = Adapted(f'"{sys.executable}" "{path}"', environment, peer, 10.0)
         try:
             with HostMemory(ring_bytes(*SIZE, 3)) as memory:
-                smoke(adapted, peer, Role(memory, *SIZE, 3))
+                smoke(adapted, peer, ScriptedServer(memory, *SIZE, 3))
         finally:
             adapted.close()
 

@@ -44,12 +44,12 @@ def advice(command: str, ports: tuple[int, int] = (0, 0)) -> str:
 
 
 def said_of(plan: Plan) -> str:
-    stand = set_up(plan)
+    testbed = set_up(plan)
     try:
-        stand.introduce()
-        return "\n".join(stand.facts.advice)
+        testbed.introduce()
+        return "\n".join(testbed.facts.advice)
     finally:
-        stand.close()
+        testbed.close()
 
 
 @pytest.fixture

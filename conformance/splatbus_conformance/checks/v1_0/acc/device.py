@@ -20,12 +20,12 @@ from splatbus_conformance.checks.v1_0.acc.servers import (
     expect_translations,
     registered,
 )
-from splatbus_conformance.checks.v1_0.buf.servers_device import Stored, reading
-from splatbus_conformance.images.captured import LEGACY_EMPTY, Photograph, shows_the_scene
-from splatbus_conformance.images.known_scene import Setting
+from splatbus_conformance.checks.v1_0.buf.servers_device import BufferContents, reading
+from splatbus_conformance.images.captured import LEGACY_EMPTY, CapturedFrame, shows_the_scene
+from splatbus_conformance.images.known_scene import SceneState
 from splatbus_conformance.images.lens_finding import find_lens
 from splatbus_conformance.images.memory.reading import Pixels
-from splatbus_conformance.images.pinhole import Camera, Placed, Reals, rigid
+from splatbus_conformance.images.pinhole import Camera, ObjectPlacement, Reals, rigid
 from splatbus_conformance.trials.moves.frame_capture import AT_REST, aside
 from splatbus_conformance.trials.moves.nudging import AGAIN_SECONDS
 from splatbus_conformance.trials.server import ServerTrial
@@ -44,11 +44,11 @@ SETTLED_SECONDS, TIMES, MOST_SECONDS = 0.1, 3.0, 1.5
 as long as it took to change, up to so long."""
 RESTLESS = 20
 """Images that change so often after a pose change by themselves."""
-Right = Callable[[Stored], bool]
+Right = Callable[[BufferContents], bool]
 """Whether an image is one that was waited for."""
 
 
-class LegacyPhotographer:
+class LegacyFrameCapture:
     """Moves the camera of a server of 1.0, and reads what comes of it.
 
     Attributes:
@@ -56,7 +56,7 @@ class LegacyPhotographer:
     """
 
     def __init__(
-        self, trial: ServerTrial, read: Callable[[], Stored], lens: Camera | None = None
+        self, trial: ServerTrial, read: Callable[[], BufferContents], lens: Camera | None = None
     ) -> None:
         """Begin; skips the check where the server does not show the scene that is known, if the
         lens is not known.
@@ -70,22 +70,22 @@ class LegacyPhotographer:
             trial.not_observable(UNKNOWN_SCENE)
         self.lens: Camera = found
 
-    def at_origin(self) -> Stored:
+    def at_origin(self) -> BufferContents:
         """The image of a camera at the origin."""
         self._stored(aside(AT_ORIGIN), AT_REST)
         return self._stored(AT_ORIGIN, AT_REST)
 
-    def seen_from(self, camera: Pose, photograph: Photograph) -> Photograph:
+    def seen_from(self, camera: Pose, photograph: CapturedFrame) -> CapturedFrame:
         """The same image, if it is one of this camera."""
         return _photograph(self.lens, camera, photograph.color, photograph.depth)
 
-    def shows(self, photograph: Photograph, scene: Pose = AT_REST) -> bool:
+    def shows(self, photograph: CapturedFrame, scene: Pose = AT_REST) -> bool:
         """Whether this is the scene that is known, with the Gaussians there."""
-        return shows_the_scene(photograph, Setting(Placed(rigid(*scene))))
+        return shows_the_scene(photograph, SceneState(ObjectPlacement(rigid(*scene))))
 
     def take(
         self, camera: Pose, scene: Pose, *spelled: Json, right: Right | None = None
-    ) -> Photograph:
+    ) -> CapturedFrame:
         """What the server stores for a camera, with the Gaussians there, once it was told so, or
         was sent what is `spelled` in place of that.
 
@@ -94,13 +94,13 @@ class LegacyPhotographer:
         """
         return self.photograph(self._stored(camera, scene, *spelled, right=right), camera)
 
-    def photograph(self, stored: Stored, camera: Pose) -> Photograph:
+    def photograph(self, stored: BufferContents, camera: Pose) -> CapturedFrame:
         """An image, as one of this camera."""
         return _photograph(self.lens, camera, *stored)
 
     def _stored(
         self, camera: Pose, scene: Pose, *spelled: Json, right: Right | None = None
-    ) -> Stored:
+    ) -> BufferContents:
         """The image that comes of these poses, once it stays; the requirement is violated if none
         does, and one of another camera did that was sent in between.
         """
@@ -116,7 +116,7 @@ class LegacyPhotographer:
         self.trial.delivered += 1
         return came
 
-    def _comes(self, said: Sequence[Json], right: Right | None = None) -> Stored | None:
+    def _comes(self, said: Sequence[Json], right: Right | None = None) -> BufferContents | None:
         """The image that comes of this, once it stays and is right, if one does in time; else the
         one that has come. Skips the check where images change all the time.
         """
@@ -153,14 +153,14 @@ def _said(camera: Pose, scene: Pose) -> tuple[Json, Json]:
     return camera_pose(*scene, kind="point_cloud_pose"), camera_pose(*camera)
 
 
-def lens_of(stored: Stored) -> Camera | None:
+def lens_of(stored: BufferContents) -> Camera | None:
     """The lens of an image of a camera at the origin, if that shows the scene that is known."""
     found = find_lens(rigid(*AT_ORIGIN), _planar(stored.depth))
     known = found and shows_the_scene(_photograph(found, AT_ORIGIN, *stored))
     return found if known else None
 
 
-def _same(some: Stored, others: Stored) -> bool:
+def _same(some: BufferContents, others: BufferContents) -> bool:
     return all(a.tobytes() == b.tobytes() for a, b in zip(some, others, strict=True))
 
 
@@ -169,17 +169,17 @@ def _planar(depth: Pixels) -> Reals:
     return np.where(covered, depth, np.inf).astype(np.float64)
 
 
-def _photograph(lens: Camera, at: Pose, color: Pixels, depth: Pixels) -> Photograph:
+def _photograph(lens: Camera, at: Pose, color: Pixels, depth: Pixels) -> CapturedFrame:
     named: Json = {"position": list(at.position), "rotation": list(at.rotation)}
     camera = lens._replace(pose=rigid(*at))
-    return Photograph({"seq": 0, "camera": named}, camera, color, depth, {})
+    return CapturedFrame({"seq": 0, "camera": named}, camera, color, depth, {})
 
 
 def taking(trial: ServerTrial, farthest: float, full: int) -> Registered:
     """The camera of each image in CUDA memory, as the image has it."""
     with reading(trial) as read:
-        photographer = LegacyPhotographer(trial, read)
-        yield from registered(trial, farthest, 2, full, photographer.take)
+        capture = LegacyFrameCapture(trial, read)
+        yield from registered(trial, farthest, 2, full, capture.take)
 
 
 @check("ACC-2", observable=REGISTERED, needs=SHOWN)

@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 from splatbus_conformance.cases.valid.numbers import hard_numbers, nearest, spelled_as
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.images.captured import Photograph
-from splatbus_conformance.images.hard_views import Stage, hardest, staged, stages
+from splatbus_conformance.images.captured import CapturedFrame
+from splatbus_conformance.images.hard_views import HardView, hardest, staged, stages
 from splatbus_conformance.images.known_scene import (
     COLOR_BUDGET,
     DEPTH_BUDGET,
     NOTHING,
-    Exact,
+    ExactImage,
     render,
 )
-from splatbus_conformance.images.pinhole import Placed, Reals, Rigid, rigid
+from splatbus_conformance.images.pinhole import ObjectPlacement, Reals, Rigid, rigid
 from splatbus_conformance.images.registration import Registration, register
 from splatbus_conformance.images.reprojection import AS_SPECIFIED, named
-from splatbus_conformance.trials.moves.camera_control import Steering
-from splatbus_conformance.trials.moves.frame_capture import Photographer, aside
+from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.frame_capture import FrameCapture, aside
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import camera_pose
 
@@ -55,42 +55,42 @@ AT_ORIGIN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 LOOKS_DOWN = (-math.sin(0.25), 0.0, 0.0, math.cos(0.25))
 
 
-class Shown(NamedTuple):
+class ShownView(NamedTuple):
     """What was asked for, what came, and what had to."""
 
-    stage: Stage
-    photograph: Photograph
-    exact: Exact
+    stage: HardView
+    photograph: CapturedFrame
+    exact: ExactImage
     scene: Rigid
 
 
-Take = Callable[[Pose, Pose], Photograph]
+Take = Callable[[Pose, Pose], CapturedFrame]
 """What shows a camera and a scene."""
 
 
 def shown(
     trial: ServerTrial, farthest: float, quick: int, full: int, take: Take | None = None
-) -> Iterator[Shown]:
+) -> Iterator[ShownView]:
     """Cameras and scenes up to so far from the origin, and the image that came of each; it is a
     frame's, unless something else is to take it, and then it takes longer.
     """
     kind = None if take is None else _norm
-    take = take or Photographer(trial).take
+    take = take or FrameCapture(trial).take
     salt, (width, height) = trial.requirement.id, trial.facts.size
     quick = max(2, min(quick, quick * SMALL // (width * height)))  # the first one is simple
     listed, drawn = hardest(salt, farthest), stages(salt, farthest)
     for camera, scene_ in trial.each(
         listed, drawn, kind=kind, spare=0, quick=quick, full=full, search=salt
     ):
-        stage = Stage(Pose(*map(tuple, camera)), Pose(*map(tuple, scene_)))
+        stage = HardView(Pose(*map(tuple, camera)), Pose(*map(tuple, scene_)))
         photograph, scene = take(*stage), rigid(*stage.scene)
         if not np.allclose(photograph.camera.pose.position, stage.camera.position, rtol=1e-5):
             what = f"a camera was put to {stage.camera}, and a frame names {photograph.pose}"
             near = named(photograph.camera.pose, stage.camera) is AS_SPECIFIED
             trial.expect(not near, f"{what}: it has lost digits")
             trial.not_observable(what)
-        setting = trial.facts.setting(photograph.frame, Placed(scene))
-        yield Shown(stage, photograph, render(photograph.camera, setting), scene)
+        setting = trial.facts.setting(photograph.frame, ObjectPlacement(scene))
+        yield ShownView(stage, photograph, render(photograph.camera, setting), scene)
 
 
 @check("IMG-5", observable="every pixel of images of a known scene", needs=SCENE)
@@ -138,12 +138,12 @@ def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
     """The scene from 1 to 50 units away, all of it opaque: no pixel may hold a smaller depth than
     one whose surface is nearer.
     """
-    photographer, compared = Photographer(trial), 0
-    photographer.take(aside(AT_ORIGIN))  # shows that no other connection has control any more
+    capture, compared = FrameCapture(trial), 0
+    capture.take(aside(AT_ORIGIN))  # shows that no other connection has control any more
     for away in trial.each((1.0, 5.0, 15.0, 30.0, 50.0)):
         stage = staged(AT_ORIGIN, Pose((0.0, -0.5 * away, -0.8 * away), LOOKS_DOWN))
-        photograph = photographer.take(*stage)
-        setting = trial.facts.setting(photograph.frame, Placed(rigid(*stage.scene)))
+        photograph = capture.take(*stage)
+        setting = trial.facts.setting(photograph.frame, ObjectPlacement(rigid(*stage.scene)))
         exact = render(photograph.camera, setting)
         depth = photograph.planar()
         both = exact.certain & np.isfinite(exact.depth) & np.isfinite(depth)
@@ -180,7 +180,7 @@ def check_colour_is_red_green_blue_alpha(trial: ServerTrial) -> None:
             )
 
 
-Registered = Iterator[tuple[Shown, Registration, float]]
+Registered = Iterator[tuple[ShownView, Registration, float]]
 
 
 def registered(
@@ -219,7 +219,7 @@ def check_numbers_are_read_to_the_last_bit(trial: ServerTrial) -> None:
     of them one unit in the last place apart. A server may hold them in single precision, rounded
     once more.
     """
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     numbers = st.tuples(hard_numbers(), hard_numbers(), hard_numbers())
     for texts in trial.each(NEIGHBOURS, numbers, quick=30, full=1000):
         position = tuple(map(nearest, texts))
@@ -311,11 +311,11 @@ def _measure(
     trial.measured(what, error, budget, "ULP of single precision", input)
 
 
-def _norm(stage: Stage) -> float:
+def _norm(stage: HardView) -> float:
     """A kind of stage: what the norm of its rotation is near to."""
     return round(math.hypot(*stage.camera.rotation), 3)
 
 
-def _where(stage: Stage, error: Reals, considered: NDArray[np.bool_]) -> str:
+def _where(stage: HardView, error: Reals, considered: NDArray[np.bool_]) -> str:
     at = np.unravel_index(int(np.argmax(np.where(considered, error, -1.0))), error.shape)
     return f"row {at[0]}, column {at[1]} from {stage.camera}"

@@ -18,27 +18,23 @@ from splatbus_conformance.cases.malformed.init_packets import changed
 from splatbus_conformance.cases.valid.init_packets import SEMANTICS
 from splatbus_conformance.cases.valid.poses import steering
 from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_0.buf.hard_pixels import MARGIN, PLANE, any_image, around, edged
 from splatbus_conformance.images.painted import Painting
 from splatbus_conformance.oracle import composite, to_single, ulps
 from splatbus_conformance.oracle.rounding import SINGLE
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import Lending
+from splatbus_conformance.trials.moves.frame_lender import FrameLender
 from splatbus_conformance.trials.testee.adapter import AdapterBroken
 from splatbus_conformance.wire.messages import Json
 
 COMPOSES = ("hello:ipc", "capability:frames", "opens", "adapter:digest", "adapter:composite")
 OBSERVABLE = "colours of the image over a plane, told by the adapter, against the oracle's"
 ALPHAS = ("straight", "premultiplied")
-PLANE = 4.0
-"""Depth of the plane, in scene units."""
-MARGIN = 0.01
-"""How near to the plane no splat lies: a depth buffer decides ties as it likes."""
 EVIDENT = 1e-2
 """A colour that is off by more is of something else; less is a matter of accuracy (ACC-10)."""
 BUDGET_ULP = 3.0
 """Of ACC-10."""
 MIN_NORMAL: float = LIMITS["min_normal_single"]
-STEPS = 5
 NEIGHBOURS = 60
 COLOURS = st.tuples(
     steering().map(lambda it: it.moved([it.rng("splat").random() for _ in range(4)])),
@@ -59,7 +55,7 @@ BACKGROUND = singles(0.3, 0.9, 0.15)
 
 def seen(
     trial: ClientTrial,
-    lending: Lending,
+    lender: FrameLender,
     places: list[Place],
     background: Colour = BACKGROUND,
     plane: float = PLANE,
@@ -71,7 +67,7 @@ def seen(
         depth=plane if math.isfinite(plane) else "inf",
         at=[list(place) for place in places],
     )
-    if answer["seq"] not in lending.shown:
+    if answer["seq"] not in lender.shown:
         trial.not_observable(f"the client composes image {answer['seq']}, which was not lent")
     if len(answer["color"]) != len(places):
         raise AdapterBroken(f"asked for {len(places)} colours, it told {len(answer['color'])}")
@@ -79,23 +75,23 @@ def seen(
     return [tuple(map(float, colour)) for colour in answer["color"]]
 
 
-def places_of(lending: Lending, most: int = 500) -> list[Place]:
+def places_of(lender: FrameLender, most: int = 500) -> list[Place]:
     """So many places of an image, evenly, and not all in one column."""
-    width, height = lending.size
+    width, height = lender.size
     step = width * height // most | 1
     return [(n % width, n // width) for n in range(0, width * height, step + (width % step == 0))]
 
 
-def flat(lending: Lending, colour: Colour, depth: Any) -> Painting:
+def flat(lender: FrameLender, colour: Colour, depth: Any) -> Painting:
     """An image of one colour; `depth` is one number or an array."""
-    width, height = lending.size
+    width, height = lender.size
     return Painting(
         np.broadcast_to(np.array(colour, np.float32), (height, width, 4)).copy(),
         np.broadcast_to(np.array(depth, np.float32), (height, width)).copy(),
     )
 
 
-def lent_as(trial: ClientTrial, semantics: Json) -> Lending | None:
+def lent_as(trial: ClientTrial, semantics: Json) -> FrameLender | None:
     """A new ring whose init packet announces this; None if the client does not open it (MEM-13)."""
     trial.role.offers_memory = False
     connection = trial.for_init_packet()
@@ -103,31 +99,31 @@ def lent_as(trial: ClientTrial, semantics: Json) -> Lending | None:
     if not trial.opens(connection):
         return None
     trial.role.lends_frames = False
-    return Lending(trial, connection)
+    return FrameLender(trial, connection)
 
 
-def lent_by_alpha(trial: ClientTrial) -> Iterator[tuple[str, Lending]]:
+def lent_by_alpha(trial: ClientTrial) -> Iterator[tuple[str, FrameLender]]:
     """Rings of straight and of premultiplied alpha, where the client shows splats of them."""
     for alpha in ALPHAS:
-        if lending := lent_as(trial, {"semantics/alpha": alpha}):
-            shows_splats(trial, lending)
-            yield alpha, lending
+        if lender := lent_as(trial, {"semantics/alpha": alpha}):
+            shows_splats(trial, lender)
+            yield alpha, lender
 
 
-def shows_splats(trial: ClientTrial, lending: Lending) -> None:
+def shows_splats(trial: ClientTrial, lender: FrameLender) -> None:
     """The control: a splat before the plane is seen. Skips the check if it is not."""
-    lending.show(flat(lending, singles(0.9, 0.1, 0.6, 1.0), PLANE / 2))
-    for colour in seen(trial, lending, [(0, 0)]):
+    lender.show(flat(lender, singles(0.9, 0.1, 0.6, 1.0), PLANE / 2))
+    for colour in seen(trial, lender, [(0, 0)]):
         if not math.dist(colour, singles(0.9, 0.1, 0.6)) <= EVIDENT:
             trial.not_observable("the client shows no splat that lies before its own geometry")
 
 
-def judge_unchanged(trial: ClientTrial, lending: Lending, image: Painting, what: str) -> None:
+def judge_unchanged(trial: ClientTrial, lender: FrameLender, image: Painting, what: str) -> None:
     """The plane has to be seen as if there were no image, near and infinitely far."""
-    lending.show(image)
-    places = places_of(lending)
+    lender.show(image)
+    places = places_of(lender)
     for plane in (PLANE, math.inf):
-        for place, colour in zip(places, seen(trial, lending, places, plane=plane), strict=True):
+        for place, colour in zip(places, seen(trial, lender, places, plane=plane), strict=True):
             if singles(*colour) != BACKGROUND:
                 told = f"{what}, depth {image.depth[place[1], place[0]]} before a plane at {plane}"
                 trial.violated(f"{told}: it shows {colour}, not {BACKGROUND}")
@@ -136,24 +132,24 @@ def judge_unchanged(trial: ClientTrial, lending: Lending, image: Painting, what:
 @check("BUF-8", observable=OBSERVABLE, needs=COMPOSES)
 def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> None:
     """Pixels of depth +∞ with every alpha, and of alpha 0 before the plane, by either alpha."""
-    for announced, lending in lent_by_alpha(trial):
+    for announced, lender in lent_by_alpha(trial):
         for alpha in (1.0, 0.5, 2.0**-24):
-            image = flat(lending, singles(0.9, 0.1, 0.6, alpha), math.inf)
-            judge_unchanged(trial, lending, image, f"an empty pixel of alpha {alpha:g}")
+            image = flat(lender, singles(0.9, 0.1, 0.6, alpha), math.inf)
+            judge_unchanged(trial, lender, image, f"an empty pixel of alpha {alpha:g}")
         for depth in (1e-6, 1.0, PLANE - MARGIN):
             # Section 3.4 of 1.1 adds premultiplied colour whatever its alpha is.
             colour = (0.9, 0.1, 0.6, 0.0) if announced == "straight" else (0.0, 0.0, 0.0, 0.0)
-            image = flat(lending, singles(*colour), depth)
-            judge_unchanged(trial, lending, image, "a pixel of alpha 0")
+            image = flat(lender, singles(*colour), depth)
+            judge_unchanged(trial, lender, image, "a pixel of alpha 0")
 
 
 @check("BUF-9", observable=OBSERVABLE, needs=COMPOSES)
 def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
     """Opaque pixels whose depth is NaN, zero or negative."""
-    for _, lending in lent_by_alpha(trial):
+    for _, lender in lent_by_alpha(trial):
         for depth in (math.nan, 0.0, -0.0, -1.0, -1e-30, -PLANE, -3e38, -math.inf):
-            image = flat(lending, singles(0.9, 0.1, 0.6, 1.0), depth)
-            judge_unchanged(trial, lending, image, "an opaque pixel")
+            image = flat(lender, singles(0.9, 0.1, 0.6, 1.0), depth)
+            judge_unchanged(trial, lender, image, "an opaque pixel")
 
 
 @check(
@@ -163,14 +159,14 @@ def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
 )
 def check_shows_rows_from_the_bottom_up(trial: ClientTrial) -> None:
     """An image that grows green downwards and red to the right."""
-    lending = Lending(trial)
-    width, height = lending.size
+    lender = FrameLender(trial)
+    width, height = lender.size
     rows, columns = np.indices((height, width))
     red, green = (columns + 1) / width, (rows + 1) / height
     color = np.stack([red, green, np.full_like(red, 0.5), np.ones_like(red)], -1)
     image = Painting(color.astype(np.float32), (1 + rows + columns / width).astype(np.float32))
-    lending.show(image)
-    places = places_of(lending)
+    lender.show(image)
+    places = places_of(lender)
     told = trial.ask("pixels", at=[list(place) for place in places])
     if told["color"] is None or told["depth"] is None:
         trial.not_observable("the client did not read both channels")
@@ -205,29 +201,29 @@ def check_shows_images_by_their_semantics(trial: ClientTrial) -> None:
             )
             continue
         trial.role.lends_frames = False
-        lending = Lending(trial, connection)
-        for image in _telling(lending, offered["semantics"]):
+        lender = FrameLender(trial, connection)
+        for image in _telling(lender, offered["semantics"]):
             trial.role.change_lens()
-            lending.show(image)
-            _judge_semantics(trial, lending, image, offered["semantics"])
+            lender.show(image)
+            _judge_semantics(trial, lender, image, offered["semantics"])
         _judge_what_was_understood(trial, offered, semantics)
 
 
-def _telling(lending: Lending, semantics: Json) -> Iterator[Painting]:
+def _telling(lender: FrameLender, semantics: Json) -> Iterator[Painting]:
     """Images that look otherwise by other semantics: half transparent, near the plane, empty."""
     alpha = 0.5
     colour = (0.8, 0.4, 0.2) if semantics["alpha"] == "straight" else (0.4, 0.2, 0.1)
     for depth in (PLANE / 2, 1.09 * PLANE, semantics["depth"]["empty"]):
-        yield flat(lending, singles(*colour, alpha), float(depth))
+        yield flat(lender, singles(*colour, alpha), float(depth))
 
 
 def _judge_semantics(
-    trial: ClientTrial, lending: Lending, image: Painting, semantics: Json
+    trial: ClientTrial, lender: FrameLender, image: Painting, semantics: Json
 ) -> None:
-    places = places_of(lending)
+    places = places_of(lender)
     for plane in (PLANE, math.inf):
-        for place, colour in zip(places, seen(trial, lending, places, plane=plane), strict=True):
-            depth = _planar(float(image.depth[place[1], place[0]]), place, lending, semantics)
+        for place, colour in zip(places, seen(trial, lender, places, plane=plane), strict=True):
+            depth = _planar(float(image.depth[place[1], place[0]]), place, lender, semantics)
             if abs(depth - plane) < MARGIN:
                 continue
             right = [float(n) for n in expected(image, place, depth, BACKGROUND, plane, semantics)]
@@ -236,12 +232,17 @@ def _judge_semantics(
                     f"with {semantics}, {image.color[place[1], place[0]]} at depth"
                     f" {image.depth[place[1], place[0]]} before a plane at {plane}, column"
                     f" {place[0]}, row {place[1]}: it shows {colour}, not {right}"
-                    + _misunderstood(lending, image, semantics, place, plane, colour)
+                    + _misunderstood(lender, image, semantics, place, plane, colour)
                 )
 
 
 def _misunderstood(
-    lending: Lending, image: Painting, semantics: Json, place: Place, plane: float, colour: Colour
+    lender: FrameLender,
+    image: Painting,
+    semantics: Json,
+    place: Place,
+    plane: float,
+    colour: Colour,
 ) -> str:
     """Which other semantics, or which other row, the colour that is shown goes by, if any."""
     x, y = place
@@ -258,18 +259,18 @@ def _misunderstood(
         means = semantics | changes
         told = float(image.depth[where[1], where[0]])
         shown = expected(
-            image, where, _planar(told, where, lending, means), BACKGROUND, plane, means
+            image, where, _planar(told, where, lender, means), BACKGROUND, plane, means
         )
         if math.dist(colour, [float(n) for n in shown]) <= EVIDENT:
             return words
     return ""
 
 
-def _planar(depth: float, place: Place, lending: Lending, semantics: Json) -> float:
+def _planar(depth: float, place: Place, lender: FrameLender, semantics: Json) -> float:
     """The planar depth of a pixel: +∞ where it is empty."""
     if depth == float(semantics["depth"]["empty"]):
         return math.inf
-    fx, fy, cx, cy = (lending.lens[name] for name in ("fx", "fy", "cx", "cy"))
+    fx, fy, cx, cy = (lender.lens[name] for name in ("fx", "fy", "cx", "cy"))
     x, y = (place[0] + 0.5 - cx) / fx, (place[1] + 0.5 - cy) / fy
     ray = semantics["depth"]["kind"] == "ray_distance"
     return depth / math.hypot(x, y, 1.0) if ray else depth
@@ -307,18 +308,18 @@ def check_composes_within_three_ulp(trial: ClientTrial) -> None:
     """
     for alpha in ALPHAS:
         semantics = {"alpha": alpha}
-        if (lending := lent_as(trial, {"semantics/alpha": alpha})) is None:
+        if (lender := lent_as(trial, {"semantics/alpha": alpha})) is None:
             continue
         for number in range(4 if trial.thorough else 1):
             rng = np.random.default_rng((trial.seed, number, alpha == "straight"))
-            image = _any_image(rng, *lending.size, premultiplied=alpha == "premultiplied")
-            background = singles(*_edged(rng, 3))
+            image = any_image(rng, *lender.size, premultiplied=alpha == "premultiplied")
+            background = singles(*edged(rng, 3))
             most = 1000 if trial.thorough else 300
-            _measure(trial, lending, image, background, semantics, most)
+            _measure(trial, lender, image, background, semantics, most)
         for case in trial.each(drawn=COLOURS, quick=30, full=600, search=f"ACC-10 {alpha}"):
-            image = _around(case[:4], *lending.size, premultiplied=alpha == "premultiplied")
-            lending.shown.clear()
-            _measure(trial, lending, image, singles(*case[4:]), semantics, NEIGHBOURS)
+            image = around(case[:4], *lender.size, premultiplied=alpha == "premultiplied")
+            lender.shown.clear()
+            _measure(trial, lender, image, singles(*case[4:]), semantics, NEIGHBOURS)
     if not trial.delivered:
         trial.not_observable("the testee opened no such images")
     trial.expect_within_budgets()
@@ -326,17 +327,17 @@ def check_composes_within_three_ulp(trial: ClientTrial) -> None:
 
 def _measure(
     trial: ClientTrial,
-    lending: Lending,
+    lender: FrameLender,
     image: Painting,
     background: Colour,
     semantics: Json,
     most: int,
 ) -> None:
-    lending.show(image)
-    places = places_of(lending, most)
+    lender.show(image)
+    places = places_of(lender, most)
     flushed = image._replace(color=_flush(image.color))
     behind = tuple(_flush(np.array(background)).tolist())
-    for place, colour in zip(places, seen(trial, lending, places, background), strict=True):
+    for place, colour in zip(places, seen(trial, lender, places, background), strict=True):
         depth = float(image.depth[place[1], place[0]])
         error = min(
             _error(colour, expected(read, place, depth, over, PLANE, semantics))
@@ -360,40 +361,3 @@ def _error(colour: Colour, right: Sequence[Fraction]) -> float:
 def _flush(numbers: NDArray[Any]) -> NDArray[Any]:
     """The numbers, subnormal ones taken for 0 as a device may (ACC-15)."""
     return np.where(np.abs(numbers) < MIN_NORMAL, numbers.dtype.type(0), numbers)
-
-
-def _around(colour: Sequence[float], width: int, height: int, *, premultiplied: bool) -> Painting:
-    """Before the plane: a colour and alpha, and what lies up to STEPS ULP above each of them."""
-    number = np.arange(width * height)
-    steps = np.stack([number // STEPS**place % STEPS for place in range(4)], -1)
-    bits = np.array(colour, np.float32).view(np.uint32) + steps.astype(np.uint32)
-    image = np.minimum(bits.view(np.float32), np.float32(1.0))
-    if premultiplied:
-        image[:, :3] *= image[:, 3:]
-    return Painting(
-        image.reshape(height, width, 4), np.full((height, width), PLANE / 2, np.float32)
-    )
-
-
-def _any_image(
-    rng: np.random.Generator, width: int, height: int, *, premultiplied: bool
-) -> Painting:
-    pixels = width * height
-    alpha = np.where(rng.random(pixels) < 0.8, rng.random(pixels), _edged(rng, pixels))
-    color = _edged(rng, 3 * pixels).reshape(pixels, 3)
-    color = (color * alpha[:, None] if premultiplied else color).astype(np.float32)
-    before = rng.random(pixels) < 0.7
-    depth = np.where(
-        before, rng.uniform(0.1, PLANE - MARGIN, pixels), PLANE + rng.random(pixels) + MARGIN
-    )
-    depth[rng.random(pixels) < 0.05] = math.inf
-    image = np.concatenate([color, alpha[:, None].astype(np.float32)], -1)
-    return Painting(
-        image.reshape(height, width, 4), depth.astype(np.float32).reshape(height, width)
-    )
-
-
-def _edged(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Numbers from 0 to 1, many of them near the ends."""
-    edges = rng.choice([0.0, 1e-6, 1 / 255, 0.5, 1 - 2.0**-24, 1.0], count)
-    return np.where(rng.random(count) < 0.6, rng.random(count), edges)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.known_scene import COLOR_BUDGET, render
-from splatbus_conformance.trials.moves.frame_capture import AT_REST, Photographer
+from splatbus_conformance.trials.moves.frame_capture import AT_REST, FrameCapture
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
@@ -42,29 +42,29 @@ often for a server that is slow, but at most so often."""
 Mask = NDArray[np.bool_]
 
 
-def scanned(trial: ServerTrial) -> Iterator[Photograph]:
+def scanned(trial: ServerTrial) -> Iterator[CapturedFrame]:
     """The first image, some from around it, and one of another size, where there is one."""
     first = first_view(trial)
     yield first
-    photographer, around = Photographer(trial), moves(first)
+    capture, around = FrameCapture(trial), moves(first)
     for pose in around if trial.thorough else around[::3]:
-        yield photographer.take(pose)
+        yield capture.take(pose)
     yield from resized(trial, around[0])
 
 
-def resized(trial: ServerTrial, camera: Pose) -> list[Photograph]:
+def resized(trial: ServerTrial, camera: Pose) -> list[CapturedFrame]:
     """An image of another size from there, if the server has one; then it is as it was."""
     if any(map(trial.facts.lacks, RESIZES)):
         return []
     trial.peer.close_all()
     size = other_sizes(trial)[1]
     with resizing(trial) as client:
-        photographer = Photographer(trial)
+        capture = FrameCapture(trial)
         if asked_again(trial, client, size, "busy") != "viewport_size":
             return []
-        packets = photographer.dealings.init_packets
+        packets = capture.dealings.init_packets
         trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
-        return [photographer.take(camera)]
+        return [capture.take(camera)]
 
 
 # What is stored
@@ -153,13 +153,13 @@ def _is_colour(color: NDArray[np.float32]) -> bool:
         return bool(((color >= 0.0) & (color <= 1.0)).all())
 
 
-def _transparent(image: Photograph) -> Mask:
+def _transparent(image: CapturedFrame) -> Mask:
     """(h, w): alpha is below 1/255, in an image that is not transparent where something is."""
     clear: Mask = image.color[..., 3] < COVERED_ALPHA
     return clear if not clear.all() else np.zeros_like(clear)
 
 
-def _sentinel(image: Photograph, clear: Mask) -> float | None:
+def _sentinel(image: CapturedFrame, clear: Mask) -> float | None:
     """The one value that nearly all transparent pixels hold, if that is no permitted one."""
     wrong = clear & image.covered()
     if wrong.sum() < SENTINEL * max(clear.sum(), 1):
@@ -177,22 +177,22 @@ def _sentinel(image: Photograph, clear: Mask) -> float | None:
 def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
     """An image is held while the camera moves on and the ring goes round, more than once."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
-    photographer = Photographer(trial)
-    steps = ROUNDS * photographer.slots
+    capture = FrameCapture(trial)
+    steps = ROUNDS * capture.slots
     for _ in trial.each(range(100 if trial.thorough else 2)):
-        photographer.go(anywhere(first, rng))
-        held = photographer.hold()
+        capture.go(anywhere(first, rng))
+        held = capture.hold()
         trial.rest(GLANCE_SECONDS)
-        held = photographer.again(held)
+        held = capture.again(held)
         for _ in range(steps):
-            photographer.go(anywhere(first, rng))
+            capture.go(anywhere(first, rng))
             trial.rest(STEP_SECONDS)
-        changed = _changed(held, photographer.again(held))
-        photographer.give_back(held)
+        changed = _changed(held, capture.again(held))
+        capture.give_back(held)
         trial.expect(not changed, f"image {held.frame['seq']} was lent, and {changed} meanwhile")
-        following = photographer.hold()
-        photographer.give_back(following)
-        if following.frame["seq"] - held.frame["seq"] > photographer.slots:
+        following = capture.hold()
+        capture.give_back(following)
+        if following.frame["seq"] - held.frame["seq"] > capture.slots:
             trial.delivered += 1
         else:
             steps = min(2 * steps, MOST_STEPS)
@@ -204,13 +204,13 @@ def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
 def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
     """An image is read the moment that its frame comes, and again while the camera rests."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
-    photographer = Photographer(trial)
+    capture = FrameCapture(trial)
     for _ in trial.each(range(500 if trial.thorough else 8)):
-        photographer.go(anywhere(first, rng))
-        held = photographer.hold()
+        capture.go(anywhere(first, rng))
+        held = capture.hold()
         trial.rest(GLANCE_SECONDS)
-        changed = _changed(held, photographer.again(held))
-        photographer.give_back(held)
+        changed = _changed(held, capture.again(held))
+        capture.give_back(held)
         trial.delivered += 1
         trial.expect(not changed, f"after the frame of image {held.frame['seq']} came, {changed}")
 
@@ -221,17 +221,17 @@ def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
 def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
     """The camera moves all the time; then it goes back to where each image says it was."""
     first, rng = first_view(trial), random.Random(trial.seed)
-    photographer, images = Photographer(trial), list[Photograph]()
-    photographer.take(anywhere(first, rng))
-    photographer.go(anywhere(first, rng))
+    capture, images = FrameCapture(trial), list[CapturedFrame]()
+    capture.take(anywhere(first, rng))
+    capture.go(anywhere(first, rng))
     for _ in range(200 if trial.thorough else 12):
-        images.append(photographer.hold())
-        photographer.go(anywhere(first, rng))
+        images.append(capture.hold())
+        capture.go(anywhere(first, rng))
         trial.rest(STEP_SECONDS)
-        photographer.go(anywhere(first, rng))
-        photographer.give_back(images[-1])
+        capture.go(anywhere(first, rng))
+        capture.give_back(images[-1])
     for image in images:
-        _expect_right(trial, photographer, image, ("color", "depth"), "while the camera moved")
+        _expect_right(trial, capture, image, ("color", "depth"), "while the camera moved")
         trial.delivered += 1
 
 
@@ -239,26 +239,26 @@ def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
 def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     """Colour and depth are asked for in turns, while an image is held and the camera moves."""
     first, rng = first_view(trial), random.Random(trial.seed)
-    photographer, found = Photographer(trial), list[tuple[Photograph, Sequence[str]]]()
-    photographer.take(anywhere(first, rng))
-    photographer.go(anywhere(first, rng))
-    held = photographer.hold()
+    capture, found = FrameCapture(trial), list[tuple[CapturedFrame, Sequence[str]]]()
+    capture.take(anywhere(first, rng))
+    capture.go(anywhere(first, rng))
+    held = capture.hold()
     turns = (["color"], ["depth"], ["depth", "color"], ["depth"], ["color"], ["color", "depth"])
     for asked in turns * (20 if trial.thorough else 1):
-        photographer.go(anywhere(first, rng))
+        capture.go(anywhere(first, rng))
         trial.rest(GLANCE_SECONDS)
-        trial.viewer.say(photographer.reader, {"type": "subscribe", "channels": asked})
-        photographer.give_back(held)
-        held = photographer.hold()
+        trial.viewer.say(capture.reader, {"type": "subscribe", "channels": asked})
+        capture.give_back(held)
+        held = capture.hold()
         found.append((held, asked))
-    photographer.give_back(held)
+    capture.give_back(held)
     for image, channels in found:
         why = f"after a subscription to {' and '.join(channels)}"
-        _expect_right(trial, photographer, image, channels, why)
+        _expect_right(trial, capture, image, channels, why)
         trial.delivered += 1
 
 
-def _changed(before: Photograph, after: Photograph) -> str:
+def _changed(before: CapturedFrame, after: CapturedFrame) -> str:
     """How two copies of a slot differ, NaN being like NaN; nothing if they do not."""
     color = (before.color.view(np.uint32) != after.color.view(np.uint32)).any(axis=-1)
     depth = before.depth.view(np.uint32) != after.depth.view(np.uint32)
@@ -269,46 +269,44 @@ def _changed(before: Photograph, after: Photograph) -> str:
 
 def _expect_right(
     trial: ServerTrial,
-    photographer: Photographer,
-    image: Photograph,
+    capture: FrameCapture,
+    image: CapturedFrame,
     channels: Sequence[str],
     when: str,
 ) -> None:
     """These channels are what the camera of the image sees: by the scene, where that is known, or
     by a further image of a camera that is put there.
     """
-    for channel, right in zip(("color", "depth"), _right(trial, photographer, image), strict=True):
+    for channel, right in zip(("color", "depth"), _right(trial, capture, image), strict=True):
         if channel not in channels or right >= WHOLE:
             continue
-        _expect_still(trial, photographer, image)
+        _expect_still(trial, capture, image)
         trial.violated(
             f"{1 - right:.0%} of the {channel} of image {image.frame['seq']}, rendered {when}, is"
             f" not of the camera that its frame names, {image.pose}",
         )
 
 
-def _expect_still(trial: ServerTrial, photographer: Photographer, image: Photograph) -> None:
+def _expect_still(trial: ServerTrial, capture: FrameCapture, image: CapturedFrame) -> None:
     """The positive control: the camera at rest, put there once more, sees what it should, and the
     same for as long as the check has lasted.
     """
-    lasted = time.monotonic() - photographer.began
-    again = [photographer.take(image.pose, AT_REST), *photographer.stay(GLANCE_SECONDS)][-1]
+    lasted = time.monotonic() - capture.began
+    again = [capture.take(image.pose, AT_REST), *capture.stay(GLANCE_SECONDS)][-1]
     # Either suffices: a server may take the other from another image.
-    still = max(_right(trial, photographer, again)) >= WHOLE
-    settled = photographer.stay(lasted)[STRAGGLERS:]
+    still = max(_right(trial, capture, again)) >= WHOLE
+    settled = capture.stay(lasted)[STRAGGLERS:]
     if not still or any(likeness(settled[0], it) < WHOLE for it in settled):
         trial.not_observable("the scene moves by itself, or is another than it was")
 
 
-def _right(
-    trial: ServerTrial, photographer: Photographer, image: Photograph
-) -> tuple[float, float]:
+def _right(trial: ServerTrial, capture: FrameCapture, image: CapturedFrame) -> tuple[float, float]:
     """The share of the colours that are right, and that of the depths."""
     if trial.facts.scene_known:
         exact = render(image.camera, trial.facts.setting(image.frame))
         color = (exact.color_error(image.color) <= COLOR_BUDGET)[exact.certain]
         return float(color.mean()), float(exact.depth_is_right(image.planar()).mean())
-    again = photographer.take(image.pose, AT_REST)
+    again = capture.take(image.pose, AT_REST)
     same = np.isclose(image.color, again.color, rtol=0, atol=2 * COLOR_BUDGET).all(axis=-1)
     near = np.isclose(image.planar(), again.planar(), rtol=1e-3, atol=0)
     return float(same.mean()), float(near.mean())

@@ -31,7 +31,7 @@ MEMBERS = {"mem_color": ("offsetColor", 4), "mem_depth": ("offsetDepth", 1)}
 SHOWN = ("cuda", "device")
 
 
-class Stored(NamedTuple):
+class BufferContents(NamedTuple):
     """What lay in the buffers of 1.0 at one moment; it may be of two images (section 5.4)."""
 
     color: Pixels
@@ -41,7 +41,7 @@ class Stored(NamedTuple):
 
 
 @contextlib.contextmanager
-def reading(trial: ServerTrial) -> Iterator[Callable[[], Stored]]:
+def reading(trial: ServerTrial) -> Iterator[Callable[[], BufferContents]]:
     """What reads the buffers of 1.0, once the server has drawn an image."""
     packet = init_packet_of(trial)
     handles = {name: base64.b64decode(packet[name]) for name in (*MEMBERS, "evt_done")}
@@ -57,8 +57,8 @@ def reading(trial: ServerTrial) -> Iterator[Callable[[], Stored]]:
             trial.not_observable(f"what {member} names cannot be read: {error}")
         return np.frombuffer(data, np.dtype("<f4")).reshape(height, width, numbers)[::-1]
 
-    def both() -> Stored:
-        return Stored(plane("mem_color"), plane("mem_depth")[..., 0])
+    def both() -> BufferContents:
+        return BufferContents(plane("mem_color"), plane("mem_depth")[..., 0])
 
     try:
         if not trial.wait(lambda: all(map(drawn, both()))):
@@ -69,7 +69,7 @@ def reading(trial: ServerTrial) -> Iterator[Callable[[], Stored]]:
             device.forget(handle)
 
 
-def stored(trial: ServerTrial) -> list[Stored]:
+def stored(trial: ServerTrial) -> list[BufferContents]:
     """Images while the camera moves, once the server has drawn one."""
     found = []
     with reading(trial) as both:

@@ -13,10 +13,10 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     HARMLESS,
     MISDEEDS,
     MISDEEDS_OF_READERS,
-    Misdeed,
+    BadNeighbour,
     crowd,
 )
-from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
@@ -245,13 +245,15 @@ WHO_ENDS = ((False, False), (True, False), (False, True))
 """Has said hello; has asked before, and been answered."""
 
 
-def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed, ...]) -> None:
+def judge_misdeeds(
+    trial: ServerTrial, channel: Channel, misdeeds: tuple[BadNeighbour, ...]
+) -> None:
     """Let one client misbehave, and see how the others fare, and whoever comes next.
 
     A server may end one client on a channel in favour of another (CHN-13). So one that is ended
     tells something only if the same one stays beside a client that does nothing wrong.
     """
-    others = Others(trial, channel)
+    others = Bystanders(trial, channel)
     for misdeed in trial.each(misdeeds):
         what = f"a client that {misdeed.what}, on the {channel} channel"
         if others.can_stay and not others.stay(misdeed, what):
@@ -272,14 +274,14 @@ def judge_misdeeds(trial: ServerTrial, channel: Channel, misdeeds: tuple[Misdeed
     trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
 
 
-def commit(trial: ServerTrial, channel: Channel, misdeed: Misdeed) -> Connection:
+def commit(trial: ServerTrial, channel: Channel, misdeed: BadNeighbour) -> Connection:
     """Let somebody new do this; on which connection."""
     culprit = misdeed.begins(trial, channel)
     misdeed.commit(trial, culprit)
     return culprit
 
 
-class Others:
+class Bystanders:
     """Who does nothing wrong: one that asks, and one that reads images where there are some."""
 
     def __init__(self, trial: ServerTrial, channel: Channel) -> None:
@@ -287,9 +289,9 @@ class Others:
         """Somebody else may be on that channel, and is not ended for it."""
         self._trial, self._channel = trial, channel
         self._witness: Connection | None = None
-        self._steering: Steering | None = None
+        self._steering: CameraControl | None = None
 
-    def stay(self, misdeed: Misdeed, what: str) -> bool:
+    def stay(self, misdeed: BadNeighbour, what: str) -> bool:
         """Let somebody do this beside them: whether they stay. Violated if they do, unserved."""
         trial = self._trial
         steering = self._reading()
@@ -306,7 +308,7 @@ class Others:
         culprit.close()
         return answered
 
-    def _asking(self, steering: Steering | None) -> Connection:
+    def _asking(self, steering: CameraControl | None) -> Connection:
         if self._witness is None or self._witness.gone:
             if self._witness is not None:
                 self._witness.close()
@@ -319,14 +321,14 @@ class Others:
                 self._trial.expect(seen, "no new image after a pose")
         return self._witness
 
-    def _reading(self) -> Steering | None:
+    def _reading(self) -> CameraControl | None:
         facts = self._trial.facts
         if not facts.renders or (self._channel == "ipc" and facts.alone["ipc"]):
             return None
         if self._steering is None or self._steering.reader.gone:
             if self._steering is not None:
                 self._steering.reader.close()
-            self._steering = Steering(self._trial)
+            self._steering = CameraControl(self._trial)
         return self._steering
 
 

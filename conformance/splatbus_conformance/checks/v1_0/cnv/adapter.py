@@ -15,7 +15,7 @@ from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.pose_error import (
     ORDER,
     Kind,
-    Off,
+    PoseError,
     engine_of,
     off,
     read_pose,
@@ -47,18 +47,18 @@ FIRST = Pose((3.0, -1.0, 2.0), (0.4, -0.2, 0.8, 0.4))
 """Given on each connection before any that is judged."""
 
 
-class Sent(NamedTuple):
+class GivenPose(NamedTuple):
     """A pose that was given to the engine, and what came of it."""
 
     pose: Pose
     came: Pose
-    off: Off
+    off: PoseError
     """How far that is from the right one."""
     reason: str
     """What explains it, where it is far."""
 
 
-def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Sent]:
+def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[GivenPose]:
     """Poses given to the engine, and what came of each on the wire."""
     greeting = trial.greeting
     engine, connection = engine_of(greeting, kind), trial.connection("msg")
@@ -83,7 +83,7 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Sent
                 break
         before.add(came)
         trial.delivered += 1
-        yield Sent(pose, came, found, _reason(pose, came, former, engine) if found.far else "")
+        yield GivenPose(pose, came, found, _reason(pose, came, former, engine) if found.far else "")
         former = pose
 
 
@@ -291,7 +291,7 @@ def judge_digits(trial: ClientTrial, scaled: float, turned: float) -> None:
 
 
 def _measure(
-    trial: ClientTrial, pose: Pose, found: Off, position_budget: float, rotation_budget: float
+    trial: ClientTrial, pose: Pose, found: PoseError, position_budget: float, rotation_budget: float
 ) -> None:
     words = str(pose)
     trial.measured("position", found.position, position_budget, "ULP", words)

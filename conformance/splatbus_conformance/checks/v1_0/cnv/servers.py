@@ -10,7 +10,7 @@ import numpy as np
 
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import staged, turned_about
 from splatbus_conformance.images.pinhole import rigid
 from splatbus_conformance.images.reprojection import (
@@ -24,13 +24,13 @@ from splatbus_conformance.images.reprojection import (
     QUATERNIONS,
     ROWS,
     SCENES,
-    Pair,
-    Reading,
+    Misreading,
+    ViewPair,
     agreement,
     explain,
     named,
 )
-from splatbus_conformance.trials.moves.frame_capture import AT_REST, Photographer
+from splatbus_conformance.trials.moves.frame_capture import AT_REST, FrameCapture
 from splatbus_conformance.trials.moves.survey import (
     alike,
     first_view,
@@ -93,13 +93,13 @@ def check_images_are_of_the_camera_that_is_named(trial: ServerTrial) -> None:
 def check_the_newest_camera_is_shown(trial: ServerTrial) -> None:
     """Several poses at once, of which the last has to be shown; far ones, too."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
-    photographer = Photographer(trial)
-    photographer.take(_near(rng, first.pose))
+    capture = FrameCapture(trial)
+    capture.take(_near(rng, first.pose))
     for _ in trial.each(range(500 if trial.thorough else 25)):
         for _ in range(rng.randrange(6)):
             trial.move(camera_pose(*_near(rng, first.pose)))
         wanted = _near(rng, first.pose)
-        shown = photographer.take(wanted, insists=False)
+        shown = capture.take(wanted, insists=False)
         if named(shown.camera.pose, wanted) is None:
             trial.violated(
                 f"after a camera at {wanted} the newest frame names one at {shown.pose}, 5 s later"
@@ -112,16 +112,16 @@ def check_the_newest_scene_is_shown(trial: ServerTrial) -> None:
     moved instead; one does.
     """
     first = first_view(trial)
-    photographer, around = Photographer(trial), moves(first)
-    before, instead = photographer.take(around[0]), photographer.take(around[-1])
+    capture, around = FrameCapture(trial), moves(first)
+    before, instead = capture.take(around[0]), capture.take(around[-1])
     stage = staged(Pose(*first.pose), around[-1])
-    after = photographer.take(*stage)
-    photographer.take(around[0])
+    after = capture.take(*stage)
+    capture.take(around[0])
     same = _same_depths(instead, after)
     if same >= FITS and same - _same_depths(instead, first) >= APART:
         return
     moved, still = (
-        Pair(before.view(), view, pose)
+        ViewPair(before.view(), view, pose)
         for view, pose in ((after.view(), rigid(*stage.scene)), (instead.view(), rigid(*AT_REST)))
     )
     shares = explain([moved], (AS_SPECIFIED, *SCENES))
@@ -133,7 +133,7 @@ def check_the_newest_scene_is_shown(trial: ServerTrial) -> None:
             f" Gaussians puts them, and {best:.0%} elsewhere; where a camera had moved instead it"
             f" were {control:.0%}"
         )
-    if not alike(photographer.take(Pose(*first.pose)), first):
+    if not alike(capture.take(Pose(*first.pose)), first):
         trial.not_observable("the scene moves by itself, or had been moved before")
     words = SCENES[int(shares[1:].argmax())].words
     trial.violated(f"the images fit {words}: {best:.0%} of the points, and {right:.0%} if it was")
@@ -145,15 +145,15 @@ def check_the_scene_is_at_rest_at_first(trial: ServerTrial) -> None:
     if not trial.testee.expendable:
         trial.not_observable("a server that others have used may have been told otherwise")
     first = first_view(trial)
-    photographer, elsewhere = Photographer(trial), moves(first)[0]
-    photographer.take(elsewhere)
-    told = photographer.take(Pose(*first.pose))
+    capture, elsewhere = FrameCapture(trial), moves(first)[0]
+    capture.take(elsewhere)
+    told = capture.take(Pose(*first.pose))
     if told.depth.shape != first.depth.shape:
         trial.not_observable("the server has changed the size of its images")
     if alike(told, first):
         return
-    photographer.take(elsewhere)
-    if not alike(photographer.take(Pose(*first.pose)), told):
+    capture.take(elsewhere)
+    if not alike(capture.take(Pose(*first.pose)), told):
         trial.not_observable("the scene moves by itself")
     trial.violated(
         f"{1 - likeness(told, first):.0%} of the pixels changed when the Gaussians were given the"
@@ -161,7 +161,7 @@ def check_the_scene_is_at_rest_at_first(trial: ServerTrial) -> None:
     )
 
 
-def _same_depths(some: Photograph, others: Photograph) -> float:
+def _same_depths(some: CapturedFrame, others: CapturedFrame) -> float:
     """The share of pixels that hold the same depth in two images, of those that hold any."""
     if some.depth.shape != others.depth.shape:
         return 0.0
@@ -170,11 +170,11 @@ def _same_depths(some: Photograph, others: Photograph) -> float:
     return float(same[seen].mean()) if seen.any() else 0.0
 
 
-def _judge_names(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
+def _judge_names(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
     """A frame that names a pose by one of these wrong readings is a violation."""
     first = first_view(trial)
     wanted = moves(first)[-1]
-    shown = Photographer(trial).take(wanted)
+    shown = FrameCapture(trial).take(wanted)
     meant = named(shown.camera.pose, wanted)
     if meant in wrong:
         trial.violated(
@@ -184,7 +184,7 @@ def _judge_names(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
         trial.not_observable(f"a camera was sent to {wanted}, and a frame names {shown.pose}")
 
 
-def _judge_reply(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
+def _judge_reply(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
     """The first view is of a camera that the scene comes with, or has nothing to do with any."""
     first, connection = first_view(trial), trial.dial("msg")
     for index in range(CAMERAS_ASKED):

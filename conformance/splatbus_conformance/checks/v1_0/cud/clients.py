@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from splatbus_conformance.cases.malformed.init_packets import ABSENT, changed
 from splatbus_conformance.checks import check
 from splatbus_conformance.images.memory.cuda_stand_in import usage
-from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, Layout
+from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
@@ -23,7 +23,7 @@ WATCHED_SECONDS = 0.5
 
 @contextmanager
 def image_of(
-    trial: ClientTrial, width: int = 64, height: int = 48, layout: Layout | None = None
+    trial: ClientTrial, width: int = 64, height: int = 48, layout: PlaneOffsets | None = None
 ) -> Iterator[DeviceImage]:
     """An image in device memory, drawn, with its event complete.
 
@@ -93,8 +93,8 @@ def check_opens_each_handle_once(trial: ClientTrial) -> None:
     """
     with (
         image_of(trial) as image,
-        image_of(trial, layout=Layout()) as apart,
-        image_of(trial, 5, 7, Layout(4096, 16, apart=False)) as turned,
+        image_of(trial, layout=PlaneOffsets()) as apart,
+        image_of(trial, 5, 7, PlaneOffsets(4096, 16, apart=False)) as turned,
     ):
         for shown in (image, apart, image, turned):
             show(trial, shown.init_packet())
@@ -201,12 +201,12 @@ def check_reads_the_new_memory(trial: ClientTrial) -> None:
 
 
 LAYOUTS = (
-    ("no offsets", 64, 48, Layout(None, None)),
-    ("depth before colour in one allocation", 5, 7, Layout(4096, 16, apart=False)),
-    ("offsets in two allocations", 64, 48, Layout(1 << 16, 4)),
-    ("one pixel", 1, 1, Layout(0, 16, apart=False)),
-    ("the widest image", 32768, 1, Layout()),
-    ("the highest image", 1, 32768, Layout()),
+    ("no offsets", 64, 48, PlaneOffsets(None, None)),
+    ("depth before colour in one allocation", 5, 7, PlaneOffsets(4096, 16, apart=False)),
+    ("offsets in two allocations", 64, 48, PlaneOffsets(1 << 16, 4)),
+    ("one pixel", 1, 1, PlaneOffsets(0, 16, apart=False)),
+    ("the widest image", 32768, 1, PlaneOffsets()),
+    ("the highest image", 1, 32768, PlaneOffsets()),
 )
 
 

@@ -24,7 +24,7 @@ SURE = 20
 """Writes and records from which that share can be told."""
 
 
-class Announced(NamedTuple):
+class AnnouncedConnection(NamedTuple):
     """An IPC connection that was sent an init packet."""
 
     connection: Connection
@@ -35,7 +35,7 @@ class Announced(NamedTuple):
     """That exported them."""
 
 
-def announced(trial: ServerTrial, connection: Connection | None = None) -> Announced:
+def announced(trial: ServerTrial, connection: Connection | None = None) -> AnnouncedConnection:
     """A new IPC connection, or this one, once its init packet has come."""
     connection = connection or trial.dial("ipc")
     dealings = trial.viewer.with_(connection)
@@ -50,7 +50,7 @@ def announced(trial: ServerTrial, connection: Connection | None = None) -> Annou
     known = {place: publishing.named(handle) for place, handle in handles.items()}
     processes = {of.process for of in known.values() if of}
     names = {place: of.name for place, of in known.items() if of}
-    return Announced(connection, packet, names, max(processes, default=0))
+    return AnnouncedConnection(connection, packet, names, max(processes, default=0))
 
 
 def calls_of(trial: ServerTrial, process: int | None = None) -> list[Call]:
@@ -212,7 +212,7 @@ def twice(trial: ServerTrial) -> None:
 VISITS = (asks, closes, resets, half, twice)
 
 
-def expect_kept(trial: ServerTrial, shown: Announced, places: Iterable[str] = ()) -> None:
+def expect_kept(trial: ServerTrial, shown: AnnouncedConnection, places: Iterable[str] = ()) -> None:
     """Nothing of what the handles in these places name, or in all, was freed."""
     names = [name for place, name in shown.names.items() if not places or place in places]
     call = publishing.freed(calls_of(trial), names, shown.process)

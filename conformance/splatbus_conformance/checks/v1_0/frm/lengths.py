@@ -5,7 +5,7 @@ import itertools
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.frm.servers import LONGEST, REQUEST, send_in_pieces
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import camera_pose, encode, hello
 from splatbus_conformance.wire.packets import packet
@@ -51,7 +51,7 @@ def check_the_longest_hello(trial: ServerTrial) -> None:
 @check("FRM-4", observable="a frame shows a pose of the greatest length", needs=("frames",))
 def check_the_longest_pose(trial: ServerTrial) -> None:
     """The same of poses, of a client of 1.0 and of one of 1.1."""
-    steering = Steering(trial)
+    steering = CameraControl(trial)
     poser = trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
     for x, greets in enumerate((False, True) if trial.facts.welcome["msg"] else (False,), 2):

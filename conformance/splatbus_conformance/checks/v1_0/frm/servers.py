@@ -35,7 +35,7 @@ DRIP_SECONDS = 3.0
 """Between bytes of a packet that would not be complete for half an hour."""
 
 
-class BadHeader(NamedTuple):
+class BadHeaderInContext(NamedTuple):
     """A header that no packet may have, and what stands around it."""
 
     channel: Channel
@@ -49,22 +49,22 @@ class BadHeader(NamedTuple):
         return f"a header that announces {self.length:,} bytes{behind}{then}"
 
 
-def bad_headers() -> Iterator[BadHeader]:
+def bad_headers() -> Iterator[BadHeaderInContext]:
     """Every bad length, on either channel: alone, followed by a request, behind one; and the
     payload that one announces which is a byte too long.
     """
     too_long = encode(VIEWPORT_REQUEST).ljust(LONGEST + 1)
     for channel in CHANNELS:
         for length in (*BAD_LENGTHS, *SWAPPED, *SIGNED):
-            yield BadHeader(channel, length)
-            yield BadHeader(channel, length, after=REQUEST)
-        yield BadHeader(channel, LONGEST + 1, after=too_long)
-        yield BadHeader("msg", 0, before=REQUEST)
+            yield BadHeaderInContext(channel, length)
+            yield BadHeaderInContext(channel, length, after=REQUEST)
+        yield BadHeaderInContext(channel, LONGEST + 1, after=too_long)
+        yield BadHeaderInContext("msg", 0, before=REQUEST)
 
 
 def kind_of_header(case: tuple[Channel, int, bytes, bytes]) -> tuple[object, ...]:
     """What is too extreme, or too near to what is right, to stand for another."""
-    it = BadHeader(*case)
+    it = BadHeaderInContext(*case)
     family = it.length if it.length in BAD_LENGTHS else it.length in SWAPPED
     return it.channel, family, bool(it.before), len(it.after) > LONGEST
 
@@ -76,7 +76,7 @@ def check_bad_length_closes(trial: ServerTrial) -> None:
     drawn = st.tuples(st.sampled_from(CHANNELS), lengths, st.just(b""), st.just(REQUEST))
     listed: list[tuple[Channel, int, bytes, bytes]] = list(bad_headers())
     for case in trial.each(listed, drawn, kind=kind_of_header, spare=4, quick=2, full=60):
-        bad = BadHeader(*case)
+        bad = BadHeaderInContext(*case)
         connection = trial.dial(bad.channel)
         connection.send(bad.before + bad.length.to_bytes(4, "little") + bad.after)
         most = bool(bad.before)
@@ -105,7 +105,9 @@ def check_bad_length_closes_later(trial: ServerTrial) -> None:
         connection.send(length.to_bytes(4, "little"))
         outcome = trial.end_of(connection)
         connection.close()
-        trial.judge(outcome, f"{BadHeader(channel, length)} on a connection that was served")
+        trial.judge(
+            outcome, f"{BadHeaderInContext(channel, length)} on a connection that was served"
+        )
         trial.delivered += 1
 
 

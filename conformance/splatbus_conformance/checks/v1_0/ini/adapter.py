@@ -12,7 +12,7 @@ from splatbus_conformance.checks.v1_1.img.adapter import READS, described, parts
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import coordinates
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import Lending
+from splatbus_conformance.trials.moves.frame_lender import FrameLender
 
 Size = tuple[int, int, int]
 """Width and height in pixels, and how many slots."""
@@ -51,10 +51,10 @@ def check_shows_what_any_ring_holds(trial: ClientTrial) -> None:
             role.offer(connection, offered)
             ring = f"the ring {offered['ring']} of images of {size[0]}x{size[1]}"
             trial.expect(trial.opens(connection), f"{ring} was not opened")
-            lending = Lending(trial, connection)
+            lender = FrameLender(trial, connection)
             for number in range(role.slots):
-                lending.show(coordinates(number, *lending.size))
-                _judge(trial, lending, f"of {ring}")
+                lender.show(coordinates(number, *lender.size))
+                _judge(trial, lender, f"of {ring}")
 
 
 @check("CHN-24", observable="digests of what the client shows", needs=(*READS, "returns:ipc"))
@@ -65,16 +65,16 @@ def check_shows_the_memory_of_the_new_connection(trial: ClientTrial) -> None:
     with ExitStack() as held:
         for number in range(4):
             trial.role.memory = held.enter_context(HostMemory(trial.role.memory.size))
-            lending = Lending(trial)
-            lending.show(coordinates(number, *lending.size))
-            _judge(trial, lending, "was read in memory that a reconnect has put in place")
+            lender = FrameLender(trial)
+            lender.show(coordinates(number, *lender.size))
+            _judge(trial, lender, "was read in memory that a reconnect has put in place")
         trial.peer.close_all()
 
 
-def _judge(trial: ClientTrial, lending: Lending, where: str) -> None:
+def _judge(trial: ClientTrial, lender: FrameLender, where: str) -> None:
     answer = trial.ask("digest")
-    if answer["seq"] not in lending.shown:
+    if answer["seq"] not in lender.shown:
         trial.not_observable("the client shows no image that was lent")
-    if wrong := parts(answer, lending.shown[answer["seq"]]):
-        trial.violated(f"image {answer['seq']} {where}: {described(answer, wrong, lending)}")
+    if wrong := parts(answer, lender.shown[answer["seq"]]):
+        trial.violated(f"image {answer['seq']} {where}: {described(answer, wrong, lender)}")
     trial.delivered += 1

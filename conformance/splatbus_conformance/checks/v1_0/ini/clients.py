@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.init_packets import (
     ROOM,
-    Breach,
+    BrokenInitPacket,
     breaches_of_1_0,
     changed,
     wrapping_in_32_bits,
@@ -64,7 +64,9 @@ def for_broken_packet(trial: ClientTrial, number: int) -> Connection:
     return trial.greeted("ipc") if first else trial.for_init_packet()
 
 
-def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[str, str]) -> None:
+def judge_breaches(
+    trial: ClientTrial, breaches: Iterable[BrokenInitPacket], kinder: dict[str, str]
+) -> None:
     """Offer good memory in packets that break a rule each, and judge what becomes of each.
 
     `kinder` renames outcomes that satisfy the sentence under a name of another version.
@@ -78,7 +80,9 @@ def judge_breaches(trial: ClientTrial, breaches: Iterable[Breach], kinder: dict[
             trial.judge(kinder.get(outcome, outcome), what)
 
 
-def outcome_of(trial: ClientTrial, breach: Breach, memory: HostMemory, number: int) -> str:
+def outcome_of(
+    trial: ClientTrial, breach: BrokenInitPacket, memory: HostMemory, number: int
+) -> str:
     """What becomes of good memory that is offered in a packet that breaks a rule."""
     connection = for_broken_packet(trial, number)
     generation = trial.role.init_packet(connection)["generation"]
@@ -135,7 +139,7 @@ def check_computes_in_64_bits(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = False
     with HostMemory(ROOM) as memory:
-        plainly = Breach("MEM-10", {"ring/depthOffset": ROOM})
+        plainly = BrokenInitPacket("MEM-10", {"ring/depthOffset": ROOM})
         if outcome_of(trial, plainly, memory, 0) == "accepts":
             trial.not_observable("the testee takes a ring that is larger than its memory (MEM-10)")
     refused = dict.fromkeys(("declines", "ignores", "closes"), "conforms")

@@ -9,7 +9,11 @@ from contextlib import ExitStack
 from hypothesis import strategies as st
 
 from splatbus_conformance.cases.malformed.handles import UNKNOWN_HANDLE, breaches_of_handles
-from splatbus_conformance.cases.malformed.init_packets import Breach, breaches_of_1_0, changed
+from splatbus_conformance.cases.malformed.init_packets import (
+    BrokenInitPacket,
+    breaches_of_1_0,
+    changed,
+)
 from splatbus_conformance.cases.malformed.text import broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.frm.clients import (
@@ -24,7 +28,7 @@ from splatbus_conformance.checks.v1_0.frm.clients import (
     send_cut,
 )
 from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
-from splatbus_conformance.checks.v1_0.jsn.clients import (
+from splatbus_conformance.checks.v1_0.jsn.clients_spellings import (
     AROUND,
     Writer,
     odd_spelling,
@@ -32,7 +36,7 @@ from splatbus_conformance.checks.v1_0.jsn.clients import (
     unknown_members,
 )
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.device_listener import Listening
+from splatbus_conformance.trials.moves.device_listener import DeviceListener
 from splatbus_conformance.trials.trial import ENDING_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, encode, init_packet_1_0
@@ -45,7 +49,7 @@ BAIT_SIZE = 256, 192
 
 def judge_broken(
     trial: ClientTrial,
-    listening: Listening,
+    listening: DeviceListener,
     cases: Iterable[tuple[str, Json | bytes]],
     is_opened: Callable[[], bool],
     meaning: dict[str, str],
@@ -76,11 +80,11 @@ def check_opens_nothing_of_broken_packets(trial: ClientTrial) -> None:
     large enough; first on their connection, and, where the testee takes more, after others.
     """
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         bait = listening.image(*BAIT_SIZE)
         handles = {key: text for key, text in bait.init_packet().items() if key != "meta"}
 
-        def case(breach: Breach) -> tuple[str, Json]:
+        def case(breach: BrokenInitPacket) -> tuple[str, Json]:
             offered = init_packet_1_0(breach.width, breach.height) | handles
             what = f"an init packet with {breach.what} ({breach.requirement})"
             return what, changed(offered, breach.changes)
@@ -100,7 +104,7 @@ def check_opens_nothing_of_broken_packets(trial: ClientTrial) -> None:
 def check_goes_on_without_what_it_cannot_open(trial: ClientTrial) -> None:
     """Memory that was freed, handles that the driver does not know, a device that there is not."""
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         gone, good = listening.image(), listening.image().init_packet()
         freed = gone.init_packet()
         gone.free()
@@ -130,7 +134,7 @@ def check_opens_nothing_of_broken_text(trial: ClientTrial) -> None:
     reads them leniently opens it.
     """
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         bait = listening.image(*BAIT_SIZE)
         texts = broken_texts(bait.init_packet())
         returns = "ipc" in trial.facts.returns
@@ -151,7 +155,7 @@ def check_opens_what_follows_broken_text(trial: ClientTrial) -> None:
     """
     ignored = 0
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         texts = broken_texts({"type": "weather_report", "sunny": True})
         for text in trial.each(texts, kind=lambda it: it.requirement, spare=5):
             connection, good = listening.fresh(), listening.image()
@@ -182,7 +186,7 @@ def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
     but for a `type`, which name other memory.
     """
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         bait = listening.image()
         typed = [bait.init_packet() | {"type": kind} for kind in TYPES]
         rows = [typed, [*OTHERS], *([it] for it in (*typed, *OTHERS))]
@@ -206,7 +210,7 @@ def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
     and anywhere, and joined to others.
     """
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         for cuts in trial.each(NAMED, SOMEWHERE, quick=2, full=300, simpler=fewer_cuts):
             connection, good = listening.fresh(), listening.image()
             data = STRANGER + in_utf_8(good.init_packet()) + STRANGER
@@ -226,7 +230,7 @@ def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
 def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
     """The connection ends inside an init packet, in the header and later; the next has a whole."""
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         for kept, end in trial.each(ENDS, kind=inside):
             connection, good = listening.fresh(), listening.image()
             connection.send(packet(encode(good.init_packet()))[:kept])
@@ -242,7 +246,7 @@ def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
 def judge_writers(trial: ClientTrial, writers: Iterable[Writer]) -> None:
     """Announce good memory in packets that are written so; each must be opened."""
     with ExitStack() as held:
-        listening = Listening(trial, held)
+        listening = DeviceListener(trial, held)
         for writer in writers:
             connection, good = listening.fresh(), listening.image()
             payload = writer(good.init_packet())

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
-from splatbus_conformance.checks.v1_0.jsn.clients import (
+from splatbus_conformance.checks.v1_0.jsn.clients_spellings import (
     Writer,
     judge_writers_on_ipc,
     judge_writers_on_msg,

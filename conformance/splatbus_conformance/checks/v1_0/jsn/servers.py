@@ -10,7 +10,7 @@ from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, camera_pose, encode, hello
@@ -81,7 +81,7 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
 )
 def check_does_not_move_by_broken_text(trial: ServerTrial) -> None:
     """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
     for text in trial.each(broken_texts(FAR), kind=kind_of, spare=SPARE):
         poser = trial.dial("msg") if poser.ended else poser
@@ -147,7 +147,7 @@ def check_survives_broken_payloads(trial: ServerTrial) -> None:
     """Broken texts, broken poses, messages that miss or mistype members, and payloads of any
     bytes, on the message channel.
     """
-    poses = [Payload(pose.requirement, pose.payload) for pose in broken_poses(FAR)]
+    poses = [PayloadCase(pose.requirement, pose.payload) for pose in broken_poses(FAR)]
     connection = trial.dial("msg")
     listed = [*odd_payloads(FAR), *poses]
     for _, payload in trial.each(listed, mangled(), kind=KIND, quick=60, full=3000):
@@ -198,7 +198,7 @@ def _expect_alive(trial: ServerTrial, payload: bytes) -> None:
 )
 def check_takes_strings_for_numbers_or_not(trial: ServerTrial) -> None:
     """A pose of a 1.0 client, with every number as a string: taken, or not."""
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
     for pose in trial.each(
         (FAR, camera_pose((-1.0153546333312988, 0.0, 2.5e-7), (0, 0.6, 0, 0.8)))
@@ -211,7 +211,7 @@ def check_takes_strings_for_numbers_or_not(trial: ServerTrial) -> None:
         trial.judge(outcome, "a pose whose numbers are strings")
 
 
-class Payload(NamedTuple):
+class PayloadCase(NamedTuple):
     """Something to send, and what it is one of."""
 
     kind: object
@@ -221,10 +221,10 @@ class Payload(NamedTuple):
 KIND = itemgetter(0)
 
 
-def odd_payloads(good: Json) -> list[Payload]:
+def odd_payloads(good: Json) -> list[PayloadCase]:
     """Payloads that break a rule of their text, or of their message."""
-    found = [Payload(text.kind, text.payload) for text in broken_texts(good)]
-    return [*found, *(Payload(str(it.get("type")), encode(it)) for it in ODD_MESSAGES)]
+    found = [PayloadCase(text.kind, text.payload) for text in broken_texts(good)]
+    return [*found, *(PayloadCase(str(it.get("type")), encode(it)) for it in ODD_MESSAGES)]
 
 
 def mangled() -> st.SearchStrategy[tuple[object, bytes]]:

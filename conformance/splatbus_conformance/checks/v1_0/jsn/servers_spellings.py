@@ -10,7 +10,7 @@ from splatbus_conformance.cases.valid.unknown_members import with_unknown_member
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.jsn.servers import REQUESTS, shown
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import show
@@ -78,7 +78,7 @@ def judge_writer_of_poses(trial: ServerTrial, writer: Writer, quick: int, full: 
     """Write poses so; each must be shown by a frame. Of a server of 1.1 half of them have tags, and
     intrinsics where that server grants them.
     """
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     for number, seed in enumerate(trial.each(drawn=SEEDS, quick=quick, full=full)):
         pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
         tags = number // POSES_ON_A_CONNECTION % 2 and trial.facts.welcome["msg"] is not None

@@ -16,17 +16,17 @@ from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.acc.device import (
     UNKNOWN_SCENE,
-    LegacyPhotographer,
+    LegacyFrameCapture,
     lens_of,
 )
-from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, Stored, reading
-from splatbus_conformance.checks.v1_0.pos.same_pose import ASKEW, NOWHERE, PosePhotographer
+from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, BufferContents, reading
+from splatbus_conformance.checks.v1_0.pos.same_pose import ASKEW, NOWHERE, PoseFrameCapture
 from splatbus_conformance.images.captured import LEGACY_EMPTY, shows_the_scene
-from splatbus_conformance.images.hard_views import Stage, turned_about
-from splatbus_conformance.images.known_scene import Setting
+from splatbus_conformance.images.hard_views import HardView, turned_about
+from splatbus_conformance.images.known_scene import SceneState
 from splatbus_conformance.images.memory.reading import Pixels
-from splatbus_conformance.images.pinhole import STILL, Placed
-from splatbus_conformance.images.reprojection import POSES, QUATERNIONS, Reading
+from splatbus_conformance.images.pinhole import STILL, ObjectPlacement
+from splatbus_conformance.images.reprojection import POSES, QUATERNIONS, Misreading
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
@@ -48,17 +48,17 @@ ORDERS = st.tuples(st.permutations("xyz"), st.permutations("xyzw"), st.booleans(
 
 
 @contextlib.contextmanager
-def photographing(trial: ServerTrial) -> Iterator[LegacyPhotographer]:
+def photographing(trial: ServerTrial) -> Iterator[LegacyFrameCapture]:
     """Who moves the camera, and reads what comes of it."""
     with reading(trial) as read:
-        yield LegacyPhotographer(trial, read)
+        yield LegacyFrameCapture(trial, read)
 
 
 @contextlib.contextmanager
-def comparing(trial: ServerTrial) -> Iterator[PosePhotographer]:
+def comparing(trial: ServerTrial) -> Iterator[PoseFrameCapture]:
     """The same, of a scene that nobody knows, too."""
     with reading(trial) as read:
-        yield PosePhotographer(trial, read)
+        yield PoseFrameCapture(trial, read)
 
 
 def turned(pose: Pose, rng: random.Random) -> Pose:
@@ -67,7 +67,7 @@ def turned(pose: Pose, rng: random.Random) -> Pose:
     return Pose(pose.position, turned_about(pose.rotation, axis, TURN))
 
 
-def expect_shown(it: PosePhotographer, camera: Pose, what: str, *spelled: Json) -> None:
+def expect_shown(it: PoseFrameCapture, camera: Pose, what: str, *spelled: Json) -> None:
     """The image that comes of this shows the scene from that camera."""
     shown = it.comes_to_show(camera, AT_REST, *spelled)
     it.trial.expect(shown, f"{what}: the image is none of the camera at {camera}")
@@ -77,10 +77,10 @@ def expect_shown(it: PosePhotographer, camera: Pose, what: str, *spelled: Json) 
 def check_rows_in_device_memory_are_bottom_up(trial: ServerTrial) -> None:
     """The image of a camera at the origin: as it lies it shows the scene, and not turned over."""
     with reading(trial) as read:
-        stored = LegacyPhotographer(trial, read, NOWHERE).at_origin()
+        stored = LegacyFrameCapture(trial, read, NOWHERE).at_origin()
     if lens_of(stored) is None:
         for words, over in OVER.items():
-            turned_over = Stored(stored.color[over], stored.depth[over])
+            turned_over = BufferContents(stored.color[over], stored.depth[over])
             trial.expect(lens_of(turned_over) is None, f"the images fit {words}")
         trial.not_observable(UNKNOWN_SCENE)
 
@@ -89,10 +89,12 @@ def check_rows_in_device_memory_are_bottom_up(trial: ServerTrial) -> None:
 def check_depth_in_device_memory_is_planar(trial: ServerTrial) -> None:
     """The image of a camera at the origin: as they are, its depths are those of the scene."""
     with reading(trial) as read:
-        stored = LegacyPhotographer(trial, read, NOWHERE).at_origin()
+        stored = LegacyFrameCapture(trial, read, NOWHERE).at_origin()
     if lens_of(stored) is None:
         for words, depth in other_depths(stored.depth):
-            trial.expect(lens_of(Stored(stored.color, depth)) is None, f"the images fit {words}")
+            trial.expect(
+                lens_of(BufferContents(stored.color, depth)) is None, f"the images fit {words}"
+            )
         trial.not_observable(UNKNOWN_SCENE)
 
 
@@ -118,7 +120,7 @@ def check_rotations_in_device_memory_have_w_last(trial: ServerTrial) -> None:
     judge_readings(trial, QUATERNIONS)
 
 
-def judge_readings(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
+def judge_readings(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
     """An image that fits one of these readings of its pose, and not the pose, is a violation.
 
     The pose of the Gaussians may have been read so, too.
@@ -130,8 +132,8 @@ def judge_readings(trial: ServerTrial, wrong: tuple[Reading, ...]) -> None:
         view, rest = photograph.view(), it.seen_from(AT_REST, photograph).view()
         for each in wrong:
             read = photograph._replace(camera=it.lens._replace(pose=each.pose(view)))
-            for scene in (STILL, Placed(each.pose(rest))):
-                fits = shows_the_scene(read, Setting(scene))
+            for scene in (STILL, ObjectPlacement(each.pose(rest))):
+                fits = shows_the_scene(read, SceneState(scene))
                 trial.expect(not fits, f"the images fit {each.words}")
         trial.not_observable(f"the image of a camera at {ASKEW} is none of it, and fits nothing")
 
@@ -162,7 +164,7 @@ def check_keeps_the_former_pose_in_device_memory(trial: ServerTrial) -> None:
     after each the Gaussians are moved, so that a new image shows where the camera is.
     """
     with comparing(trial) as it:
-        it.learn(Stage(it.left, MOVED))
+        it.learn(HardView(it.left, MOVED))
         broken = broken_poses(camera_pose(*it.askew))
         for each in trial.each(broken, kind=lambda it: it.kind, spare=0):
             expect_shown(it, it.left, "a good pose")
@@ -194,7 +196,7 @@ def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> Non
     if trial.facts.alone["msg"]:
         trial.not_observable("the server serves one connection at a time on the message channel")
     with comparing(trial) as it:
-        it.learn(Stage(it.right, AT_REST), Stage(it.left, MOVED))
+        it.learn(HardView(it.right, AT_REST), HardView(it.left, MOVED))
         expect_shown(it, it.left, "a good pose")
         second = trial.dial("msg")
         first = trial.mover()
@@ -214,10 +216,10 @@ def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> 
     if not trial.testee.expendable:
         trial.not_observable("a server that others have used may have been told otherwise")
     with comparing(trial) as before:
-        before.learn(Stage(before.left, AT_REST))
+        before.learn(HardView(before.left, AT_REST))
     trial.end_testee()
     with reading(trial) as read:
-        it = PosePhotographer(trial, read, before)
+        it = PoseFrameCapture(trial, read, before)
         trial.pass_control(trial.dial("msg"))
         if it.comes_to_show(it.left, AT_REST, camera_pose(*it.left)):
             return
@@ -229,7 +231,11 @@ def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> 
 def check_takes_strings_for_numbers_or_not_in_device_memory(trial: ServerTrial) -> None:
     """A pose of a 1.0 client, with every number as a string: taken whole, or not at all."""
     with comparing(trial) as it:
-        pose, there, here = camera_pose(*it.askew), Stage(it.askew, MOVED), Stage(it.left, MOVED)
+        pose, there, here = (
+            camera_pose(*it.askew),
+            HardView(it.askew, MOVED),
+            HardView(it.left, MOVED),
+        )
         texts = {
             part: {n: repr(v) for n, v in pose[part].items()} for part in ("position", "rotation")
         }

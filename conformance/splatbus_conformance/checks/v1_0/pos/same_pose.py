@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks.v1_0.acc.device import LegacyPhotographer, lens_of
+from splatbus_conformance.checks.v1_0.acc.device import LegacyFrameCapture, lens_of
 from splatbus_conformance.checks.v1_0.acc.servers import AT_ORIGIN
-from splatbus_conformance.checks.v1_0.buf.servers_device import Stored
-from splatbus_conformance.images.captured import Photograph
-from splatbus_conformance.images.hard_views import Stage, turned_about
+from splatbus_conformance.checks.v1_0.buf.servers_device import BufferContents
+from splatbus_conformance.images.captured import CapturedFrame
+from splatbus_conformance.images.hard_views import HardView, turned_about
 from splatbus_conformance.images.pinhole import Camera, rigid
 from splatbus_conformance.trials.controls import CAMERA_REQUEST
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
@@ -37,7 +37,7 @@ LEAST_PIXELS = 16
 COLOR_STEP, DEPTH_STEP = 2 / 255, 1e-3
 
 
-class PosePhotographer(LegacyPhotographer):
+class PoseFrameCapture(LegacyFrameCapture):
     """Tells of which pose an image is, of a scene that stands still.
 
     Attributes:
@@ -47,21 +47,21 @@ class PosePhotographer(LegacyPhotographer):
     def __init__(
         self,
         trial: ServerTrial,
-        read: Callable[[], Stored],
-        before: "PosePhotographer | None" = None,
+        read: Callable[[], BufferContents],
+        before: "PoseFrameCapture | None" = None,
     ) -> None:
         """Begin; what was found out of an earlier run of the same server holds still."""
         super().__init__(trial, read, before.lens if before else NOWHERE)
         found = None if before else lens_of(self.at_origin())
         self.knows: bool = before.knows if before else found is not None
-        self._plain: dict[Stage, Stored] = dict(before._plain) if before else {}
+        self._plain: dict[HardView, BufferContents] = dict(before._plain) if before else {}
         self._at: Pose = before._at if before else AT_ORIGIN
         if not before:
             self.lens = found or NOWHERE
             self._at = AT_ORIGIN if self.knows else first_camera(trial)
         self.left, self.right, self.askew = (before_it(self._at, it) for it in (LEFT, RIGHT, ASKEW))
 
-    def learn(self, *stages: Stage) -> None:
+    def learn(self, *stages: HardView) -> None:
         """See how the scene looks from there, where that is not known; then look from elsewhere.
 
         Skips the check where poses that are far apart cannot be told apart.
@@ -70,34 +70,36 @@ class PosePhotographer(LegacyPhotographer):
             if stage in self._plain:
                 continue
             self._plain[stage] = self._stored(*stage)
-            away = Stage(self.askew if stage.camera != self.askew else self.left, stage.scene)
+            away = HardView(self.askew if stage.camera != self.askew else self.left, stage.scene)
             self._plain[away] = self._stored(*away)
             here, there = self._plain[stage], self._plain[away]
             if self._differs(here, there).sum() < LEAST_PIXELS:
                 self.trial.not_observable(f"from {stage.camera} all looks as from {away.camera}")
 
-    def shows(self, photograph: Photograph, scene: Pose = AT_REST) -> bool:
+    def shows(self, photograph: CapturedFrame, scene: Pose = AT_REST) -> bool:
         """Whether this is the scene from that camera, with the Gaussians there."""
         if self.knows:
             return super().shows(photograph, scene)
-        stage = Stage(photograph.pose, scene)
-        return self._is_like(Stored(photograph.color, photograph.depth), self._plain[stage])
+        stage = HardView(photograph.pose, scene)
+        return self._is_like(BufferContents(photograph.color, photograph.depth), self._plain[stage])
 
     def comes_to_show(self, camera: Pose, scene: Pose, *spelled: Json) -> bool:
         """Whether the image that comes shows this, once it was told so, or was sent what is
         `spelled` in place of that.
         """
-        stage = Stage(camera, scene)
+        stage = HardView(camera, scene)
         return self._comes_to_show((stage,), spelled) == stage
 
-    def comes_to_show_one(self, *stages: Stage, by: Json) -> Stage | None:
+    def comes_to_show_one(self, *stages: HardView, by: Json) -> HardView | None:
         """Which of these the image shows that comes of a message, if any."""
         return self._comes_to_show(stages, (by,))
 
-    def _comes_to_show(self, stages: tuple[Stage, ...], spelled: tuple[Json, ...]) -> Stage | None:
+    def _comes_to_show(
+        self, stages: tuple[HardView, ...], spelled: tuple[Json, ...]
+    ) -> HardView | None:
         self.learn(*stages)
 
-        def shown_by(stored: Stored) -> Stage | None:
+        def shown_by(stored: BufferContents) -> HardView | None:
             return next((it for it in stages if self._is_of(stored, it)), None)
 
         came = self._stored(*stages[0], *spelled, right=lambda it: shown_by(it) is not None)
@@ -106,10 +108,10 @@ class PosePhotographer(LegacyPhotographer):
             self._expect_still(stages[0])
         return found
 
-    def _is_of(self, stored: Stored, stage: Stage) -> bool:
+    def _is_of(self, stored: BufferContents, stage: HardView) -> bool:
         return self.shows(self.photograph(stored, stage.camera), stage.scene)
 
-    def _expect_still(self, stage: Stage) -> None:
+    def _expect_still(self, stage: HardView) -> None:
         """The positive control: a pose that is sent once more looks as it did before."""
         former = self._plain[stage]
         away = self.right if stage.camera != self.right else self.left
@@ -117,12 +119,12 @@ class PosePhotographer(LegacyPhotographer):
         if not self._is_like(self._stored(*stage), former):
             self.trial.not_observable("the scene moves by itself")
 
-    def _is_like(self, stored: Stored, wanted: Stored) -> bool:
+    def _is_like(self, stored: BufferContents, wanted: BufferContents) -> bool:
         """Most of the pixels that are others from elsewhere are those that are wanted."""
         telling = np.any([self._differs(it, wanted) for it in self._plain.values()], axis=0)
         return bool(self._differs(stored, wanted).sum() <= SLACK * telling.sum())
 
-    def _differs(self, some: Stored, others: Stored) -> NDArray[np.bool_]:
+    def _differs(self, some: BufferContents, others: BufferContents) -> NDArray[np.bool_]:
         """(h, w): pixels that hold something else, whatever the rounding."""
         color = np.isclose(some.color, others.color, rtol=0, atol=COLOR_STEP, equal_nan=True)
         depth = np.isclose(some.depth, others.depth, rtol=DEPTH_STEP, atol=0, equal_nan=True)

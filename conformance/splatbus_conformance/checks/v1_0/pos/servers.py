@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.cases.malformed.poses import MOST, WITHIN_NORMS, broken_poses
 from splatbus_conformance.checks import check
 from splatbus_conformance.images.pinhole import told_of
-from splatbus_conformance.trials.moves.camera_control import Steering, camera_of
+from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_of
 from splatbus_conformance.trials.moves.frame_readers import fell_silent
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
@@ -36,7 +36,7 @@ def check_takes_members_by_name(trial: ServerTrial) -> None:
     """Poses with the members of position and rotation in every order, and rotation before
     position.
     """
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     reverse = ("zyx", "wzyx", True)
     for number, order in enumerate(trial.each([reverse], ORDERS, quick=20, full=144)):
         pose = camera_pose((1.5 + number, 2.5, -3.5), ROTATION)
@@ -63,7 +63,7 @@ def check_keeps_the_former_pose(trial: ServerTrial) -> None:
     """Poses that miss or mistype members, lie beyond single precision, or have no unit quaternion;
     after each the Gaussians are moved, so that a new image shows where the camera is.
     """
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     home = camera_pose((0.25, 0.5, -0.75), ROTATION)
     trial.expect(steering.shows(poser, home), "no frame shows a good pose")
     for each in trial.each(broken_poses(FAR), kind=lambda it: it.kind, spare=SPARE):
@@ -118,7 +118,7 @@ def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
     """Rotations whose norm is just as far from 1 as it may be, half-turns and none, the greatest
     numbers that there are, and the least.
     """
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     home = camera_pose((0.25, 0.5, -0.75), ROTATION)
     for pose in trial.each(LIMITS_OF_POSES):
         trial.expect(steering.shows(poser, home), "no frame shows a good pose")
@@ -132,7 +132,7 @@ def check_poses_of_any_time_are_poses(trial: ServerTrial) -> None:
     """Timestamps in milliseconds, that go back, below zero, none, and of a client that comes later:
     which pose is the newest depends on none of them.
     """
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     for number, moment in enumerate(trial.each(MOMENTS)):
         if number == len(MOMENTS) // 2:
             poser.close()
@@ -153,7 +153,7 @@ MOMENTS = (1.7e12, 5.0, None, -3, 0, 1e308, 12.5, -1e308, 3.0, 5e-324)
 )
 def check_the_last_of_one_piece_is_shown(trial: ServerTrial) -> None:
     """Several poses that arrive together; nothing but the Gaussians is moved after them."""
-    steering, poser = Steering(trial), trial.dial("msg")
+    steering, poser = CameraControl(trial), trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
     for number in trial.each(range(1, 40 if trial.thorough else 6)):
         row = [camera_pose((float(number), 0.5 * place, -1.0)) for place in range(1 + number)]
@@ -176,14 +176,14 @@ def check_one_connection_has_control(trial: ServerTrial) -> None:
     """One connection sends a broken pose, the next a good one, and a third another; then the one in
     control closes, and the next to have sent a good pose has it.
     """
-    steering = Steering(trial)
+    steering = CameraControl(trial)
     first, second = _served(trial), _served(trial)
     if first.ended or second.ended:
         trial.not_observable("the server serves one connection at a time on the message channel")
     early: Connection | None = _served(trial)
     if first.ended or (early and early.ended):  # it serves two, and may close either (CHN-13)
         trial.peer.close_all()
-        steering, early = Steering(trial), None
+        steering, early = CameraControl(trial), None
         first, second = _served(trial), _served(trial)
     wrong = broken_poses(FAR)[0].payload
     for number in trial.each(range(4)):

@@ -10,8 +10,14 @@ from splatbus_conformance.cases.valid.numbers import hard_numbers, nearest
 from splatbus_conformance.cases.valid.poses import Pose, poses
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.odd_replies import Answering
-from splatbus_conformance.trials.moves.pose_error import Off, engine_of, off, rotation_budget, why
+from splatbus_conformance.trials.moves.odd_replies import OddReplies
+from splatbus_conformance.trials.moves.pose_error import (
+    PoseError,
+    engine_of,
+    off,
+    rotation_budget,
+    why,
+)
 from splatbus_conformance.trials.testee.adapter import AdapterBroken, Declined
 from splatbus_conformance.trials.testee.adapter_smoke import GIVING_UP_SECONDS
 from splatbus_conformance.wire.messages import Json
@@ -45,13 +51,13 @@ def fewer(case: list[T]) -> list[list[T]]:
     return [shorter for shorter in without_one(case) if shorter]
 
 
-def asked(trial: ClientTrial, answering: Answering, requests: list[Any]) -> list[Json]:
+def asked(trial: ClientTrial, answering: OddReplies, requests: list[Any]) -> list[Json]:
     """What the client made of the replies to these requests."""
     trial.give("ask", requests=requests)
     return made_of_replies(trial, answering, requests)
 
 
-def made_of_replies(trial: ClientTrial, answering: Answering, requests: list[Any]) -> list[Json]:
+def made_of_replies(trial: ClientTrial, answering: OddReplies, requests: list[Any]) -> list[Json]:
     """The same, of requests that it was told to make. One that was sent every reply, and yet waits
     for one until it closes, breaks REQ-11; other checks can say nothing then.
     """
@@ -71,7 +77,7 @@ def made_of_replies(trial: ClientTrial, answering: Answering, requests: list[Any
     return replies
 
 
-def understood(trial: ClientTrial, reply: Json, wire: Pose) -> Off:
+def understood(trial: ClientTrial, reply: Json, wire: Pose) -> PoseError:
     """How far the pose that the client made of a reply is off."""
     engine = engine_of(trial.greeting, "camera_pose")
     if "position" not in reply:
@@ -90,7 +96,7 @@ def check_matches_replies_by_their_order(trial: ClientTrial) -> None:
     """Requests of both kinds, as many at a time as the client sends before it waits; each camera
     has another pose, and the replies come in order, all at once.
     """
-    answering = Answering(trial)
+    answering = OddReplies(trial)
     answering.cameras = CAMERAS
     trial.connection("msg")
     trial.rest(OWN_SECONDS)
@@ -107,7 +113,7 @@ def check_matches_replies_by_their_order(trial: ClientTrial) -> None:
         trial.delivered += 1
 
 
-def _gather(trial: ClientTrial, answering: Answering, most: int) -> None:
+def _gather(trial: ClientTrial, answering: OddReplies, most: int) -> None:
     """Wait for requests for as long as more of them come."""
     known = -1
     while known < len(answering.waiting) < most:
@@ -124,9 +130,9 @@ def _answers(trial: ClientTrial, request: Any, reply: Json) -> bool:
     return not understood(trial, reply, CAMERAS[request["camera"] % TOGETHER]).far
 
 
-def replied(trial: ClientTrial, quick: int, full: int) -> Iterator[tuple[Pose, Json, Off]]:
+def replied(trial: ClientTrial, quick: int, full: int) -> Iterator[tuple[Pose, Json, PoseError]]:
     """Poses on the wire, in replies, and what the client made of each."""
-    answering = Answering(trial)
+    answering = OddReplies(trial)
     trial.connection("msg")
     search = f"{trial.requirement.id} replies"
     pose = poses(search, single=trial.greeting.single).map(Pose.as_lists)
@@ -171,7 +177,7 @@ def check_numbers_are_read_to_the_last_bit(trial: ClientTrial) -> None:
     """Cameras whose positions are decimals next to halfway between two doubles, exact, and of 17
     digits; where the engine scales positions or holds them in single precision, after that.
     """
-    answering = Answering(trial)
+    answering = OddReplies(trial)
     trial.connection("msg")
     budget = 0.0 if engine_of(trial.greeting, "camera_pose").scale == 1 else 1.0
     numbers = st.tuples(hard_numbers(), hard_numbers(), hard_numbers())

@@ -8,15 +8,15 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.images.captured import Photograph
+from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import turned_about
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.pinhole import Camera
-from splatbus_conformance.images.reprojection import APART, AS_SPECIFIED, FITS, Pair, agreement
+from splatbus_conformance.images.reprojection import APART, AS_SPECIFIED, FITS, ViewPair, agreement
 from splatbus_conformance.trials.moves.camera_control import camera_in
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
-    Studio,
+    ImageSession,
     answers,
     at_rest,
     elsewhere,
@@ -64,7 +64,7 @@ def fitting(width: int, size: tuple[int, int]) -> list[int]:
     return found if same_shape(width, middle, size) else []
 
 
-def lens_of(photograph: Photograph, width: int, height: int, *changes: float) -> Json:
+def lens_of(photograph: CapturedFrame, width: int, height: int, *changes: float) -> Json:
     """Intrinsics for an image of so many pixels: those of an image, but for factors for fx and fy,
     and parts of the size by which the principal point is moved.
     """
@@ -93,7 +93,7 @@ def in_force(frame: Json, lens: dict[str, float]) -> str:
     return ""
 
 
-def drawn_lenses(first: Photograph) -> st.SearchStrategy[Json]:
+def drawn_lenses(first: CapturedFrame) -> st.SearchStrategy[Json]:
     """Intrinsics of all sizes that have the shape of an image."""
     camera = first.camera
     size = camera.width, camera.height
@@ -122,30 +122,30 @@ def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
         *(lens_of(first, w, h, 0.9, 1.1, 0.0, 0.02) for w in (854, 1920) for h in fitting(w, size)),
         lens_of(first, 2 * size[0], 2 * size[1], 1.0, 1.0, 0.0, 0.0) | _cutting(first),
     ]
-    studio = Studio(trial)
-    before = studio.look()
+    image_session = ImageSession(trial)
+    before = image_session.look()
     for lens in trial.each(listed, drawn_lenses(first), quick=8, full=500):
         told = f"the intrinsics {show(lens)} for images of {size[0]}×{size[1]}"
-        before_it = len(studio.heard)
-        studio.photographer.go(elsewhere(trial), intrinsics=lens)
-        studio.answers()
-        errors = [it for it in studio.heard[before_it:] if it.get("type") == "error"]
+        before_it = len(image_session.heard)
+        image_session.capture.go(elsewhere(trial), intrinsics=lens)
+        image_session.answers()
+        errors = [it for it in image_session.heard[before_it:] if it.get("type") == "error"]
         trial.expect(not errors, f"{told} were answered by {show(errors)}")
-        seen, wanted = studio.look(intrinsics=lens), scaled(lens, size)
+        seen, wanted = image_session.look(intrinsics=lens), scaled(lens, size)
         wrong = in_force(seen.frame, wanted)
         trial.expect(not wrong, f"{told}: of the frame's camera {wrong}")
         _expect_seen_so(trial, before, seen, seen.camera._replace(**wanted), told)
         trial.delivered += 1
 
 
-def _cutting(first: Photograph) -> Json:
+def _cutting(first: CapturedFrame) -> Json:
     """Clipping planes between which some of what is seen lies, and some does not."""
     depths = sorted(first.planar()[first.covered()].tolist())
     return {"near": depths[len(depths) // 4], "far": depths[3 * len(depths) // 4]}
 
 
 def _expect_seen_so(
-    trial: ServerTrial, before: Photograph, seen: Photograph, camera: Camera, told: str
+    trial: ServerTrial, before: CapturedFrame, seen: CapturedFrame, camera: Camera, told: str
 ) -> None:
     """The pixels are those of this camera: by the scene, where that is known, or by an image from
     before that shows the same surfaces.
@@ -157,7 +157,7 @@ def _expect_seen_so(
         return
     unchanged = before.camera._replace(pose=camera.pose)
     by_lens, by_former = (
-        agreement(Pair(before.view(), seen.view()._replace(camera=each)), AS_SPECIFIED)
+        agreement(ViewPair(before.view(), seen.view()._replace(camera=each)), AS_SPECIFIED)
         for each in (camera, unchanged)
     )
     trial.expect(
@@ -183,23 +183,23 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
     """Intrinsics whose shape is off by just as much as it may not be, and by more, in poses that
     move the camera: no part of them is applied.
     """
-    first, studio = first_view(trial, 0.0), Studio(trial)
+    first, image_session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
-    studio.look(intrinsics=good)
+    image_session.look(intrinsics=good)
     for width, height in trial.each(list(dict.fromkeys(other_shapes(size)))):
         told = f"intrinsics for {width}×{height}, of images of {size[0]}×{size[1]}"
-        before, known = len(studio.heard), len(studio.frames)
+        before, known = len(image_session.heard), len(image_session.frames)
         bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
-        studio.photographer.go(_elsewhere(trial), intrinsics=bad, tag="refused")
-        trial.expect(studio.answers(), f"{told}: the next request was not answered")
-        errors = [it for it in studio.heard[before:] if it.get("type") == "error"]
+        image_session.capture.go(_elsewhere(trial), intrinsics=bad, tag="refused")
+        trial.expect(image_session.answers(), f"{told}: the next request was not answered")
+        errors = [it for it in image_session.heard[before:] if it.get("type") == "error"]
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
         trial.expect(
             codes == [("invalid_message", "/intrinsics")],
             f"{told}, were answered by {show(codes) if codes else 'no error'}",
         )
-        former, *frames = studio.nudged(known - 1)
+        former, *frames = image_session.nudged(known - 1)
         applied = _applied(former, frames)
         trial.expect(not applied, f"{told}, were refused, and the pose was applied: {applied}")
         wrong = in_force(frames[-1], scaled(good, size))
@@ -212,20 +212,20 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     """Poses with intrinsics, and then whatever leaves them in force: poses without them, of the
     Gaussians too, those of a client without control, and those that are refused.
     """
-    first, studio = first_view(trial, 0.0), Studio(trial)
+    first, image_session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     own = {name: first.frame["camera"][name] for name in LENS}
-    wrong = in_force(studio.look().frame, own)
+    wrong = in_force(image_session.look().frame, own)
     trial.expect(not wrong, f"nobody sent intrinsics, and of the frame's camera {wrong}")
-    other = further(trial, studio.poser)
+    other = further(trial, image_session.poser)
     lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
     foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
     odd, no_pose = foreign | {"height": 2 * size[1] + 2}, camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))
     for number in trial.each(range(3)):
         lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
         wanted = scaled(lens, size)
-        studio.look(intrinsics=lens)
-        known = len(studio.frames)
+        image_session.look(intrinsics=lens)
+        known = len(image_session.frames)
         for moment, sender, message in (
             ("the next pose had none", None, None),
             ("the Gaussians were moved", None, at_rest()),
@@ -236,14 +236,16 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
             ("some that are none were refused", None, camera_pose() | {"intrinsics": {}}),
         ):
             if message is None:
-                studio.look()
-            elif not _goes_on(trial, sender or studio.poser, message):
-                trial.expect(studio.end() == "closes", f"{moment}, and then: {studio.end()}")
+                image_session.look()
+            elif not _goes_on(trial, sender or image_session.poser, message):
+                trial.expect(
+                    image_session.end() == "closes", f"{moment}, and then: {image_session.end()}"
+                )
                 trial.peer.close_all()
-                studio = Studio(trial)
-                other = further(trial, studio.poser)
+                image_session = ImageSession(trial)
+                other = further(trial, image_session.poser)
                 break
-            for frame in studio.nudged(known):
+            for frame in image_session.nudged(known):
                 wrong = in_force(frame, wanted)
                 trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
         trial.delivered += 1
@@ -294,25 +296,25 @@ def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
 )
 def check_keeps_the_former_camera(trial: ServerTrial) -> None:
     """Poses whose tag or intrinsics are none, of which no part may be applied."""
-    first, studio = first_view(trial, 0.0), Studio(trial)
+    first, image_session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
     has_lens = trial.facts.lacks("capability:intrinsics") is None
     broken = [("tag", value) for value in BAD_TAGS]
     if has_lens:
         broken += [("intrinsics", value) for value in bad_lenses(good)]
-        studio.look(intrinsics=good)
+        image_session.look(intrinsics=good)
     for name, value in trial.each(broken):
-        known = len(studio.frames)
-        studio.photographer.go(_elsewhere(trial), **{name: value})
+        known = len(image_session.frames)
+        image_session.capture.go(_elsewhere(trial), **{name: value})
         what = f"a pose with the {name} {show(value)}"
-        if not studio.answers():
-            trial.judge(studio.end(), what)
+        if not image_session.answers():
+            trial.judge(image_session.end(), what)
             trial.peer.close_all()
-            studio = Studio(trial)
-            studio.look(**({"intrinsics": good} if has_lens else {}))
+            image_session = ImageSession(trial)
+            image_session.look(**({"intrinsics": good} if has_lens else {}))
             continue
-        former, *frames = studio.nudged(known - 1)
+        former, *frames = image_session.nudged(known - 1)
         applied = _applied(former, frames)
         if has_lens:
             applied = applied or in_force(frames[-1], scaled(good, size))

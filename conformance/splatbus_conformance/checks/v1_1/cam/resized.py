@@ -7,7 +7,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_1.cam.lenses import lens_of, same_shape
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
-from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import fell_silent, frames_of
 from splatbus_conformance.trials.moves.image_session import answers, elsewhere, further
 from splatbus_conformance.trials.moves.resizing import (
@@ -78,17 +78,17 @@ def check_no_tag_comes_again_in_another_size(trial: ServerTrial) -> None:
     pose still.
     """
     with resizing(trial) as client:
-        photographer = Photographer(trial)
+        capture = FrameCapture(trial)
         for number, size in enumerate(trial.each(other_sizes(trial)[:3])):
             tag = f"{TAG}, {number}"
-            photographer.take(elsewhere(trial), None, tag=tag)
+            capture.take(elsewhere(trial), None, tag=tag)
             changed(trial, client, size)
-            packets = dealings_of(trial, photographer.reader).init_packets
+            packets = dealings_of(trial, capture.reader).init_packets
             trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
-            frames = frames_of(trial, photographer.reader)
+            frames = frames_of(trial, capture.reader)
             now = whole(packets[-1].get("generation"))
             trial.wait(lambda: frames[-1].get("generation") == now)  # noqa: B023
-            photographer.take(elsewhere(trial), None)
+            capture.take(elsewhere(trial), None)
             tags = [within(frame, "camera", "tag") for frame in frames]
             trial.expect(
                 tags.count(tag) <= 1,
@@ -102,17 +102,17 @@ def check_no_tag_comes_again_in_another_size(trial: ServerTrial) -> None:
 def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
     """The camera is moved; then images become of another size, and nothing else is said."""
     with resizing(trial) as client:
-        photographer = Photographer(trial)
+        capture = FrameCapture(trial)
         for size in trial.each(other_sizes(trial)[:3]):
             wanted = elsewhere(trial)
-            photographer.take(wanted, None)
-            frames = frames_of(trial, photographer.reader)
+            capture.take(wanted, None)
+            frames = frames_of(trial, capture.reader)
             before, former = len(frames), frames[-1]["generation"]
             changed(trial, client, size)
             trial.wait(lambda: frames[-1]["generation"] != former)  # noqa: B023
             later = [frame for frame in frames[before:] if frame["generation"] != former]
             if not later:
-                fell_silent(trial, photographer.reader, "the server sent no image of the new size")
+                fell_silent(trial, capture.reader, "the server sent no image of the new size")
             camera = camera_in(later[0])
             shown = camera and camera.shows(camera_of(camera_pose(*wanted)))
             trial.expect(
@@ -120,7 +120,7 @@ def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
                 f"the camera was put at {wanted}; then images became {size[0]}×{size[1]}, and the"
                 f" first of them is of one at {camera}",
             )
-            photographer.new()
+            capture.new()
             trial.delivered += 1
 
 

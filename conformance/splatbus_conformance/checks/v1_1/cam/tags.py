@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.trials.moves.camera_control import Steering
+from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.moves.frame_readers import LENDS, frames_of, gave_way
 from splatbus_conformance.trials.server import STEP, ServerTrial
 from splatbus_conformance.wire.json_values import numbers, show, whole, within
@@ -27,22 +27,22 @@ _tags = itertools.count()
 """No two tags are the same: the server may show an image of a pose from long ago."""
 
 
-class Sent(NamedTuple):
+class TaggedPose(NamedTuple):
     """A pose that was sent: the number of its place, and its tag."""
 
     place: int
     tag: str | None
 
 
-class Story:
+class TagSession:
     """Poses of one client, and what frames say of them to several readers."""
 
     def __init__(self, trial: ServerTrial) -> None:
         self.trial = trial
-        self.steering = Steering(trial)
+        self.steering = CameraControl(trial)
         self.poser = trial.commanding()
         self.readers = [self.steering.reader]
-        self.sent: list[Sent] = []
+        self.sent: list[TaggedPose] = []
         shown = self.steering.shows(self.poser, _pose(0))
         trial.expect(shown, "no frame shows a good pose")
         self._begun = {self.steering.reader: self.steering.count}
@@ -74,7 +74,7 @@ class Story:
     def _send(self, place: int, *, tagged: bool) -> None:
         padding = PADDING[len(self.sent) % len(PADDING)]
         tag = f"{next(_tags)}{padding}"[:LONGEST] if tagged else None
-        self.sent.append(Sent(place, tag))
+        self.sent.append(TaggedPose(place, tag))
         added: Json = {"tag": tag} if tagged else {}
         self.trial.viewer.say(self.poser, _pose(place) | added)
 
@@ -110,12 +110,12 @@ class Story:
             self.trial.not_observable("its readers are never shown the same image")
 
 
-def stories(trial: ServerTrial) -> Iterator[Story]:
+def stories(trial: ServerTrial) -> Iterator[TagSession]:
     """One story whose steps are always the same, then some that are drawn."""
     drawn = st.lists(st.sampled_from(ACTIONS), min_size=1, max_size=8)
     for actions in trial.each([USUAL], drawn, quick=2, full=60):
         trial.peer.close_all()
-        story = Story(trial)
+        story = TagSession(trial)
         story.go_through(actions)
         yield story
         trial.delivered += 1
@@ -150,7 +150,7 @@ def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
 @check("CAM-2", observable="the tags of frames after poses that share one", needs=LENDS)
 def check_a_tag_that_was_used_comes_again(trial: ServerTrial) -> None:
     """Poses of different places with the same tag, each sent when the one before was shown."""
-    story, tag = Story(trial), f"{next(_tags)} again"
+    story, tag = TagSession(trial), f"{next(_tags)} again"
     frames = frames_of(trial, story.steering.reader)
     for place in trial.each(range(1, 4)):
         before, pose = len(frames), _pose(place) | {"tag": tag}

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.jsn.clients import odd_spelling, spellings
+from splatbus_conformance.checks.v1_0.jsn.clients_spellings import odd_spelling, spellings
 from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import Lending
+from splatbus_conformance.trials.moves.frame_lender import FrameLender
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import texts, within
@@ -46,13 +46,13 @@ def parts(answer: Json, image: Painting) -> list[str]:
     return [name for name, right in pairs if answer[name] not in (None, right)]
 
 
-def described(answer: Json, names: list[str], lending: Lending) -> str:
+def described(answer: Json, names: list[str], lender: FrameLender) -> str:
     """What is known of wrong colour or depth."""
-    bad = spoilt(*lending.size)
+    bad = spoilt(*lender.size)
     for name in names:
         if answer[name] == sha256(getattr(bad, name)):
             return f"its {name} is what the slot held only while nobody was to read it"
-        for seq, other in lending.shown.items():
+        for seq, other in lender.shown.items():
             for words, read in READINGS:
                 if answer[name] == sha256(read(getattr(other, name))):
                     return f"its {name} is that of image {seq}{words}"
@@ -68,11 +68,11 @@ def check_releases_when_it_has_read(trial: ClientTrial) -> None:
     """Images are lent one after the other, as fast as they come back; each slot is written over in
     the moment in which it is released, and the client's image compared with the one that was lent.
     """
-    lending = Lending(trial)
+    lender = FrameLender(trial)
     many = trial.thorough and trial.role.width * trial.role.height <= SMALL
     for number in range(400 if many else 30):
-        lending.show(coordinates(number, *lending.size))
-        _judge(trial, lending, "was released before it was read")
+        lender.show(coordinates(number, *lender.size))
+        _judge(trial, lender, "was released before it was read")
 
 
 @check(
@@ -84,18 +84,18 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     """After an image was given back, every slot is written over, with images that are not lent and
     with what nobody may show; the client shows the one that it read, or none.
     """
-    lending = Lending(trial)
+    lender = FrameLender(trial)
     for number in range(20 if trial.thorough else 3):
         began = time.monotonic()
-        seq = lending.show(coordinates(number, *lending.size))
+        seq = lender.show(coordinates(number, *lender.size))
         linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         for slot in range(trial.role.slots):
-            lending.paint(coordinates(1000 + number, *lending.size), slot)
+            lender.paint(coordinates(1000 + number, *lender.size), slot)
         trial.rest(linger)
-        _judge(trial, lending, f"was shown after the client had given image {seq} back")
-        lending.spoil_everything()
+        _judge(trial, lender, f"was shown after the client had given image {seq} back")
+        lender.spoil_everything()
         trial.rest(linger)
-        _judge(trial, lending, f"was shown after the client had given image {seq} back")
+        _judge(trial, lender, f"was shown after the client had given image {seq} back")
 
 
 @check(
@@ -107,7 +107,7 @@ def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
     """Frames with members in any order, white space, escapes, and numbers in any form: who cannot
     read one gives its slot back all the same. A frame that is spelled plainly is read after each.
     """
-    lending = Lending(trial)
+    lender = FrameLender(trial)
 
     def listing_none(message: Json) -> Json:
         return {name: it for name, it in message.items() if name != "objects"}
@@ -116,7 +116,7 @@ def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
         return encode(listing_none(message))
 
     trial.role.encode["ipc"] = plainly
-    lending.show(coordinates(0, *lending.size))
+    lender.show(coordinates(0, *lender.size))
     for number, case in enumerate(spellings(trial, quick=8, full=200), 1):
         write = odd_spelling(case)
         said: list[str] = []
@@ -126,24 +126,24 @@ def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
             return said[-1].encode()  # noqa: B023
 
         trial.role.encode["ipc"] = oddly
-        seq = lending.lend(coordinates(number, *lending.size))
-        given_back = trial.releases(lending.connection, seq)
+        seq = lender.lend(coordinates(number, *lender.size))
+        given_back = trial.releases(lender.connection, seq)
         trial.role.encode["ipc"] = plainly
-        shown = lending.newest()["seq"]
-        lending.show(coordinates(0, *lending.size))
+        shown = lender.newest()["seq"]
+        lender.show(coordinates(0, *lender.size))
         what = f"frame {shorten(said[0])}: its slot was given back, and it was not read"
         trial.expect(not given_back or shown == seq, what)
         trial.delivered += 1
 
 
-def _judge(trial: ClientTrial, lending: Lending, otherwise: str) -> None:
+def _judge(trial: ClientTrial, lender: FrameLender, otherwise: str) -> None:
     answer = trial.ask("digest")
     if answer["seq"] is None:
         return
-    if answer["seq"] not in lending.shown:
+    if answer["seq"] not in lender.shown:
         trial.violated(f"the client shows image {answer['seq']}, which was never lent")
-    if wrong := parts(answer, lending.shown[answer["seq"]]):
-        trial.violated(f"image {answer['seq']} {otherwise}: {described(answer, wrong, lending)}")
+    if wrong := parts(answer, lender.shown[answer["seq"]]):
+        trial.violated(f"image {answer['seq']} {otherwise}: {described(answer, wrong, lender)}")
     trial.delivered += 1
 
 
@@ -157,20 +157,20 @@ def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
     subscribed to when it gave the image before back holds what nobody may show.
     """
     try:
-        _judge_subscriptions(trial, Lending(trial))
+        _judge_subscriptions(trial, FrameLender(trial))
     finally:
         if not trial.fate():  # checks that follow find it as this one did
             trial.ask("subscribe", channels=list(CHANNELS))
 
 
-def _judge_subscriptions(trial: ClientTrial, lending: Lending) -> None:
-    bad = spoilt(*lending.size)._asdict()
+def _judge_subscriptions(trial: ClientTrial, lender: FrameLender) -> None:
+    bad = spoilt(*lender.size)._asdict()
     written = set(CHANNELS)
     for number, channel in enumerate(CHANNELS * 2):
-        _subscribe(trial, lending, [channel])
+        _subscribe(trial, lender, [channel])
         for step in range(2):
-            image = coordinates(2 * number + step, *lending.size)
-            lending.show(image._replace(**{n: bad[n] for n in bad.keys() - written}))
+            image = coordinates(2 * number + step, *lender.size)
+            lender.show(image._replace(**{n: bad[n] for n in bad.keys() - written}))
             answer = trial.ask("digest")
             for name in bad.keys() - written:
                 if answer[name] == sha256(bad[name]):
@@ -186,22 +186,22 @@ def _judge_what_is_subscribed_again(trial: ClientTrial) -> None:
     """On a new connection, what it has subscribed to before it says that it has opened."""
     if "ipc" not in trial.facts.returns:
         return
-    lending = Lending(trial)
-    heard = trial.role.with_(lending.connection).heard
+    lender = FrameLender(trial)
+    heard = trial.role.with_(lender.connection).heard
     kinds = [message.get("type") for message in heard]
     wishes = [m for m in heard[: kinds.index("opened")] if m.get("type") == "subscribe"]
     wanted = texts(within(wishes[-1], "channels")) if wishes else CHANNELS
-    bad = spoilt(*lending.size)._asdict()
+    bad = spoilt(*lender.size)._asdict()
     unwritten = [name for name in CHANNELS if name not in wanted]
-    lending.show(coordinates(0, *lending.size)._replace(**{n: bad[n] for n in unwritten}))
+    lender.show(coordinates(0, *lender.size)._replace(**{n: bad[n] for n in unwritten}))
     answer = trial.ask("digest")
     for name in unwritten:
         if answer[name] == sha256(bad[name]):
             trial.violated(f"on a new connection it read {name} with {wanted} subscribed to")
 
 
-def _subscribe(trial: ClientTrial, lending: Lending, channels: list[str]) -> None:
-    dealings = trial.role.with_(lending.connection)
+def _subscribe(trial: ClientTrial, lender: FrameLender, channels: list[str]) -> None:
+    dealings = trial.role.with_(lender.connection)
     before = dealings.count("subscribe")
     trial.ask("subscribe", channels=channels)
     if not trial.wait(lambda: dealings.count("subscribe") > before):
@@ -217,18 +217,18 @@ def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> Non
     """The IPC connection ends, while an image is lent and while none is, and every slot is written
     over; the client may keep a picture that it has copied, and shows nothing of what came later.
     """
-    lending = Lending(trial)
+    lender = FrameLender(trial)
     for lent in (False, True):
         began = time.monotonic()
-        lending.show(coordinates(1 + lent, *lending.size))
+        lender.show(coordinates(1 + lent, *lender.size))
         linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         trial.peer.refuse("ipc")
         if lent:
-            lending.lend(coordinates(5, *lending.size))
-        lending.connection.close()
+            lender.lend(coordinates(5, *lender.size))
+        lender.connection.close()
         trial.rest(REACTION_SECONDS)
-        lending.spoil_everything()
+        lender.spoil_everything()
         trial.rest(linger)
-        _judge(trial, lending, "is not what the client read while it was connected")
+        _judge(trial, lender, "is not what the client read while it was connected")
         trial.peer.listen("ipc")
-        lending = Lending(trial)
+        lender = FrameLender(trial)

@@ -15,7 +15,7 @@ from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.images.memory.device import STAND_IN
 from splatbus_conformance.images.painted import coordinates
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import Lending
+from splatbus_conformance.trials.moves.frame_lender import FrameLender
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 
@@ -50,27 +50,27 @@ def check_shows_a_frame_after_its_event(trial: ClientTrial) -> None:
     holds what nobody may show, and the events of all others are complete.
     """
     with ring_for(trial) as ring:
-        lending = Lending(trial)
-        released = trial.role.with_(lending.connection).released
+        lender = FrameLender(trial)
+        released = trial.role.with_(lender.connection).released
         for number in range(2 * trial.role.slots):
-            image = coordinates(number, *lending.size)
-            seq, slot = lending.announced(image)
+            image = coordinates(number, *lender.size)
+            seq, slot = lender.announced(image)
             ring.events[slot].begin()
-            trial.role.lend(lending.connection)
+            trial.role.lend(lender.connection)
             trial.rest(PENDING_SECONDS)
             early = seq in released
-            lending.paint(image, slot)
+            lender.paint(image, slot)
             ring.events[slot].complete()
-            if not trial.releases(lending.connection, seq):
+            if not trial.releases(lender.connection, seq):
                 trial.not_observable("the testee did not give an image back")
-            answer = lending.newest()
+            answer = lender.newest()
             if answer["seq"] != seq:
                 trial.not_observable("the client gives frames back, and does not read them")
             if wrong := adapter_images.parts(answer, image):
                 told = " and was released" if early else ""
                 trial.violated(
                     f"image {seq} was read{told} before the event of slot {slot} was complete: "
-                    + adapter_images.described(answer, wrong, lending)
+                    + adapter_images.described(answer, wrong, lender)
                 )
             trial.delivered += 1
 

@@ -7,8 +7,8 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.text import broken_texts
 from splatbus_conformance.checks import check
-from splatbus_conformance.images.captured import Photograph
-from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.images.captured import CapturedFrame
+from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,
     beside,
@@ -86,19 +86,19 @@ def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
     """Readers hold an image each, one after the other, so that images come to lie in slots that are
     seldom used; in each of them a pose looks as it did.
     """
-    photographer, around = Photographer(trial), moves(first_view(trial, 0.0))
+    capture, around = FrameCapture(trial), moves(first_view(trial, 0.0))
     here, there = around[0], around[-1]
-    seen: dict[int, list[Photograph]] = {}
-    for _ in trial.each(range(min(photographer.slots, MOST_READERS))):
+    seen: dict[int, list[CapturedFrame]] = {}
+    for _ in trial.each(range(min(capture.slots, MOST_READERS))):
         for _ in range(2):
-            photographer.take(there)
-            image = photographer.take(here)
+            capture.take(there)
+            image = capture.take(here)
             seen.setdefault(int(image.frame["slot"]), []).append(image)
             trial.delivered += 1
         further, _ = trial.answered("ipc")
         dealings = trial.viewer.with_(further)
         trial.wait(lambda: dealings.held or dealings.errors() or further.ended)  # noqa: B023
-        if dealings.held is None or photographer.reader.ended:
+        if dealings.held is None or capture.reader.ended:
             break
     first, *others = (images[0] for images in seen.values())
     if not all(alike(images[0], it) for images in seen.values() for it in images[1:]):

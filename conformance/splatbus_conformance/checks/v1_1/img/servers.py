@@ -210,7 +210,7 @@ def expect_different_images(trial: ServerTrial) -> None:
     )
 
 
-class Image(NamedTuple):
+class LentImage(NamedTuple):
     """A frame that was lent, and a copy of what lay in its slot while it was."""
 
     frame: Json
@@ -220,7 +220,7 @@ class Image(NamedTuple):
     """(h, w) float32, rows top-down."""
 
 
-def image_of(trial: ServerTrial, connection: Connection, after: int) -> Image:
+def image_of(trial: ServerTrial, connection: Connection, after: int) -> LentImage:
     """The next image past so many frames of this connection, copied before it is released.
 
     Only with `viewer.releases` off; skips the check if none comes in time.
@@ -233,12 +233,12 @@ def image_of(trial: ServerTrial, connection: Connection, after: int) -> Image:
     slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)
     if slot is None:
         trial.not_observable("the server sent a frame that names no slot of its ring")
-    image = Image(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
+    image = LentImage(frame, dealings.memory.color(slot), dealings.memory.depth(slot))
     trial.viewer.release(connection, frame)
     return image
 
 
-def alike(one: Image, other: Image) -> bool:
+def alike(one: LentImage, other: LentImage) -> bool:
     """Whether two images are of the same camera, and equal in every pixel."""
     same = [np.array_equal(a, b, equal_nan=True) for a, b in zip(one[1:], other[1:], strict=True)]
     return one.frame["camera"] == other.frame["camera"] and all(same)

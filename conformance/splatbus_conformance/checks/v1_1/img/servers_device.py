@@ -2,7 +2,7 @@
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.cud.servers import (
-    Announced,
+    AnnouncedConnection,
     announced,
     calls_of,
     expect_kept,
@@ -48,7 +48,7 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> None:
         trial.not_observable("no call of the runtime wrote to the slots")
 
 
-def arrivals(trial: ServerTrial, shown: Announced) -> list[float]:
+def arrivals(trial: ServerTrial, shown: AnnouncedConnection) -> list[float]:
     """When each frame had arrived."""
     packets = ((packet, read(packet.payload).value) for packet in shown.connection.packets)
     return [packet.ended for packet, value in packets if value and value.get("type") == "frame"]

@@ -20,7 +20,7 @@ from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
 
-class Fault(NamedTuple):
+class FaultyMessage(NamedTuple):
     """Something wrong to send."""
 
     channel: Channel
@@ -28,9 +28,9 @@ class Fault(NamedTuple):
     script: bytes
 
 
-def said(channel: Channel, what: str, message: Json) -> Fault:
+def said(channel: Channel, what: str, message: Json) -> FaultyMessage:
     """A fault in a message."""
-    return Fault(channel, what, packet(encode(message)))
+    return FaultyMessage(channel, what, packet(encode(message)))
 
 
 GLANCE_SECONDS = 0.03
@@ -40,12 +40,12 @@ FOR_THE_HEADER = {
     "a header beyond the limit": LIMITS["max_payload_bytes"] + 1,
 }
 IN_HEADERS = [
-    Fault(channel, what, length.to_bytes(4, "little"))
+    FaultyMessage(channel, what, length.to_bytes(4, "little"))
     for channel in ("msg", "ipc")
     for what, length in FOR_THE_HEADER.items()
 ]
 IN_TEXT = [
-    Fault(channel, what, packet(payload))
+    FaultyMessage(channel, what, packet(payload))
     for channel in ("msg", "ipc")
     for what, payload in {
         "a brace": b"{",
@@ -86,7 +86,10 @@ def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
     """Every fault that a server may report later, and a `hello` that nobody can read."""
     broken = packet(encode(hello([]))[:-1])
     faults = [*IN_TEXT, *IN_MESSAGES, *IN_HEADERS]
-    unread = [Fault("msg", "half a hello", broken), Fault("ipc", "half a hello", broken)]
+    unread = [
+        FaultyMessage("msg", "half a hello", broken),
+        FaultyMessage("ipc", "half a hello", broken),
+    ]
     for channel, what, script in trial.each(listed=[f for f in unread + faults if no_hello(f)]):
         connection = trial.before_hello(channel)
         dealings = trial.viewer.with_(connection)
@@ -105,7 +108,7 @@ def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
     trial.expect(trial.serves(), "a new connection is not served")
 
 
-def no_hello(fault: Fault) -> bool:
+def no_hello(fault: FaultyMessage) -> bool:
     """Whether a connection on which this was said has still said no hello."""
     return fault.what != "a second hello"
 

@@ -10,7 +10,7 @@ from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
-from splatbus_conformance.trials.moves.frame_capture import Photographer
+from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import beside, fell_silent, holding
 from splatbus_conformance.trials.moves.image_session import elsewhere
 from splatbus_conformance.trials.moves.resizing import (
@@ -156,25 +156,25 @@ def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial) -> None:
 def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
     """The size changes, while a reader looks on: each image is of the camera that it names."""
     with resizing(trial) as client:
-        photographer = Photographer(trial)
+        capture = FrameCapture(trial)
         for size in trial.each(other_sizes(trial)[:3]):
             changed(trial, client, size)
             trial.wait(
-                lambda: size_of(photographer.dealings.init_packets[-1]) == size,  # noqa: B023
+                lambda: size_of(capture.dealings.init_packets[-1]) == size,  # noqa: B023
                 REINIT_SECONDS,
             )
-            seen = photographer.take(elsewhere(trial), None)
+            seen = capture.take(elsewhere(trial), None)
             if seen.color.shape[:2] != size[::-1]:
-                fell_silent(trial, photographer.reader, "the server sent no image of the new size")
+                fell_silent(trial, capture.reader, "the server sent no image of the new size")
             if trial.facts.scene_known:
                 exact = render(seen.camera, trial.facts.setting(seen.frame))
                 right = exact.agreement(seen.color, seen.planar())
             else:
-                photographer.take(elsewhere(trial), None)
-                again = photographer.take(seen.pose, None)
+                capture.take(elsewhere(trial), None)
+                again = capture.take(seen.pose, None)
                 right = likeness(seen, again)
                 if right < WHOLE and any(
-                    likeness(again, it) < WHOLE for it in photographer.stay(REACTION_SECONDS)
+                    likeness(again, it) < WHOLE for it in capture.stay(REACTION_SECONDS)
                 ):
                     trial.not_observable("the scene moves by itself")
             told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
@@ -192,13 +192,13 @@ def check_lenses_are_scaled_to_another_size(trial: ServerTrial) -> None:
     first = first_view(trial, 0.0)
     lens = lens_of(first, *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
     with resizing(trial) as client:
-        photographer = Photographer(trial)
-        photographer.take(elsewhere(trial), None, intrinsics=lens)
+        capture = FrameCapture(trial)
+        capture.take(elsewhere(trial), None, intrinsics=lens)
         for size in trial.each([*other_sizes(trial)[:3], trial.facts.size]):
             changed(trial, client, size)
-            init_packets = photographer.dealings.init_packets
+            init_packets = capture.dealings.init_packets
             trial.wait(lambda: size_of(init_packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
-            seen = photographer.take(elsewhere(trial), None)
+            seen = capture.take(elsewhere(trial), None)
             wrong = in_force(seen.frame, scaled(lens, size))
             told = f"after intrinsics for {trial.facts.size} images became {size}"
             trial.expect(not wrong, f"{told}: {wrong}")

@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_1.tim_png import Reading, expect_one_offset, read_clock
+from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset, read_clock
 from splatbus_conformance.trials.moves.image_session import answers
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
@@ -21,7 +21,7 @@ MOVE_SECONDS = 0.05
 UNKNOWN = "splatbus-conformance: no such series"
 
 
-class Listener:
+class TelemetryReader:
     """A client that subscribes, beside a reader of images that follow the camera."""
 
     def __init__(self, trial: ServerTrial, connection: Connection | None = None) -> None:
@@ -81,9 +81,9 @@ def names_in(message: Json) -> list[str]:
 @check("TEL-2", observable="the numbers and the times of telemetry", needs=TELLS)
 def check_numbers_what_it_tells(trial: ServerTrial) -> None:
     """Everything is subscribed to while the camera moves."""
-    listener = Listener(trial)
+    listener = TelemetryReader(trial)
     before = listener.subscribe(None)
-    clocks: list[Reading] = []
+    clocks: list[ClockReading] = []
     if trial.facts.lacks("capability:ping") is None:
         clocks = [read_clock(trial, trial.greeted("msg"), 0.0, 1)]
     sent = time.monotonic()
@@ -93,7 +93,9 @@ def check_numbers_what_it_tells(trial: ServerTrial) -> None:
         for message in listener.told()[known:]:
             now = message.get("time")
             trial.expect(is_number(now), f"the time of a telemetry is {show(now)}")
-            last = Reading(sent, float(message["time"]), time.monotonic(), "time of a telemetry")
+            last = ClockReading(
+                sent, float(message["time"]), time.monotonic(), "time of a telemetry"
+            )
             expect_one_offset(trial, [*clocks, last])
             trial.delivered += 1
     told = [whole(message.get("seq")) or 0 for message in listener.told()[before:]]
@@ -109,11 +111,11 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     nothing again; beside it is a client that did not agree on telemetry, and one that is told
     everything, so that it is seen when something is. Who comes later has subscribed to nothing.
     """
-    listener = Listener(trial)
+    listener = TelemetryReader(trial)
     stranger = trial.greeted("msg", capabilities=[])
     trial.viewer.say(stranger, {"type": "subscribe_telemetry", "names": None})
     answers(trial, stranger)
-    witness = Listener(trial, trial.greeted("msg"))
+    witness = TelemetryReader(trial, trial.greeted("msg"))
     trial.require_all(listener.connection, stranger, witness.connection)
     known = witness.names()
     witness.hear()
@@ -130,7 +132,7 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
                 f"{show(names)} was subscribed to, of {show(known)}, and told is {show(told)}",
             )
         trial.delivered += 1
-    left = Listener(trial, trial.greeted("msg"))
+    left = TelemetryReader(trial, trial.greeted("msg"))
     left.subscribe(None)
     left.connection.close()
     heir = trial.greeted("msg")

@@ -69,7 +69,7 @@ class Shared:
             self._file = -1
 
 
-class Allocation(Shared):
+class StandInAllocation(Shared):
     """`size` bytes of device memory, poisoned; OSError if there is no room."""
 
     def __init__(self, folder: Path, size: int) -> None:
@@ -95,7 +95,7 @@ class Allocation(Shared):
         super().free()
 
 
-class Event(Shared):
+class StandInEvent(Shared):
     """An interprocess event: recorded and complete in one, or with time between."""
 
     def __init__(self, folder: Path) -> None:
@@ -112,7 +112,7 @@ class Event(Shared):
         _write_at(self._file, PROGRESS.pack(self._records, self._records), 0)
 
 
-class Device:
+class StandInDevice:
     """A folder of device memory; everything in it is gone when it is closed."""
 
     uuid, ordinal = DEVICE_UUID, 0
@@ -123,18 +123,18 @@ class Device:
         self.folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=parent))
         self._shared: list[Shared] = []
 
-    def named(self, uuid: object) -> "Device":
+    def named(self, uuid: object) -> "StandInDevice":
         """This one: a server cannot ask the stand-in's library for a UUID."""
         return self
 
-    def allocate(self, size: int) -> Allocation:
+    def allocate(self, size: int) -> StandInAllocation:
         """Device memory; OSError if there is no room."""
-        self._shared.append(allocation := Allocation(self.folder, size))
+        self._shared.append(allocation := StandInAllocation(self.folder, size))
         return allocation
 
-    def event(self) -> Event:
+    def event(self) -> StandInEvent:
         """An interprocess event that was never recorded: nobody waits for it."""
-        self._shared.append(event := Event(self.folder))
+        self._shared.append(event := StandInEvent(self.folder))
         return event
 
     def read(self, handle: bytes, offset: int, size: int, after: bytes | None = None) -> bytes:

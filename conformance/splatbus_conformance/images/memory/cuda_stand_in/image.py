@@ -16,7 +16,7 @@ from splatbus_conformance.wire.messages import Json, init_packet_1_0
 PIXEL_BYTES = {"Color": 16, "Depth": 4}
 
 
-class Layout(NamedTuple):
+class PlaneOffsets(NamedTuple):
     """Where the planes lie; an offset of None is left out of the packet."""
 
     color: int | None = 0
@@ -37,10 +37,10 @@ class DeviceImage:
     """Colour and depth in device memory and the event that guards them; poisoned until drawn."""
 
     def __init__(
-        self, device: Device, width: int = 64, height: int = 48, layout: Layout | None = None
+        self, device: Device, width: int = 64, height: int = 48, layout: PlaneOffsets | None = None
     ) -> None:
         self.width, self.height = width, height
-        self._layout = layout or Layout(0, 16 * width * height, apart=False)
+        self._layout = layout or PlaneOffsets(0, 16 * width * height, apart=False)
         self._ordinal = device.ordinal
         self.event = device.event()
         pixels = width * height

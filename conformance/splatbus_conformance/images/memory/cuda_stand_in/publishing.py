@@ -25,7 +25,7 @@ OFFSETS = {"colour": ("mem_color", "offsetColor", 16), "depth": ("mem_depth", "o
 RING = {"colour": ("color", 16), "depth": ("depth", 4)}
 
 
-class Span(NamedTuple):
+class PlaneSpan(NamedTuple):
     """Where a plane of an image lies, in bytes of an allocation."""
 
     memory: str
@@ -38,7 +38,7 @@ def named(handle: object) -> Named | None:
     return named_by(base64.b64decode(handle)) if is_handle(handle) else None  # type: ignore[arg-type]
 
 
-def legacy_planes(packet: Json) -> dict[str, Span]:
+def legacy_planes(packet: Json) -> dict[str, PlaneSpan]:
     """Colour and depth as the members of 1.0 name them; those that cannot be told are left out."""
     places = {}
     for what, (handle, offset, size) in OFFSETS.items():
@@ -47,7 +47,7 @@ def legacy_planes(packet: Json) -> dict[str, Span]:
     return _spans(packet, places)
 
 
-def slot_planes(packet: Json, slot: int) -> dict[str, Span]:
+def slot_planes(packet: Json, slot: int) -> dict[str, PlaneSpan]:
     """Colour and depth of a slot of the ring; those that cannot be told are left out."""
     handle, places = within(packet, "memory", "handle"), {}
     for what, (name, size) in RING.items():
@@ -58,20 +58,20 @@ def slot_planes(packet: Json, slot: int) -> dict[str, Span]:
     return _spans(packet, places)
 
 
-def planes_of(packet: Json) -> list[Span]:
+def planes_of(packet: Json) -> list[PlaneSpan]:
     """Every plane that an init packet announces."""
     slots = whole(within(packet, "ring", "slots"), 0, MAX_SLOTS) or 0
     rings = [span for slot in range(slots) for span in slot_planes(packet, slot).values()]
     return [*legacy_planes(packet).values(), *rings]
 
 
-def _spans(packet: Json, places: Mapping[str, tuple[Any, Any, int]]) -> dict[str, Span]:
+def _spans(packet: Json, places: Mapping[str, tuple[Any, Any, int]]) -> dict[str, PlaneSpan]:
     width, height = (whole(within(packet, "meta", name), 1) for name in "wh")
     found = {}
     for what, (handle, offset, size) in places.items():
         of, begin = named(handle), whole(offset, 0)
         if of and of.kind == "memory" and begin is not None and width and height:
-            found[what] = Span(of.name, begin, begin + size * width * height)
+            found[what] = PlaneSpan(of.name, begin, begin + size * width * height)
     return found
 
 
@@ -83,20 +83,20 @@ def is_write(call: Call) -> bool:
     return bool(call.to) and call.width > 0 and call.ok
 
 
-def writes(call: Call, span: Span) -> bool:
+def writes(call: Call, span: PlaneSpan) -> bool:
     """It wrote into a plane."""
     end = call.to_offset + max(1, call.height) * call.width
     into = is_write(call) and call.to == span.memory
     return into and call.to_offset < span.end and span.begin < end
 
 
-def reads(call: Call, span: Span) -> bool:
+def reads(call: Call, span: PlaneSpan) -> bool:
     """It copied something out of a plane."""
     end = call.offset + (max(1, call.height) - 1) * call.pitch + call.width
     return call.memory == span.memory and call.offset < span.end and span.begin < end
 
 
-def beside(calls: Iterable[Call], planes: Iterable[Span]) -> Iterator[Call]:
+def beside(calls: Iterable[Call], planes: Iterable[PlaneSpan]) -> Iterator[Call]:
     """Copies into and out of memory that is shown, but of no image in it (CUD-1)."""
     shown = list(planes)
     memories = {span.memory for span in shown}
@@ -195,7 +195,7 @@ def _latest(*clocks: Clock) -> Clock:
     return found
 
 
-def moments(calls: Iterable[Call], event: str, planes: Mapping[str, Span]) -> list[Moment]:
+def moments(calls: Iterable[Call], event: str, planes: Mapping[str, PlaneSpan]) -> list[Moment]:
     """What became of an image: every write to its planes, every record of its event.
 
     A record counts on any stream that comes after the write, as CUDA orders streams, events and
@@ -223,7 +223,7 @@ def moments(calls: Iterable[Call], event: str, planes: Mapping[str, Span]) -> li
     return found
 
 
-def share_left_open(found: list[Moment], planes: Mapping[str, Span]) -> float:
+def share_left_open(found: list[Moment], planes: Mapping[str, PlaneSpan]) -> float:
     """The share of the time in which the whole image lay there without its event behind it."""
     total = found[-1].call.time - found[0].call.time if found else 0.0
     left = (

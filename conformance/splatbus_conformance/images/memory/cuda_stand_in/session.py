@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from splatbus_conformance.images.memory.cuda_stand_in.building import library_folder
-from splatbus_conformance.images.memory.cuda_stand_in.device import Device
+from splatbus_conformance.images.memory.cuda_stand_in.device import StandInDevice
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call, Trace
 
 DEVICES = 2
@@ -25,7 +25,7 @@ class StandIn:
 
     def __init__(self) -> None:
         self._library = library_folder()
-        self.device = Device()
+        self.device = StandInDevice()
         self._folder = Path(tempfile.mkdtemp(prefix="splatbus-trace-"))
         self._trace = Trace(self._folder / "calls.jsonl")
 

@@ -36,17 +36,17 @@ EVENT_SECONDS = 5.0
 GLANCE_SECONDS = 0.0005
 
 
-def find() -> "Device | None":
+def find() -> "GpuDevice | None":
     """The first GPU that this process sees; None where none can be used."""
     try:
         driver = Driver(load())
         driver.call("cuInit", 0)
-        return Device(driver) if driver.made("cuDeviceGetCount", c_int) else None
+        return GpuDevice(driver) if driver.made("cuDeviceGetCount", c_int) else None
     except (OSError, AttributeError):  # no driver, no device, or a driver that is too old
         return None
 
 
-class Device:
+class GpuDevice:
     """The GPU of this number. Its context is made when it is first used. Raises CudaError."""
 
     def __init__(self, driver: Driver, ordinal: int = 0) -> None:
@@ -54,11 +54,11 @@ class Device:
         self._device = driver.made("cuDeviceGet", c_int, ordinal)
         identity = driver.bytes_of("cuDeviceGetUuid_v2", UUID_BYTES, self._device)
         self.uuid = f"GPU-{uuid.UUID(bytes=identity)}"
-        self.events: list[Event] = []
-        self.allocations: list[Allocation] = []
+        self.events: list[GpuEvent] = []
+        self.allocations: list[GpuAllocation] = []
         self._memories: dict[bytes, int] = {}
         self._foreign_events: dict[bytes, int] = {}
-        self._others: dict[object, Device] = {}
+        self._others: dict[object, GpuDevice] = {}
         self._context: int | None = None
         self._stream = 0
 
@@ -67,27 +67,27 @@ class Device:
         """For copies; nothing else waits for it, nor it for anything else."""
         return self._stream
 
-    def named(self, uuid: object) -> "Device":
+    def named(self, uuid: object) -> "GpuDevice":
         """The device with this UUID; ValueError if this process sees none."""
         if uuid == self.uuid:
             return self
         if not self._others:
             ordinals = range(self.driver.made("cuDeviceGetCount", c_int))
-            others = [Device(self.driver, it) for it in ordinals if it != self.ordinal]
+            others = [GpuDevice(self.driver, it) for it in ordinals if it != self.ordinal]
             self._others = {other.uuid: other for other in others}
         if uuid not in self._others:
             seen = ", ".join([self.uuid, *map(str, self._others)])
             raise ValueError(f"memory.deviceUuid is {uuid}, and the harness sees {seen}")
         return self._others[uuid]
 
-    def allocate(self, size: int) -> "Allocation":
+    def allocate(self, size: int) -> "GpuAllocation":
         """Device memory; CudaError if there is no room."""
-        self.allocations.append(allocation := Allocation(self, size))
+        self.allocations.append(allocation := GpuAllocation(self, size))
         return allocation
 
-    def event(self) -> "Event":
+    def event(self) -> "GpuEvent":
         """An interprocess event that was never recorded: nobody waits for it."""
-        self.events.append(event := Event(self))
+        self.events.append(event := GpuEvent(self))
         return event
 
     def read(self, handle: bytes, offset: int, size: int, after: bytes | None = None) -> bytes:
@@ -182,10 +182,10 @@ class Device:
             raise CudaError(f"cuEventQuery: error {status}")
 
 
-class Allocation:
+class GpuAllocation:
     """`size` bytes of device memory, poisoned."""
 
-    def __init__(self, device: Device, size: int) -> None:
+    def __init__(self, device: GpuDevice, size: int) -> None:
         self.size = size
         self._device = device
         with device.current():
@@ -224,10 +224,10 @@ class Allocation:
             driver.call("cuStreamSynchronize", stream)
 
 
-class Event:
+class GpuEvent:
     """An interprocess event, and a stream of its own that can be held up."""
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: GpuDevice) -> None:
         self._device, self._driver = device, device.driver
         made = self._driver.made
         with device.current():

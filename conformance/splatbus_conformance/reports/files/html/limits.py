@@ -28,13 +28,13 @@ class Limits:
         return Limits(max(self.items // 2, 1), max(self.few // 2, 1), max(self.characters // 2, 16))
 
 
-class Some(NamedTuple, Generic[T]):
+class Truncated(NamedTuple, Generic[T]):
     """The first of a list, and how many more there are."""
 
     these: Sequence[T]
     more: int
 
 
-def first(items: Sequence[T], most: int) -> Some[T]:
+def first(items: Sequence[T], most: int) -> Truncated[T]:
     """So many at most."""
-    return Some(items[:most], max(0, len(items) - most))
+    return Truncated(items[:most], max(0, len(items) - most))

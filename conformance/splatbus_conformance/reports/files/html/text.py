@@ -16,7 +16,7 @@ ID = re.compile("([A-Z]{3}-[0-9]+)")
 ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
 
 
-class Line(NamedTuple):
+class TranscriptLine(NamedTuple):
     """A line of a transcript."""
 
     text: str
@@ -26,7 +26,7 @@ class Line(NamedTuple):
     """
 
 
-class Span(NamedTuple):
+class SentencePart(NamedTuple):
     """A piece of a sentence."""
 
     text: str
@@ -53,7 +53,7 @@ def cut(text: str, most: int) -> str:
     return f"{head} … [{len(text) - len(head) - len(tail):,} characters left out] … {tail}"
 
 
-def transcript(evidence: Sequence[str], most: int) -> tuple[Line, ...]:
+def transcript(evidence: Sequence[str], most: int) -> tuple[TranscriptLine, ...]:
     """Lines of evidence, `most` characters in all; a note says what was left out in the middle."""
     lines = [_line(cut(text, most // 4)) for text in _ends(evidence, most)]
     head, tail = _within(lines, most * 2 // 3), _within(lines[::-1], most // 3)
@@ -61,19 +61,19 @@ def transcript(evidence: Sequence[str], most: int) -> tuple[Line, ...]:
         return tuple(lines)
     left_out = len(evidence) - len(head) - len(tail)
     note = f"… {left_out:,} lines left out here; {ALL_OF_IT} …"
-    return (*head, Line(note, "note"), *tail[::-1])
+    return (*head, TranscriptLine(note, "note"), *tail[::-1])
 
 
-def spans(sentence: str) -> tuple[Span, ...]:
+def spans(sentence: str) -> tuple[SentencePart, ...]:
     """A sentence of the specification, its code apart."""
     parts = sentence.split("`")
-    return tuple(Span(text, number % 2 == 1) for number, text in enumerate(parts) if text)
+    return tuple(SentencePart(text, number % 2 == 1) for number, text in enumerate(parts) if text)
 
 
-def ids(sentence: str) -> tuple[Span, ...]:
+def ids(sentence: str) -> tuple[SentencePart, ...]:
     """A sentence of a report, the ids of requirements apart."""
     parts = ID.split(sentence)
-    return tuple(Span(text, number % 2 == 1) for number, text in enumerate(parts) if text)
+    return tuple(SentencePart(text, number % 2 == 1) for number, text in enumerate(parts) if text)
 
 
 def words(check: str) -> str:
@@ -85,12 +85,12 @@ def _seen(match: re.Match[str]) -> str:
     return "".join(c if c.isprintable() else f"⟨U+{ord(c):04X}⟩" for c in match[0])
 
 
-def _line(text: str) -> Line:
+def _line(text: str) -> TranscriptLine:
     guilty = " guilty" if text.startswith(MARK) else ""
     if not text[1:].startswith(INDENT):
-        return Line(text, f"event{guilty}")
+        return TranscriptLine(text, f"event{guilty}")
     told = text[1:].removeprefix(INDENT)
-    return Line(told, f"{'hex' if HEX.match(told) else 'more'}{guilty}")
+    return TranscriptLine(told, f"{'hex' if HEX.match(told) else 'more'}{guilty}")
 
 
 def _ends(evidence: Sequence[str], most: int) -> Sequence[str]:
@@ -99,7 +99,7 @@ def _ends(evidence: Sequence[str], most: int) -> Sequence[str]:
     return evidence if len(evidence) <= 2 * lines else [*evidence[:lines], *evidence[-lines:]]
 
 
-def _within(lines: Sequence[Line], most: int) -> list[Line]:
+def _within(lines: Sequence[TranscriptLine], most: int) -> list[TranscriptLine]:
     found, left = [], most
     for line in lines:
         left -= len(line.text) + 1

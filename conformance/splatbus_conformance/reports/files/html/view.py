@@ -10,8 +10,8 @@ from splatbus_schemas.requirements import requirements
 from splatbus_conformance.checks.registry import exclusions, judges
 from splatbus_conformance.reports.files.html import plots
 from splatbus_conformance.reports.files.html.clauses import CLAUSES
-from splatbus_conformance.reports.files.html.limits import Limits, Some, first
-from splatbus_conformance.reports.files.html.text import Span, cut, ids, spans
+from splatbus_conformance.reports.files.html.limits import Limits, Truncated, first
+from splatbus_conformance.reports.files.html.text import SentencePart, cut, ids, spans
 from splatbus_conformance.reports.triage import in_order
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
@@ -37,22 +37,22 @@ ENVIRONMENT = {
 
 
 @dataclass(frozen=True)
-class About:
+class RequirementText:
     """A requirement, as the specification has it."""
 
     id: str
     level: str
-    sentence: tuple[Span, ...]
+    sentence: tuple[SentencePart, ...]
     acceptable: tuple[str, ...]
-    why: tuple[Span, ...]
+    why: tuple[SentencePart, ...]
     chapter: str
 
 
 @dataclass(frozen=True)
-class Told:
+class ShownResult:
     """One result."""
 
-    about: About
+    about: RequirementText
     check: str
     assurance: str
     verdict: str
@@ -65,12 +65,12 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Row:
+class RequirementRow:
     """One requirement of the matrix."""
 
-    about: About
+    about: RequirementText
     verdict: str
-    results: Some[Told]
+    results: Truncated[ShownResult]
     unseen: tuple[str, ...]
     """Why nothing is said of it."""
 
@@ -86,7 +86,7 @@ class Clause:
 
     letters: str
     about: str
-    rows: tuple[Row, ...]
+    rows: tuple[RequirementRow, ...]
 
     @property
     def observed(self) -> int:
@@ -111,7 +111,7 @@ class Timed:
 class Measured:
     """One quantity, and how far off it was."""
 
-    about: About
+    about: RequirementText
     quantity: str
     unit: str
     worst: float | None
@@ -124,7 +124,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class View:
+class PageView:
     """Everything that the page shows of one report."""
 
     limits: Limits
@@ -133,31 +133,31 @@ class View:
     """Of the ids on the page, so that those of two reports differ."""
     report: Json
     testee: str
-    summary: tuple[Span, ...]
+    summary: tuple[SentencePart, ...]
     verdict: str
     """Of the whole run, as one of those on requirements."""
     opinion: str
     counts: tuple[tuple[str, int], ...]
     """Of requirements, by verdict."""
-    hints: Some[str]
+    hints: Truncated[str]
     """What may be at the root of it."""
-    broken: Some[Told]
-    advice: Some[Told]
-    expected: Some[Told]
-    complaints: Some[str]
+    broken: Truncated[ShownResult]
+    advice: Truncated[ShownResult]
+    expected: Truncated[ShownResult]
+    complaints: Truncated[str]
     clauses: tuple[Clause, ...]
     rows_left_out: int
-    unseen: Some[tuple[str, tuple[str, ...]]]
+    unseen: Truncated[tuple[str, tuple[str, ...]]]
     """Reasons, and the requirements that each kept from being seen."""
-    not_judged: Some[str]
+    not_judged: Truncated[str]
     axis: plots.Decades
-    latencies: Some[Timed]
-    measured: Some[Measured]
+    latencies: Truncated[Timed]
+    measured: Truncated[Measured]
     facts: tuple[tuple[str, str], ...]
     """Where, when and how it was judged: names and values."""
 
 
-def view_of(report: Json, number: int, limits: Limits) -> View:
+def view_of(report: Json, number: int, limits: Limits) -> PageView:
     """A report as the page shows it, and which of those on the page it is: 1 for the first."""
     listed: Sequence[Json] = report["requirements"]
     rows = [_row(each, report["side"], limits) for each in listed[: limits.items]]
@@ -173,7 +173,7 @@ def view_of(report: Json, number: int, limits: Limits) -> View:
     axis = plots.decades_around(
         edge for it in timed.these for bin in it["bins"] for edge in bin[:2]
     )
-    return View(
+    return PageView(
         limits=limits,
         number=number,
         prefix=f"{number}-" if number > 1 else "",
@@ -196,13 +196,13 @@ def view_of(report: Json, number: int, limits: Limits) -> View:
         unseen=_unseen(rows, limits),
         not_judged=_texts(report["notJudged"], limits),
         axis=axis,
-        latencies=Some([_timed(it, axis, limits) for it in timed.these], timed.more),
+        latencies=Truncated([_timed(it, axis, limits) for it in timed.these], timed.more),
         measured=first(_measured(listed, limits), limits.items),
         facts=tuple(_facts(report, limits)),
     )
 
 
-def _in_order(told: Sequence[Told]) -> list[Told]:
+def _in_order(told: Sequence[ShownResult]) -> list[ShownResult]:
     """What was broken, in the order in which to look at it."""
     results = [
         Result(it.about.id, it.check, Level(it.assurance), Verdict(it.verdict)) for it in told
@@ -226,17 +226,19 @@ def _opinion(exit_code: int, verdicts: set[str]) -> tuple[str, str]:
     return Verdict.PASS, "Conforming"
 
 
-def _row(entry: Json, side: str, limits: Limits) -> Row:
+def _row(entry: Json, side: str, limits: Limits) -> RequirementRow:
     about = _about(entry, limits)
     found = first(entry["results"], limits.few)
-    results = Some([_told(about, it, limits) for it in found.these], found.more)
-    return Row(about, Verdict(entry["verdict"]), results, tuple(_why_unseen(entry, side, limits)))
+    results = Truncated([_told(about, it, limits) for it in found.these], found.more)
+    return RequirementRow(
+        about, Verdict(entry["verdict"]), results, tuple(_why_unseen(entry, side, limits))
+    )
 
 
-def _about(entry: Json, limits: Limits) -> About:
+def _about(entry: Json, limits: Limits) -> RequirementText:
     id = cut(entry["id"], limits.sentence)
     known = requirements("1.1").get(id)
-    return About(
+    return RequirementText(
         id,
         cut(entry["level"], limits.sentence),
         spans(cut(entry["sentence"], limits.sentence)),
@@ -246,13 +248,13 @@ def _about(entry: Json, limits: Limits) -> About:
     )
 
 
-def _about_other(id: str, limits: Limits) -> About:
+def _about_other(id: str, limits: Limits) -> RequirementText:
     """A requirement by which the testee could not be judged, or none: the run itself."""
-    return About(cut(id, limits.sentence), "", (), (), (), "")
+    return RequirementText(cut(id, limits.sentence), "", (), (), (), "")
 
 
-def _told(about: About, result: Json, limits: Limits) -> Told:
-    return Told(
+def _told(about: RequirementText, result: Json, limits: Limits) -> ShownResult:
+    return ShownResult(
         about,
         cut(result["check"], limits.sentence),
         result["assurance"],
@@ -283,7 +285,9 @@ def _why_unseen(entry: Json, side: str, limits: Limits) -> Iterator[str]:
     yield from dict.fromkeys(cut(reason, limits.sentence) for reason in reasons)
 
 
-def _unseen(rows: Sequence[Row], limits: Limits) -> Some[tuple[str, tuple[str, ...]]]:
+def _unseen(
+    rows: Sequence[RequirementRow], limits: Limits
+) -> Truncated[tuple[str, tuple[str, ...]]]:
     """Reasons of skips, those that kept most from being seen first."""
     found: dict[str, list[str]] = {}
     for row in rows:
@@ -316,7 +320,7 @@ def _measured(listed: Sequence[Json], limits: Limits) -> list[Measured]:
     return sorted(found, key=lambda it: (it.budget is None, not it.beyond, -it.x))
 
 
-def _measurement(about: About, entry: Json, limits: Limits) -> Measured:
+def _measurement(about: RequirementText, entry: Json, limits: Limits) -> Measured:
     worst, budget = entry["worst"], entry["budget"]
     return Measured(
         about,
@@ -351,6 +355,6 @@ def _facts(report: Json, limits: Limits) -> Iterator[tuple[str, str]]:
             yield cut(name, limits.sentence), cut(str(value), limits.sentence)
 
 
-def _texts(texts: Sequence[str], limits: Limits) -> Some[str]:
+def _texts(texts: Sequence[str], limits: Limits) -> Truncated[str]:
     found = first(texts, limits.few)
-    return Some([cut(text, limits.sentence) for text in found.these], found.more)
+    return Truncated([cut(text, limits.sentence) for text in found.these], found.more)

@@ -18,7 +18,7 @@ from splatbus_conformance.selftest.faults.surgery import crash, wrap
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.wire.messages import init_packet_1_0, init_packet_1_1
 
-MISDEEDS = "check_others_are_served_whatever_one_does"
+NEIGHBOURS = "check_others_are_served_whatever_one_does"
 NEWS = {"type": "news", "of": "today"}
 
 
@@ -195,7 +195,7 @@ def server_dies_of_a_reset(patch: Patch) -> None:
     wrap(patch, Service, "_drop", drop)
 
 
-@mutant("CHN-14", check=MISDEEDS, reason="no reply after a client that")
+@mutant("CHN-14", check=NEIGHBOURS, reason="no reply after a client that")
 def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
     """Accepts no message connection any more once a client has left before its reply came."""
 
@@ -215,7 +215,7 @@ def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
     wrap(patch, Service, "_accept", accept)
 
 
-@mutant("CHN-14", check=MISDEEDS, reason="no reply beside a client that never reads")
+@mutant("CHN-14", check=NEIGHBOURS, reason="no reply beside a client that never reads")
 def server_waits_for_who_does_not_read(patch: Patch) -> None:
     """Waits, with all that it does, until a client has taken its replies."""
 
@@ -230,7 +230,9 @@ def server_waits_for_who_does_not_read(patch: Patch) -> None:
     wrap(patch, Service, "_flush", flush)
 
 
-@mutant("CHN-14", check=MISDEEDS, reason="the connection of another is ended beside a client that")
+@mutant(
+    "CHN-14", check=NEIGHBOURS, reason="the connection of another is ended beside a client that"
+)
 def server_ends_everybody_for_one(patch: Patch) -> None:
     """Ends every message connection when a length on one of them is bad."""
 
@@ -264,14 +266,14 @@ def _knows_deep_text(patch: Patch) -> list[bytes]:
     return known
 
 
-@mutant("CHN-14", check=MISDEEDS + "_on_ipc", reason="it announces no memory on the IPC channel")
+@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", reason="it announces no memory on the IPC channel")
 def server_announces_nothing_after_deep_text(patch: Patch) -> None:
     """Welcomes readers, and announces memory to none of them, once deep text has come."""
     known = _knows_deep_text(patch)
     wrap(patch, Session, "_announce", lambda original, *it: None if known else original(*it))
 
 
-@mutant("CHN-14", check=MISDEEDS + "_on_ipc", reason="it sends no frame on the IPC channel")
+@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", reason="it sends no frame on the IPC channel")
 def server_lends_nothing_after_deep_text(patch: Patch) -> None:
     """Lends no image to readers that come once deep text has come."""
     known, early = _knows_deep_text(patch), list[Connection]()
