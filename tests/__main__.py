@@ -21,6 +21,7 @@ RENDERERS = (
     "schemas/splatbus_wire",
     "reference_server/splatbus_server",
     "reference_client/splatbus_client",
+    "reference_client/splatbus_viewer",
 )
 """What runs where trained models live, which is Python 3.9 and later."""
 PACKAGES = (

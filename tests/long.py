@@ -50,8 +50,8 @@ BUSY_SEEDS = range(20, 25)
 COUNT, SEED = 1500, 1
 """Of the mutants."""
 PAIR = {
-    "client": ("client", "--launch", "splatbus_client view", {}),
-    "client beside its adapter": ("client", "--adapter", "splatbus_client.adapter", {}),
+    "client": ("client", "--launch", "splatbus_viewer view", {}),
+    "client beside its adapter": ("client", "--adapter", "splatbus_viewer.adapter", {}),
     "server": ("server", "--launch", "splatbus_server --quiet --size 64x48", {}),
     "server with a token": (
         *("server", "--launch", "splatbus_server --quiet --size 64x48"),

@@ -1,4 +1,9 @@
-"""The reference client: a session with a server, frames without copies, and a small viewer."""
+"""The reference client: a session with a server, and frames without copies.
+
+Sockets, threads and memory are at its rim (`channel`, `session`, `reading`); what the protocol asks
+is in `message_protocol` and `ipc_protocol`, which do no I/O. What is shown to a person, and how,
+is `splatbus_viewer`.
+"""
 
 from splatbus_wire.messages import FrameCamera, Intrinsics, Placement, Scene, Telemetry
 from splatbus_wire.poses import Pose

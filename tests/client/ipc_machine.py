@@ -3,7 +3,7 @@
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire.messages import Hello, Program
 
-from tests.client.fake_server import IPC_CAPABILITIES, init_packet, packet, packets, welcome
+from tests.peers.fake_server import IPC_CAPABILITIES, init_packet, packet, packets, welcome
 
 HELLO = Hello(("1.1", "1.0"), Program("test", "0"), IPC_CAPABILITIES)
 BOTH = frozenset({"color", "depth"})

@@ -11,7 +11,7 @@ from splatbus_client.events import MustClose, Negotiated, ServerError
 from splatbus_schemas import LIMITS
 from splatbus_wire.messages import ErrorMessage
 
-from tests.client.fake_server import SECONDS
+from tests.peers.fake_server import SECONDS
 
 
 class Owner:

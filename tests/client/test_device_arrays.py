@@ -10,7 +10,7 @@ from splatbus_client import connect, cuda
 from splatbus_client.cuda import arrays
 from splatbus_client.cuda.arrays import DeviceArray
 
-from tests.client.fake_server import frame
+from tests.peers.fake_server import frame
 
 HOST, CUDA = (1, 0), (2, 3)
 IMAGE = np.arange(24, dtype=np.float32).reshape(2, 3, 4)

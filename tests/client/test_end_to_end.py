@@ -10,9 +10,9 @@ import pytest
 import splatbus_client
 from PIL import Image
 from splatbus_client import Pose
-from splatbus_client.cli import main
-from splatbus_client.poses import look_at
 from splatbus_server import scene
+from splatbus_viewer.cli import main
+from splatbus_viewer.poses import look_at
 
 from tests.closed_form import exact_pixels
 
@@ -110,7 +110,7 @@ def test_the_viewer_watches_the_reference_server(server):
         zip(("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT"), server, strict=True)
     )
     done = subprocess.run(
-        [sys.executable, "-m", "splatbus_client", "view", "--seconds", "1", "--rate", "60"],
+        [sys.executable, "-m", "splatbus_viewer", "view", "--seconds", "1", "--rate", "60"],
         env=environment,
         capture_output=True,
         text=True,

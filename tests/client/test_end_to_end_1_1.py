@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 import splatbus_client
 from splatbus_client import Intrinsics, Pose, ServerRefusedError
-from splatbus_client.cli import main
 from splatbus_client.clock import best
 from splatbus_server import scene
+from splatbus_viewer.cli import main
 from splatbus_wire.messages import Histogram, Placement, Scalar, Text
 
 from tests.closed_form import exact_pixels, matrix

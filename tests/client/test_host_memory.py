@@ -9,7 +9,7 @@ import pytest
 from splatbus_client.host_memory import CannotOpenError, HostImages
 from splatbus_wire.init_packet import parse_init_packet
 
-from tests.client.fake_server import HEIGHT, SIZE, WIDTH, cuda_init_packet, init_packet
+from tests.peers.fake_server import HEIGHT, SIZE, WIDTH, cuda_init_packet, init_packet
 
 RING = init_packet()["ring"]
 linux = pytest.mark.skipif(sys.platform != "linux", reason="named objects of /dev/shm")

@@ -14,7 +14,8 @@ from splatbus_client.events import (
 )
 from splatbus_client.ipc_protocol import IpcProtocol
 
-from tests.client.fake_server import (
+from tests.client.ipc_machine import BOTH, COLOR, HELLO, greeted, opened, receive, sent
+from tests.peers.fake_server import (
     IPC_CAPABILITIES,
     META,
     cuda_init_packet,
@@ -23,7 +24,6 @@ from tests.client.fake_server import (
     packet,
     welcome,
 )
-from tests.client.ipc_machine import BOTH, COLOR, HELLO, greeted, opened, receive, sent
 
 
 def test_hello_comes_first_and_nothing_else_before_welcome():

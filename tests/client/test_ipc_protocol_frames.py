@@ -3,8 +3,8 @@
 import pytest
 from splatbus_client.events import Ignored, Lent
 
-from tests.client.fake_server import CAMERA, SLOTS, frame, init_packet
 from tests.client.ipc_machine import BOTH, COLOR, greeted, opened, receive, sent
+from tests.peers.fake_server import CAMERA, SLOTS, frame, init_packet
 
 
 def test_a_frame_is_lent_and_released_once():

@@ -29,7 +29,8 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 
-from tests.client.fake_server import (
+from tests.client.machines import HELLO, SIZE, machine_of_1_0, machine_of_1_1, receive
+from tests.peers.fake_server import (
     CAMERA_REPLY,
     LENS,
     POSITION,
@@ -38,7 +39,6 @@ from tests.client.fake_server import (
     packets,
     welcome,
 )
-from tests.client.machines import HELLO, SIZE, machine_of_1_0, machine_of_1_1, receive
 
 INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)

@@ -32,7 +32,7 @@ from splatbus_wire.messages import (
 )
 from splatbus_wire.poses import IDENTITY, Pose
 
-from tests.client.fake_server import LENS, MESSAGE_CAPABILITIES, POSITION, ROTATION
+from tests.peers.fake_server import LENS, MESSAGE_CAPABILITIES, POSITION, ROTATION
 
 POSE = Pose(POSITION, ROTATION)
 INTRINSICS = Intrinsics(**LENS)

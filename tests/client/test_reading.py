@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from splatbus_client import connect
 
-from tests.client.fake_server import (
+from tests.peers.fake_server import (
     CAMERA,
     HEIGHT,
     SIZE,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from splatbus_client import Pose, connect
 
-from tests.client.fake_server import (
+from tests.peers.fake_server import (
     CAMERA_REPLY,
     POSITION,
     ROTATION,

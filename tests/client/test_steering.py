@@ -13,7 +13,7 @@ from splatbus_client import (
 )
 from splatbus_wire.errors import ProtocolError
 
-from tests.client.fake_server import (
+from tests.peers.fake_server import (
     CAMERA_REPLY,
     HEIGHT,
     POSITION,

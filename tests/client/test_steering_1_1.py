@@ -14,7 +14,7 @@ from splatbus_client import (
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import SetViewport
 
-from tests.client.fake_server import (
+from tests.peers.fake_server import (
     CAMERA,
     CAMERA_REPLY,
     HEIGHT,

@@ -6,9 +6,9 @@ import sys
 import time
 from typing import Any
 
-from splatbus_client import adapter
 from splatbus_client.cuda import images, legacy
 from splatbus_client.cuda.driver import Device, api, call
+from splatbus_viewer import adapter
 
 
 def waits_for_no_event() -> None:

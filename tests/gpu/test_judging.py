@@ -37,7 +37,7 @@ def of_server(program: str, checks: dict[str, object]) -> dict[str, str]:
 
 
 def test_the_reference_client_conforms():
-    assert of_client(command("splatbus_client.adapter"), CLIENT) == dict.fromkeys(CLIENT, "")
+    assert of_client(command("splatbus_viewer.adapter"), CLIENT) == dict.fromkeys(CLIENT, "")
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ PROGRAMS = {
 """What stands under the names of the readers' programs. Their arguments go nowhere."""
 PYTHON_PROGRAMS = {
     "my_renderer.py": "from splatbus_server.cli import main\nraise SystemExit(main([]))\n",
-    "my_adapter.py": "from splatbus_client.adapter import main\nmain([])\n",
+    "my_adapter.py": "from splatbus_viewer.adapter import main\nmain([])\n",
 }
 ENGINE = """\
 import os, socket, sys
@@ -46,7 +46,7 @@ port = int(os.environ["SPLATBUS_ADAPTER_PORT"])
 sys.stdin = sys.stdout = socket.create_connection(("127.0.0.1", port)).makefile(
     "rw", encoding="utf-8", buffering=1
 )
-from splatbus_client.adapter import main
+from splatbus_viewer.adapter import main
 main([])
 """
 """What an engine does that has an adapter in it: the reference adapter, by way of a socket."""

@@ -21,8 +21,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-import splatbus_client.cli
 import splatbus_server.cli
+import splatbus_viewer.cli
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import plan_of, wishes_of
 from splatbus_conformance.cli.main import parser
@@ -174,7 +174,7 @@ def test_the_options_of_each_command_exist(
         if name == "splatbus-server":
             splatbus_server.cli._parser().parse_args(arguments)
         elif name == "splatbus-client":
-            splatbus_client.cli._parser().parse_args(arguments)
+            splatbus_viewer.cli._parser().parse_args(arguments)
         else:
             _parse(arguments)
 

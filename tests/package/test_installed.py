@@ -58,7 +58,7 @@ def test_it_is_the_wheel_that_runs(environment: Path) -> None:
 
 def test_it_judges_from_end_to_end(environment: Path) -> None:
     python = scripts(environment) / "python"
-    client = f'"{python.as_posix()}" -m splatbus_client view'
+    client = f'"{python.as_posix()}" -m splatbus_viewer view'
     options = ("--select", "FRM", "--profile", "brief", "--patience", "60")
     harness = (python, "-m", "splatbus_conformance", "--plain", "client")
     done = run(*harness, "--launch", client, *options, cwd=environment)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 from splatbus_client import Intrinsics, Pose
-from splatbus_client.poses import look_at
+from splatbus_viewer.poses import look_at
 
 from tests.pair.known_scene import showing, wrong_pixels
 from tests.pair.rig import MOST_SECONDS, eventually

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 from splatbus_client import FrameLease, Placement, Pose
-from splatbus_client.display import rays
-from splatbus_client.mesh import bound, drawn, tilted
 from splatbus_server import scene
+from splatbus_viewer.display import rays
+from splatbus_viewer.mesh import bound, drawn, tilted
 from splatbus_wire.poses import as_array, world_matrix
 
 from tests.pair.known_scene import showing, wrong_pixels

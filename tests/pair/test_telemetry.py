@@ -9,7 +9,7 @@ import threading
 import pytest
 import splatbus_client
 import splatbus_server
-from splatbus_client import cli
+from splatbus_viewer import cli
 from splatbus_wire.messages import Histogram, Scalar, Text
 
 from tests.pair.rig import MOST_SECONDS, eventually, served

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from splatbus_client import display
 from splatbus_conformance.images import pinhole
 from splatbus_server.publish import Publisher, source
+from splatbus_viewer import display
 from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.conventions import ENGINES
 from splatbus_wire.depth import expected_depth, planar_depth, surface_depth

@@ -76,7 +76,7 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
     from splatbus_conformance.cli.main import parser
 
     files = files_of(arguments)
-    command = f'"{sys.executable}" -m splatbus_client view'
+    command = f'"{sys.executable}" -m splatbus_viewer view'
     out.print(
         "Judging the reference client, as you would judge yours:\n"
         '  splatbus-conformance client --launch "splatbus-client view"\n'

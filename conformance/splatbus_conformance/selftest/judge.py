@@ -29,6 +29,8 @@ FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
 """The longest that the checks of one or two requirements may take on a client that fails them."""
+PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_server"}
+"""The references that a person starts."""
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
 """What a specimen is told on its command line."""
 OUTPUT_CHARS = 600
@@ -202,7 +204,7 @@ def run_harness(
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.
     """
-    reference = "splatbus_client.adapter" if axes else f"splatbus_{side}"
+    reference = "splatbus_viewer.adapter" if axes else PROGRAMS[side]
     module = reference if name in REFERENCE else f"{mutants.__name__} {name}"
     how, arguments = (
         ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])

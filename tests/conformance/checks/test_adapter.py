@@ -28,7 +28,7 @@ def judged(tmp_path, axes, select):
     done = subprocess.run(
         [
             *(sys.executable, "-m", "splatbus_conformance", "--plain", "client", "--json", path),
-            *("--adapter", f'"{sys.executable}" -m splatbus_client.adapter --axes {axes}'),
+            *("--adapter", f'"{sys.executable}" -m splatbus_viewer.adapter --axes {axes}'),
             *("--select", ",".join(select)),
         ],
         capture_output=True,

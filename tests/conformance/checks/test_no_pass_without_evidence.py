@@ -24,7 +24,7 @@ from splatbus_conformance.wire.sockets import CHANNELS, Peer
 from splatbus_schemas.requirements import requirements
 
 REFERENCE: dict[Side, str] = {
-    "client": f'"{sys.executable}" -m splatbus_client view',
+    "client": f'"{sys.executable}" -m splatbus_viewer view',
     "server": f'"{sys.executable}" -m splatbus_server --quiet --size 64x48',
 }
 SHORT_SECONDS = 0.03

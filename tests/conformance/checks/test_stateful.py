@@ -26,6 +26,8 @@ from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Aske
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.replay import replay, worked_out
 from splatbus_conformance.run.testbed import Testbed, set_up
+from splatbus_conformance.selftest import mutants
+from splatbus_conformance.selftest.judge import PROGRAMS, USUAL
 from splatbus_conformance.trials.trial import Trial, Violation
 from splatbus_schemas.requirements import requirements
 
@@ -252,11 +254,10 @@ def test_a_frame_without_a_camera_shows_none(camera: Any) -> None:
 
 @pytest.fixture
 def testbed(request: pytest.FixtureRequest) -> Iterator[Testbed]:
-    """A stand for one of the reference pair, or one of its mutants."""
+    """Of one of the reference pair, or one of its mutants."""
     side, name = request.param
-    module = f"splatbus_conformance.selftest.mutants {name}" if name else f"splatbus_{side}"
-    usual = "view" if side == "client" else "--quiet --size 64x48"
-    command = f'"{sys.executable}" -m {module} {usual}'
+    module = f"{mutants.__name__} {name}" if name else PROGRAMS[side]
+    command = f'"{sys.executable}" -m {module} {USUAL[side]}'
     made = set_up(Plan(side, command, "127.0.0.1", (0, 0), (64, 48), 10.0))
     made.introduce()
     yield made

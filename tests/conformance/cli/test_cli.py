@@ -9,8 +9,8 @@ from collections.abc import Callable
 from importlib import metadata
 
 import pytest
-import splatbus_client.cli
 import splatbus_server.cli
+import splatbus_viewer.cli
 from splatbus_conformance.cli.arguments import plan_of
 from splatbus_conformance.cli.commands import console
 from splatbus_conformance.cli.examples import EXAMPLES
@@ -135,7 +135,7 @@ def test_plain_lines_fit_the_terminal_if_there_is_one(terminal: bool, most: int)
     [
         ("splatbus-conformance", main),
         ("splatbus-server", splatbus_server.cli.main),
-        ("splatbus-client", splatbus_client.cli.main),
+        ("splatbus-client", splatbus_viewer.cli.main),
     ],
 )
 def test_the_version_is_that_of_the_distribution(

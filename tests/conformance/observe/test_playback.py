@@ -141,7 +141,7 @@ def test_what_was_broken_then_is_found_again_or_not(
     file = tmp_path / "session.jsonl"
     entries = load(RECORDINGS / "python-client.jsonl")[:6]
     save([*entries, Entry(0.6, "msg", 1, "c2s", POSE)], file)
-    view = f'"{sys.executable}" -m splatbus_client view'
+    view = f'"{sys.executable}" -m splatbus_viewer view'
     mutant = f'"{sys.executable}" -m splatbus_conformance.selftest.mutants rotation-without-w view'
     kept = tmp_path / "kept"
     assert replayed(file, "client", "--launch", mutant, "--record", str(kept)) == 1

@@ -9,7 +9,7 @@ from splatbus_conformance import oracle
 
 ROOT = Path(oracle.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
-JUDGED = ("splatbus_wire", "splatbus_server", "splatbus_client")
+JUDGED = ("splatbus_wire", "splatbus_server", "splatbus_client", "splatbus_viewer")
 
 
 def test_it_works_where_nothing_that_is_judged_can_be_imported():

@@ -25,11 +25,12 @@ the server that is judged shows a scene that it draws by itself. Their tests jud
 """
 OWN: dict[Side, tuple[str, ...]] = {
     "client": tuple(
-        f"splatbus_client.{name}"
+        f"splatbus_{name}"
         for name in (
-            *("backoff", "channel", "events", "host_memory", "incoming", "ipc_protocol"),
-            *("lease", "loop", "message_protocol", "outgoing", "questions", "reading", "session"),
-            "steering",
+            *("client.backoff", "client.channel", "client.events", "client.host_memory"),
+            *("client.incoming", "client.ipc_protocol", "client.lease", "client.loop"),
+            *("client.message_protocol", "client.outgoing", "viewer.questions", "client.reading"),
+            *("client.session", "client.steering"),
         )
     ),
     "server": tuple(

@@ -22,7 +22,7 @@ def altered(specimen: Mutant | Variation | MachineMade) -> Program:
     No other is imported: what a module has taken from another by name cannot be altered any more.
     """
     specimen.alter(Patch())
-    client = "splatbus_client.adapter" if specimen.axes else "splatbus_client.cli"
+    client = "splatbus_viewer.adapter" if specimen.axes else "splatbus_viewer.cli"
     program = "splatbus_server.cli" if specimen.side == "server" else client
     main: Any = importlib.import_module(program).main
 

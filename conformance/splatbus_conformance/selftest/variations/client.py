@@ -5,7 +5,7 @@ import os
 from typing import Any
 
 import numpy as np
-from splatbus_client import adapter, channel, ipc_protocol, message_protocol, reading, steering
+from splatbus_client import channel, ipc_protocol, message_protocol, reading, steering
 from splatbus_client.channel import Channel
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
@@ -13,6 +13,7 @@ from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_client.settings import TOKEN_VARIABLE
 from splatbus_schemas import LIMITS
+from splatbus_viewer import adapter
 from splatbus_wire.errors import ProtocolError
 
 from splatbus_conformance.selftest.faults.patching import Patch

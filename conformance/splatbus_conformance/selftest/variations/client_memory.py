@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_client.host_memory import HostImages
 from splatbus_client.lease import FrameLease
-from splatbus_client.mirror import Mirror
+from splatbus_viewer.mirror import Mirror
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import wrap

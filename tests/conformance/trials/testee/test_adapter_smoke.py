@@ -51,9 +51,9 @@ def try_it(peer, tmp_path):
 
 @pytest.fixture(scope="module")
 def example():
-    import splatbus_client.adapter
+    import splatbus_viewer.adapter
 
-    return splatbus_client.adapter.__file__
+    return splatbus_viewer.adapter.__file__
 
 
 def test_an_adapter_without_a_client_is_none_the_worse(try_it):

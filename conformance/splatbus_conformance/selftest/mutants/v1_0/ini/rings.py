@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_client import adapter, display, host_memory
+from splatbus_client import host_memory
 from splatbus_client.events import Lent
 from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import CHANNELS, IpcProtocol
-from splatbus_client.mirror import Mirror
+from splatbus_viewer import adapter, display
+from splatbus_viewer.mirror import Mirror
 from splatbus_wire import decoding
 
 from splatbus_conformance.selftest.faults.patching import Patch

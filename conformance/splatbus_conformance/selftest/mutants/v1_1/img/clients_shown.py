@@ -4,12 +4,12 @@ import time
 from typing import Any
 
 import numpy as np
-from splatbus_client import adapter, display, mirror
 from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.lease import FrameLease
-from splatbus_client.mirror import Copied, Mirror
 from splatbus_client.reading import Reading
+from splatbus_viewer import adapter, display, mirror
+from splatbus_viewer.mirror import Copied, Mirror
 from splatbus_wire.compositing import over_straight
 
 from splatbus_conformance.selftest.faults.patching import Patch

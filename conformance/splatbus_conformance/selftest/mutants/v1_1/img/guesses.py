@@ -5,9 +5,10 @@ a frame which they cannot use.
 import json
 from typing import Any
 
-from splatbus_client import display, ipc_protocol, reading
+from splatbus_client import ipc_protocol, reading
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
+from splatbus_viewer import display
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.message_types import Closed, Frame

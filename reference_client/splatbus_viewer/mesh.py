@@ -8,7 +8,7 @@ from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.poses import as_array
 from splatbus_wire.relative import object_to_camera
 
-from splatbus_client.display import Float32Array, Shown, rays
+from splatbus_viewer.display import Float32Array, Shown, rays
 
 OUTSIDE = ((0.98, 0.62, 0.12), (0.85, 0.42, 0.05))
 INSIDE = ((0.62, 0.68, 0.78), (0.46, 0.52, 0.63))

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from splatbus_wire.init_packet import Semantics
-from splatbus_wire.messages import FrameCamera, Placement
-
 from splatbus_client.lease import FrameLease, Image
 from splatbus_client.session import Session
+from splatbus_wire.init_packet import Semantics
+from splatbus_wire.messages import FrameCamera, Placement
 
 
 class Copied(NamedTuple):

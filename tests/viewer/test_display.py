@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from splatbus_client.display import composed, rays, shown
+from splatbus_viewer.display import composed, rays, shown
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY

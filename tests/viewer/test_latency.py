@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_client.latency import Latencies, histogram, percentiles
+from splatbus_viewer.latency import Latencies, histogram, percentiles
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY, Pose
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import Pose
 
-from splatbus_client.terminal import bar
+from splatbus_viewer.terminal import bar
 
 _WAITING = 256
 _KEPT = 10_000

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.compositing import over_straight
 
-from splatbus_client.display import Float32Array, Shown
-from splatbus_client.mesh import ring_around
+from splatbus_viewer.display import Float32Array, Shown
+from splatbus_viewer.mesh import ring_around
 
 try:
     from PIL import Image, ImageDraw, ImageFont

@@ -6,14 +6,13 @@ import logging
 from concurrent.futures import Future
 from typing import Any
 
-from splatbus_wire.messages import SetViewport
-from splatbus_wire.poses import IDENTITY, Pose
-
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.session import Session
 from splatbus_client.steering import ServerRefusedError
+from splatbus_wire.messages import SetViewport
+from splatbus_wire.poses import IDENTITY, Pose
 
-log = logging.getLogger("splatbus_client")
+log = logging.getLogger("splatbus_viewer")
 
 
 class Questions:

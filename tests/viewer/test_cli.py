@@ -1,9 +1,9 @@
 """The command line: what it takes, and what it says when something is wrong."""
 
 import pytest
-from splatbus_client.cli import main
+from splatbus_viewer.cli import main
 
-from tests.client.fake_server import FakeServer
+from tests.peers.fake_server import FakeServer
 
 
 @pytest.fixture

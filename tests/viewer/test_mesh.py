@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from splatbus_client.display import Shown, composed, rays
-from splatbus_client.mesh import _AXIS, bound, drawn, ring_around, tilted
+from splatbus_viewer.display import Shown, composed, rays
+from splatbus_viewer.mesh import _AXIS, bound, drawn, ring_around, tilted
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.poses import IDENTITY, Pose, as_array

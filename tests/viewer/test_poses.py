@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_client.poses import look_at, parse_look_at, parse_pose, same_view
+from splatbus_viewer.poses import look_at, parse_look_at, parse_pose, same_view
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import rotation_matrix
 

@@ -3,7 +3,7 @@
 import io
 
 import pytest
-from splatbus_client.terminal import Lines, bar, columns, printable
+from splatbus_viewer.terminal import Lines, bar, columns, printable
 
 
 class Terminal(io.StringIO):

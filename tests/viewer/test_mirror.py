@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from splatbus_client import connect
-from splatbus_client.mirror import Mirror
+from splatbus_viewer.mirror import Mirror
 
-from tests.client.fake_server import frame, image, init_packet
+from tests.peers.fake_server import frame, image, init_packet
 
 
 def test_the_newest_image_is_copied_and_given_back(server, session, memory):

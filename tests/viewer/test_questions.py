@@ -2,10 +2,10 @@
 
 import time
 
-from splatbus_client.questions import Questions
+from splatbus_viewer.questions import Questions
 from splatbus_wire.poses import IDENTITY
 
-from tests.client.fake_server import CAMERA_REPLY, HEIGHT, POSITION, WIDTH
+from tests.peers.fake_server import CAMERA_REPLY, HEIGHT, POSITION, WIDTH
 
 
 def follow(questions, until):

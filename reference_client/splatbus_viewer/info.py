@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from splatbus_wire.messages import Scene, SceneObject
-
 from splatbus_client.channel import ChannelStatus
 from splatbus_client.clock import Sample, best
 from splatbus_client.lease import FrameLease
 from splatbus_client.loop import clock
 from splatbus_client.session import Session
-from splatbus_client.terminal import printable
+from splatbus_wire.messages import Scene, SceneObject
+
+from splatbus_viewer.terminal import printable
 
 _PINGS = 9
 

@@ -1,4 +1,4 @@
-"""`python -m splatbus_client.adapter`: the example of an adapter (conformance/ADAPTER.md)."""
+"""`python -m splatbus_viewer.adapter`: the example of an adapter (conformance/ADAPTER.md)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from splatbus_client.session import Session, connect
 from splatbus_wire.conventions import ENGINES, Engine
 from splatbus_wire.init_packet import semantics_object
 from splatbus_wire.poses import Pose
 
-from splatbus_client.display import composed
-from splatbus_client.mirror import Mirror
-from splatbus_client.questions import Questions
-from splatbus_client.session import Session, connect
+from splatbus_viewer.display import composed
+from splatbus_viewer.mirror import Mirror
+from splatbus_viewer.questions import Questions
 
 Json = dict[str, Any]
 AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
@@ -123,7 +123,7 @@ def _number(value: float) -> float | str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Answer one line after the other, until `stop` or the end of the input."""
-    parser = argparse.ArgumentParser(prog="python -m splatbus_client.adapter")
+    parser = argparse.ArgumentParser(prog="python -m splatbus_viewer.adapter")
     parser.add_argument("--axes", choices=AXES, default="opencv", help="whose axes poses are in")
     axes = parser.parse_args(arguments).axes
     adapter = Adapter(axes)

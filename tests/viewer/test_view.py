@@ -11,10 +11,10 @@ from contextlib import contextmanager
 import pytest
 from splatbus_client import Pose, Status
 from splatbus_client.channel import ChannelStatus
-from splatbus_client.view import ORBIT_SECONDS, _Frames, _Report, orbit
+from splatbus_viewer.view import ORBIT_SECONDS, _Frames, _Report, orbit
 from splatbus_wire.rotations import rotation_matrix
 
-from tests.client.fake_server import (
+from tests.peers.fake_server import (
     CAMERA,
     CAMERA_REPLY,
     HEIGHT,
@@ -37,7 +37,7 @@ def viewer(server, *arguments):
         "SPLATBUS_MSG_PORT": str(server.message_port),
     }
     process = subprocess.Popen(
-        [sys.executable, "-m", "splatbus_client", "view", *arguments],
+        [sys.executable, "-m", "splatbus_viewer", "view", *arguments],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

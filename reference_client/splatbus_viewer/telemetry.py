@@ -9,11 +9,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TextIO
 
-from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, message_object
-
 from splatbus_client.loop import clock
 from splatbus_client.session import Session
-from splatbus_client.terminal import Lines, columns, printable
+from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, message_object
+
+from splatbus_viewer.terminal import Lines, columns, printable
 
 _PATIENCE_SECONDS = 0.25
 _CURVE_LETTERS = 32

@@ -7,12 +7,12 @@ import pytest
 from splatbus_client import reading
 from splatbus_client.events import Look
 from splatbus_client.ipc_protocol import IpcProtocol
-from splatbus_client.mirror import Mirror
-from splatbus_client.snapshot import snapshot
+from splatbus_viewer.mirror import Mirror
+from splatbus_viewer.snapshot import snapshot
 from splatbus_wire.init_packet import LegacyBuffers, Semantics
 from splatbus_wire.messages import Hello, Program
 
-from tests.client.fake_server import HEIGHT, WIDTH, cuda_init_packet, image, init_packet
+from tests.peers.fake_server import HEIGHT, WIDTH, cuda_init_packet, image, init_packet
 
 HANDLE = bytes(64)
 

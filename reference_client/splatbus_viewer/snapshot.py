@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from splatbus_client.loop import clock
+from splatbus_client.session import Session
 from splatbus_wire.poses import Pose
 
-from splatbus_client.display import Shown, shown
-from splatbus_client.loop import clock
-from splatbus_client.picture import three_panels
-from splatbus_client.poses import same_view
-from splatbus_client.session import Session
+from splatbus_viewer.display import Shown, shown
+from splatbus_viewer.picture import three_panels
+from splatbus_viewer.poses import same_view
 
 
 def snapshot(session: Session, path: Path, pose: Pose | None, timeout: float) -> None:

@@ -13,17 +13,17 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from splatbus_schemas import FRAMING
-from splatbus_schemas.version import ShowVersion
-
-from splatbus_client import telemetry
-from splatbus_client.info import describe
 from splatbus_client.message_protocol import NotOfferedError
-from splatbus_client.poses import parse_look_at, parse_pose
 from splatbus_client.session import Session
 from splatbus_client.settings import Settings, read_token, settings
 from splatbus_client.steering import ServerRefusedError
-from splatbus_client.view import view
+from splatbus_schemas import FRAMING
+from splatbus_schemas.version import ShowVersion
+
+from splatbus_viewer import telemetry
+from splatbus_viewer.info import describe
+from splatbus_viewer.poses import parse_look_at, parse_pose
+from splatbus_viewer.view import view
 
 _CHANNELS = FRAMING["channels"]
 
@@ -123,7 +123,7 @@ def _stopped_by_signals() -> threading.Event:
 
 def _snapshot(where: Settings, options: argparse.Namespace) -> int:
     try:
-        from splatbus_client.snapshot import snapshot
+        from splatbus_viewer.snapshot import snapshot
     except ImportError as problem:
         print(problem, file=sys.stderr)
         return 1

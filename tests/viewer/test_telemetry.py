@@ -5,11 +5,11 @@ import json
 import threading
 
 import pytest
-from splatbus_client import telemetry
-from splatbus_client.cli import main
+from splatbus_viewer import telemetry
+from splatbus_viewer.cli import main
 from splatbus_wire.messages import Histogram, Scalar, Telemetry, Text
 
-from tests.client.fake_server import TELEMETRY
+from tests.peers.fake_server import TELEMETRY
 
 FIGURES = Telemetry(
     17,

@@ -4,9 +4,9 @@ import re
 import threading
 
 import pytest
-from splatbus_client.cli import main
+from splatbus_viewer.cli import main
 
-from tests.client.fake_server import HEIGHT, SCENE, WIDTH, frame
+from tests.peers.fake_server import HEIGHT, SCENE, WIDTH, frame
 
 
 @pytest.fixture

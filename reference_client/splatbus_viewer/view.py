@@ -10,16 +10,16 @@ from collections import deque
 from typing import Any, TextIO
 
 import numpy as np
+from splatbus_client.channel import ChannelStatus
+from splatbus_client.lease import FrameLease
+from splatbus_client.loop import clock
+from splatbus_client.session import Session
+from splatbus_client.status import Status
 from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.rotations import rotation_matrix
 
-from splatbus_client.channel import ChannelStatus
-from splatbus_client.latency import Latencies, histogram, percentiles
-from splatbus_client.lease import FrameLease
-from splatbus_client.loop import clock
-from splatbus_client.questions import Questions
-from splatbus_client.session import Session
-from splatbus_client.status import Status
+from splatbus_viewer.latency import Latencies, histogram, percentiles
+from splatbus_viewer.questions import Questions
 
 ORBIT_SECONDS = 8.0
 ORBIT_RADIUS = 0.25

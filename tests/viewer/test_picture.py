@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from splatbus_client.display import Shown
-from splatbus_client.mesh import ring_around
-from splatbus_client.picture import three_panels
+from splatbus_viewer.display import Shown
+from splatbus_viewer.mesh import ring_around
+from splatbus_viewer.picture import three_panels
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY
 
