@@ -104,7 +104,7 @@ def process(*command: str) -> Iterator[str]:
 def server(options: tuple[str, ...]) -> Iterator[tuple[int, int]]:
     """The ports of a running server."""
     ports = ("--ipc-port", "0", "--msg-port", "0")
-    with process("-m", "splatbus_server.cli", *ports, *options) as line:
+    with process("-m", "splatbus_renderer.cli", *ports, *options) as line:
         match = READY.search(line)
         assert match, line
         yield int(match[1]), int(match[2])

@@ -20,6 +20,7 @@ RENDERERS = (
     "schemas/splatbus_schemas",
     "schemas/splatbus_wire",
     "reference_server/splatbus_server",
+    "reference_server/splatbus_renderer",
     "reference_client/splatbus_client",
     "reference_client/splatbus_viewer",
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from splatbus_server import scene
+from splatbus_renderer import scene
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.rotations import Quaternion, rotation_matrix
 

@@ -52,9 +52,9 @@ COUNT, SEED = 1500, 1
 PAIR = {
     "client": ("client", "--launch", "splatbus_viewer view", {}),
     "client beside its adapter": ("client", "--adapter", "splatbus_viewer.adapter", {}),
-    "server": ("server", "--launch", "splatbus_server --quiet --size 64x48", {}),
+    "server": ("server", "--launch", "splatbus_renderer --quiet --size 64x48", {}),
     "server with a token": (
-        *("server", "--launch", "splatbus_server --quiet --size 64x48"),
+        *("server", "--launch", "splatbus_renderer --quiet --size 64x48"),
         {"SPLATBUS_TOKEN": "a token that both are given"},
     ),
 }

@@ -12,8 +12,8 @@ from mpmath import mp, mpf
 from splatbus_conformance.images import known_scene
 from splatbus_conformance.images.pinhole import Camera as OracleCamera
 from splatbus_conformance.images.pinhole import Rigid
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import (
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import (
     AMBIENT,
     DIFFUSE,
     Camera,

@@ -10,7 +10,7 @@ import pytest
 import splatbus_client
 from PIL import Image
 from splatbus_client import Pose
-from splatbus_server import scene
+from splatbus_renderer import scene
 from splatbus_viewer.cli import main
 from splatbus_viewer.poses import look_at
 
@@ -28,7 +28,7 @@ POSES = [
 @pytest.fixture(scope="module")
 def server():
     """Where a reference server runs: host and ports."""
-    module = [sys.executable, "-m", "splatbus_server.cli"]
+    module = [sys.executable, "-m", "splatbus_renderer.cli"]
     size = f"{WIDTH}x{HEIGHT}"
     with subprocess.Popen(
         [*module, "--ipc-port", "0", "--msg-port", "0", "--size", size, "--quiet"],

@@ -15,7 +15,7 @@ import pytest
 import splatbus_client
 from splatbus_client import Intrinsics, Pose, ServerRefusedError
 from splatbus_client.clock import best
-from splatbus_server import scene
+from splatbus_renderer import scene
 from splatbus_viewer.cli import main
 from splatbus_wire.messages import Histogram, Placement, Scalar, Text
 
@@ -30,7 +30,7 @@ LENS = Intrinsics(120.0, 110.0, 90.0, 75.0, 2 * WIDTH, 2 * HEIGHT, 0.05, 50.0)
 @contextmanager
 def serving(*options):
     """Where a reference server runs: host and ports."""
-    module = [sys.executable, "-m", "splatbus_server.cli"]
+    module = [sys.executable, "-m", "splatbus_renderer.cli"]
     with subprocess.Popen(
         [*module, "--ipc-port", "0", "--msg-port", "0", "--quiet", *options],
         stdout=subprocess.PIPE,

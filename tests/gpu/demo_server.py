@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import splatbus_server
+from splatbus_renderer.demo import render_until
 from splatbus_server.cuda.driver import Device
-from splatbus_server.demo import render_until
 
 from tests.gpu.images import OnDevice
 

@@ -25,7 +25,7 @@ require_gpu()
 from splatbus_server.cuda.driver import Device  # noqa: E402
 
 from tests.gpu.images import BOTH, OnDevice  # noqa: E402
-from tests.server.raw_client import RawClient, hello  # noqa: E402
+from tests.peers.raw_client import RawClient, hello  # noqa: E402
 
 SIZE = (64, 48)
 ROOT = Path(__file__).parents[2]

@@ -24,7 +24,7 @@ from tests.guides.pages import ROOT
 
 GUIDES = ROOT / "conformance" / "guides"
 CLIENT = f'"{sys.executable}" "{GUIDES / "minimal_client.py"}"'
-SERVER = f'"{sys.executable}" -u -m splatbus_server'
+SERVER = f'"{sys.executable}" -u -m splatbus_renderer'
 PROGRAMS = {
     "my-viewer": CLIENT,
     "my-client": CLIENT,
@@ -36,7 +36,7 @@ PROGRAMS = {
 }
 """What stands under the names of the readers' programs. Their arguments go nowhere."""
 PYTHON_PROGRAMS = {
-    "my_renderer.py": "from splatbus_server.cli import main\nraise SystemExit(main([]))\n",
+    "my_renderer.py": "from splatbus_renderer.cli import main\nraise SystemExit(main([]))\n",
     "my_adapter.py": "from splatbus_viewer.adapter import main\nmain([])\n",
 }
 ENGINE = """\

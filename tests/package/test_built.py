@@ -14,6 +14,7 @@ PACKAGES = {
     "splatbus_schemas": "schemas",
     "splatbus_wire": "schemas",
     "splatbus_server": "reference_server",
+    "splatbus_renderer": "reference_server",
     "splatbus_client": "reference_client",
     "splatbus_viewer": "reference_client",
     "splatbus_conformance": "conformance",

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import splatbus_client
 import splatbus_server
-from splatbus_server import scene
-from splatbus_server.demo import render_until, turning_time
+from splatbus_renderer import scene
+from splatbus_renderer.demo import render_until, turning_time
 
 from tests.closed_form import exact_pixels, matrix
 from tests.pair.rig import Tap, served

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tests.pair.rig import MOST_SECONDS, Tap
-from tests.server.raw_client import CAPABILITIES, RawClient, Reader, hello
+from tests.peers.raw_client import CAPABILITIES, RawClient, Reader, hello
 
 EVERYTHING = "intrinsics objects scene viewport time ping telemetry".split()
 

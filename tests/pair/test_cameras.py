@@ -11,7 +11,7 @@ from splatbus_viewer.poses import look_at
 from tests.pair.known_scene import showing, wrong_pixels
 from tests.pair.rig import MOST_SECONDS, eventually
 from tests.pair.talk import Onlooker, Talker
-from tests.server.raw_client import camera_pose
+from tests.peers.raw_client import camera_pose
 
 LENSES = [
     Intrinsics(800.0, 800.0, 960.0, 540.0, 1920, 1080, 0.01, 100.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.pair.painting import painter
 from tests.pair.rig import serving
 from tests.pair.talk import Onlooker, Talker
-from tests.server.raw_client import camera_pose
+from tests.peers.raw_client import camera_pose
 
 
 def at(x: float) -> object:

@@ -7,7 +7,7 @@ from splatbus_server import SceneObject
 from tests.pair.painting import painter
 from tests.pair.rig import serving
 from tests.pair.talk import Onlooker, Talker, object_pose
-from tests.server.raw_client import RawClient, camera_pose
+from tests.peers.raw_client import RawClient, camera_pose
 
 LENS = {"fx": 40.0, "fy": 40.0, "cx": 16.0, "cy": 12.0, "width": 32, "height": 24}
 LENS |= {"near": 0.5, "far": 7.0}

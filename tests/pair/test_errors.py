@@ -13,7 +13,7 @@ from splatbus_schemas import schema
 from tests.pair.painting import painter
 from tests.pair.rig import eventually, serving
 from tests.pair.talk import Onlooker, Talker, object_pose
-from tests.server.raw_client import RawClient, camera_pose, hello
+from tests.peers.raw_client import RawClient, camera_pose, hello
 
 LENS = {"fx": 1.0, "fy": 1.0, "cx": 0.0, "cy": 0.0, "width": 1, "height": 999}
 LENS |= {"near": 0.1, "far": 1.0}

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from splatbus_client import FrameLease, Placement, Pose
-from splatbus_server import scene
+from splatbus_renderer import scene
 from splatbus_viewer.display import rays
 from splatbus_viewer.mesh import bound, drawn, tilted
 from splatbus_wire.poses import as_array, world_matrix

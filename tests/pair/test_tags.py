@@ -9,7 +9,7 @@ from splatbus_client import Pose
 from tests.pair.painting import painter
 from tests.pair.rig import MOST_SECONDS, serving
 from tests.pair.talk import Onlooker, Talker
-from tests.server.raw_client import camera_pose
+from tests.peers.raw_client import camera_pose
 
 TURNS = 50
 

@@ -7,7 +7,7 @@ from splatbus_client import Pose
 from tests.pair.known_scene import showing, wrong_pixels
 from tests.pair.rig import MOST_SECONDS, eventually
 from tests.pair.talk import Onlooker, Talker
-from tests.server.raw_client import camera_pose
+from tests.peers.raw_client import camera_pose
 
 DEGREES = 45.0
 

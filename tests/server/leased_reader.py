@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from tests.server.raw_client import Reader
+from tests.peers.raw_client import Reader
 
 COLOR_STEP = 2.0**-24
 

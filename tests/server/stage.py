@@ -17,7 +17,7 @@ from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Placement, Program, Scene, SceneObject
 from splatbus_wire.poses import IDENTITY, Pose
 
-from tests.server.raw_client import hello, packet
+from tests.peers.raw_client import hello, packet
 
 CAMERAS = [Pose((float(index), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)]
 OBJECTS = {name: Placement(name, IDENTITY) for name in ("default", "chair")}

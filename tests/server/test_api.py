@@ -12,7 +12,7 @@ import splatbus_server
 from splatbus_server import View
 from splatbus_server.service import Service
 
-from tests.server.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello
+from tests.peers.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello
 from tests.waiting import eventually
 
 WIDTH, HEIGHT = 6, 5

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 import pytest
 import splatbus_server
 
+from tests.peers.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello, packet
 from tests.server.conftest import SIZE
-from tests.server.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello, packet
 from tests.waiting import eventually
 
 HEADERS = {

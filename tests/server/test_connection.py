@@ -18,7 +18,7 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 
-from tests.server.raw_client import camera_pose, hello, packet
+from tests.peers.raw_client import camera_pose, hello, packet
 
 OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "message": ()})
 GUARDED = OPEN._replace(token="secret")

@@ -11,7 +11,7 @@ from splatbus_server.memory import Memory
 from splatbus_wire.init_packet import CudaMemory, LegacyBuffers, Semantics
 from splatbus_wire.messages import Program
 
-from tests.server.raw_client import hello
+from tests.peers.raw_client import hello
 from tests.server.stage import READERS, TERMS, Client, Stage
 
 CAPABILITIES = ("cuda_ipc", "frames", "reinit", "subscribe")

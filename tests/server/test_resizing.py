@@ -14,8 +14,8 @@ import pytest
 import splatbus_server
 from splatbus_server.memory import Memory
 
+from tests.peers.raw_client import RawClient, Reader, camera_pose, hello, map_memory
 from tests.server.conftest import SIZE
-from tests.server.raw_client import RawClient, Reader, camera_pose, hello, map_memory
 from tests.waiting import eventually
 
 SIZES = [(16, 8), (24, 16), (40, 9), (8, 8)]

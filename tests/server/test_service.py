@@ -17,8 +17,8 @@ from splatbus_server.session import Session
 from splatbus_server.statistics import Statistics
 from splatbus_wire.messages import Channel, GetCameraPose
 
+from tests.peers.raw_client import RawClient, Reader, camera_pose, hello, packet
 from tests.server.conftest import SIZE
-from tests.server.raw_client import RawClient, Reader, camera_pose, hello, packet
 from tests.waiting import eventually
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from splatbus_server.connection import Connection
 
-from tests.server.raw_client import camera_pose, hello
+from tests.peers.raw_client import camera_pose, hello
 from tests.server.stage import READERS, TERMS, Client, Stage
 
 

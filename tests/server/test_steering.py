@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.server.raw_client import IDENTITY, camera_pose
+from tests.peers.raw_client import IDENTITY, camera_pose
 from tests.server.stage import Client, Stage
 
 LENS = {"fx": 8.0, "fy": 8.0, "cx": 4.0, "cy": 2.0, "width": 8, "height": 4, "near": 0.1, "far": 9}

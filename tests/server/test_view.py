@@ -11,7 +11,7 @@ from splatbus_server.view import Intrinsics, View, field_of_view
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
-from tests.server.raw_client import Reader
+from tests.peers.raw_client import Reader
 
 POSE = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
 

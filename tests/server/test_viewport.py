@@ -10,7 +10,7 @@ from splatbus_server import memory
 from splatbus_server.memory import Memory
 from splatbus_wire.messages import Closed
 
-from tests.server.raw_client import camera_pose
+from tests.peers.raw_client import camera_pose
 from tests.server.stage import Client, Stage
 
 LET_GO = LIMITS["let_go_seconds"]

@@ -29,7 +29,7 @@ FULL_RUN_SECONDS = 240.0
 """The longest that all checks may take on a client that passes them."""
 SELECTED_SECONDS = 120.0
 """The longest that the checks of one or two requirements may take on a client that fails them."""
-PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_server"}
+PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
 """The references that a person starts."""
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
 """What a specimen is told on its command line."""

@@ -25,7 +25,7 @@ from splatbus_schemas.requirements import requirements
 
 REFERENCE: dict[Side, str] = {
     "client": f'"{sys.executable}" -m splatbus_viewer view',
-    "server": f'"{sys.executable}" -m splatbus_server --quiet --size 64x48',
+    "server": f'"{sys.executable}" -m splatbus_renderer --quiet --size 64x48',
 }
 SHORT_SECONDS = 0.03
 SEEN_FROM_AFAR = {"check_host_and_ports_can_be_set", "check_listens_on_loopback_alone"}

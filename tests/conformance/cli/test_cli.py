@@ -9,7 +9,7 @@ from collections.abc import Callable
 from importlib import metadata
 
 import pytest
-import splatbus_server.cli
+import splatbus_renderer.cli
 import splatbus_viewer.cli
 from splatbus_conformance.cli.arguments import plan_of
 from splatbus_conformance.cli.commands import console
@@ -134,7 +134,7 @@ def test_plain_lines_fit_the_terminal_if_there_is_one(terminal: bool, most: int)
     ("name", "command"),
     [
         ("splatbus-conformance", main),
-        ("splatbus-server", splatbus_server.cli.main),
+        ("splatbus-server", splatbus_renderer.cli.main),
         ("splatbus-client", splatbus_viewer.cli.main),
     ],
 )

@@ -16,8 +16,8 @@ from splatbus_conformance.images.known_scene import (
     surface,
 )
 from splatbus_conformance.images.pinhole import Camera, ObjectPlacement, Rigid, rigid
-from splatbus_server.scene import Camera as ReferenceCamera
-from splatbus_server.scene import ObjectPose, Scene, default_scene, exact_pixel
+from splatbus_renderer.scene import Camera as ReferenceCamera
+from splatbus_renderer.scene import ObjectPose, Scene, default_scene, exact_pixel
 
 PAGE = Path(__file__).parents[3] / "conformance" / "SCENE.md"
 ROW = re.compile(r"^\| (\d+) \| (\d+) \| .* \| \((.*)\) \| (.*) \|$", re.MULTILINE)

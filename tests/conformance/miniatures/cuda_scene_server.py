@@ -3,8 +3,8 @@
 import cuda_server
 import numpy as np
 from cuda_server import ORIGIN, Server, run
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import Camera, ObjectPose, default_scene
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import Camera, ObjectPose, default_scene
 from splatbus_wire.rotations import rotation_matrix
 
 cuda_server.WIDTH, cuda_server.HEIGHT = WIDTH, HEIGHT = 64, 48

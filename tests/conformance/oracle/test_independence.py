@@ -9,7 +9,13 @@ from splatbus_conformance import oracle
 
 ROOT = Path(oracle.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
-JUDGED = ("splatbus_wire", "splatbus_server", "splatbus_client", "splatbus_viewer")
+JUDGED = (
+    "splatbus_wire",
+    "splatbus_server",
+    "splatbus_renderer",
+    "splatbus_client",
+    "splatbus_viewer",
+)
 
 
 def test_it_works_where_nothing_that_is_judged_can_be_imported():

@@ -23,7 +23,7 @@ def altered(specimen: Mutant | Variation | MachineMade) -> Program:
     """
     specimen.alter(Patch())
     client = "splatbus_viewer.adapter" if specimen.axes else "splatbus_viewer.cli"
-    program = "splatbus_server.cli" if specimen.side == "server" else client
+    program = "splatbus_renderer.cli" if specimen.side == "server" else client
     main: Any = importlib.import_module(program).main
 
     def run(arguments: list[str]) -> int:

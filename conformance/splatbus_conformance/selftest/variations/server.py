@@ -3,7 +3,8 @@
 import socket
 from typing import Any
 
-from splatbus_server import api, cli, memory, service
+from splatbus_renderer import cli
+from splatbus_server import api, memory, service
 from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
 from splatbus_server.control import Control
 from splatbus_server.service import Peer, Service

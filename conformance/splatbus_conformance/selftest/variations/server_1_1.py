@@ -6,7 +6,8 @@ import secrets
 from functools import partial
 from typing import Any
 
-from splatbus_server import api, cli, memory, ring, shared_memory
+from splatbus_renderer import cli
+from splatbus_server import api, memory, ring, shared_memory
 from splatbus_server import connection as connections
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange

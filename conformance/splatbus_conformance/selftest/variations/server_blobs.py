@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_server.raycast import Raycaster, Stats
-from splatbus_server.scene import Camera, Scene
+from splatbus_renderer.raycast import Raycaster, Stats
+from splatbus_renderer.scene import Camera, Scene
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import wrap

@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_server import cli, demo
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import Floor, Scene, Sphere
+from splatbus_renderer import cli, demo
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import Floor, Scene, Sphere
 from splatbus_server.view import Intrinsics
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.poses import Pose

@@ -4,9 +4,9 @@ import threading
 from dataclasses import replace
 from typing import Any
 
-from splatbus_server import cli, demo
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import Scene, Sphere, default_scene
+from splatbus_renderer import cli, demo
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import Scene, Sphere, default_scene
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import wrap

@@ -220,7 +220,7 @@ def test_a_run_without_a_verdict_leaves_a_report_that_says_so(tmp_path: Path) ->
 
 def test_reports_of_a_server_satisfy_it(tmp_path: Path) -> None:
     path = tmp_path / "report.json"
-    server = f'"{sys.executable}" -m splatbus_server'
+    server = f'"{sys.executable}" -m splatbus_renderer'
     code, output = run("server", "--launch", server, "--select", "NEG-8,L0", "--json", str(path))
     assert code == 0, output
     written = json.loads(path.read_text("utf-8"))

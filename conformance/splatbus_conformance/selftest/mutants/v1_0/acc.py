@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_server import demo, scene
-from splatbus_server.raycast import Raycaster
+from splatbus_renderer import demo, scene
+from splatbus_renderer.raycast import Raycaster
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import adding_up_digits, wrap

@@ -4,9 +4,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_server import api, cli, demo
+from splatbus_renderer import cli, demo
+from splatbus_renderer.raycast import Raycaster
+from splatbus_server import api
 from splatbus_server.control import Poses
-from splatbus_server.raycast import Raycaster
 from splatbus_server.session import MESSAGE_CAPABILITIES
 from splatbus_server.view import View
 from splatbus_wire.messages import PointCloudPose

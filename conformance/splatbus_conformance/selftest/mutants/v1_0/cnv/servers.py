@@ -5,11 +5,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_server import api, cli, demo
+from splatbus_renderer import cli, demo
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import IDENTITY, ObjectPose, multiply, rotate, transpose
+from splatbus_server import api
 from splatbus_server.control import Control, Poses
 from splatbus_server.exchange import Exchange
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import IDENTITY, ObjectPose, multiply, rotate, transpose
 from splatbus_wire.messages import CameraPose, Placement
 from splatbus_wire.poses import Pose
 

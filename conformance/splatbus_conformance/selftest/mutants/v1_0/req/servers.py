@@ -3,7 +3,7 @@
 import itertools
 from typing import Any
 
-from splatbus_server import cli
+from splatbus_renderer import cli
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import Exchange
 from splatbus_server.session import Session

@@ -3,9 +3,9 @@
 import time
 from typing import Any
 
+from splatbus_renderer.raycast import Raycaster
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import Exchange
-from splatbus_server.raycast import Raycaster
 from splatbus_server.ring import Ring
 from splatbus_server.session import Session
 from splatbus_wire.messages import Release

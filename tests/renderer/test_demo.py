@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 import splatbus_server
-from splatbus_schemas import LIMITS
-from splatbus_server.demo import BOBBING_TIME, OBJECTS, render_until, turning_time
-from splatbus_server.scene import (
+from splatbus_renderer.demo import BOBBING_TIME, OBJECTS, render_until, turning_time
+from splatbus_renderer.scene import (
     Camera,
     ObjectPose,
     Scene,
@@ -22,9 +21,10 @@ from splatbus_server.scene import (
     exact_pixel,
     multiply,
 )
+from splatbus_schemas import LIMITS
 from splatbus_wire.rotations import rotation_matrix
 
-from tests.server.raw_client import RawClient, Reader, camera_pose, hello
+from tests.peers.raw_client import RawClient, Reader, camera_pose, hello
 from tests.server.stage import MESSAGE_CAPABILITIES
 
 SIZE = (32, 24)

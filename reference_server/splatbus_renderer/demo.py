@@ -9,13 +9,13 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
+from splatbus_server.api import Bus
+from splatbus_server.view import View
 from splatbus_wire.messages import Box, SceneObject
 from splatbus_wire.rotations import Quaternion, rotation_matrix
 
-from splatbus_server.api import Bus
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import Camera, Matrix, ObjectPose, Scene, default_scene, multiply
-from splatbus_server.view import View
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import Camera, Matrix, ObjectPose, Scene, default_scene, multiply
 
 FPS = 120.0
 """Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""

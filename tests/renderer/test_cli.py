@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.server.raw_client import RawClient, Reader, camera_pose
+from tests.peers.raw_client import RawClient, Reader, camera_pose
 
 SECONDS = 30
-COMMAND = [sys.executable, "-m", "splatbus_server.cli"]
+COMMAND = [sys.executable, "-m", "splatbus_renderer.cli"]
 READY = re.compile(
     r"splatbus-server ready on (\S+): IPC port (\d+), message port (\d+), (\d+)x(\d+)\n"
 )

@@ -11,10 +11,10 @@ import threading
 from pathlib import Path
 
 from splatbus_schemas.version import ShowVersion
-
 from splatbus_server.api import serve
-from splatbus_server.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 from splatbus_server.settings import read_token
+
+from splatbus_renderer.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 
 EPILOG = """\
 examples:

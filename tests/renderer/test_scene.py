@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from splatbus_server.scene import (
+from splatbus_renderer.scene import (
     Camera,
     Floor,
     ObjectPose,

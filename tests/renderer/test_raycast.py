@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from splatbus_server.raycast import Raycaster
-from splatbus_server.scene import (
+from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer.scene import (
     Camera,
     ObjectPose,
     default_camera,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_server.scene import (
+from splatbus_renderer.scene import (
     AMBIENT,
     DIFFUSE,
     Camera,
