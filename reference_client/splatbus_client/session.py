@@ -34,6 +34,7 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 from splatbus_wire.poses import Pose
+from splatbus_wire.settings import Settings, settings
 
 from splatbus_client.channel import Channel
 from splatbus_client.clock import Sample
@@ -43,7 +44,6 @@ from splatbus_client.loop import Loop, clock
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.outgoing import Told
 from splatbus_client.reading import ImagesOpen, Loan, Reading, capabilities
-from splatbus_client.settings import Settings, settings
 from splatbus_client.status import Status, why_no_frame, why_no_reply
 from splatbus_client.steering import Steering
 

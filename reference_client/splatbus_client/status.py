@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from splatbus_wire.settings import Settings
+
 from splatbus_client.channel import ChannelStatus
-from splatbus_client.settings import Settings
 
 
 class Status(NamedTuple):

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.session import Session
-from splatbus_client.settings import Settings, read_token, settings
 from splatbus_client.steering import ServerRefusedError
 from splatbus_schemas import FRAMING
 from splatbus_schemas.version import ShowVersion
+from splatbus_wire.settings import Settings, read_token, settings
 
 from splatbus_viewer import telemetry
 from splatbus_viewer.info import describe

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from splatbus_schemas.version import ShowVersion
 from splatbus_server.api import serve
-from splatbus_server.settings import read_token
+from splatbus_wire.settings import read_token
 
 from splatbus_renderer.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 

@@ -13,10 +13,11 @@ with splatbus.serve(width, height) as bus:
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Box, SceneObject
 from splatbus_wire.poses import Pose
+from splatbus_wire.relative import PixelErrors
 
 from splatbus_server.api import Address, Bus, serve
 from splatbus_server.statistics import Statistics
-from splatbus_server.view import Intrinsics, PixelErrors, View, field_of_view
+from splatbus_server.view import Intrinsics, View, field_of_view
 
 __all__ = [
     "Address",

@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Hashable, Set
 from typing import NamedTuple
 
+from splatbus_wire.lens import as_high, scaled
+
 from splatbus_server.control import Poses
-from splatbus_server.lens import as_high, lens_of, scaled, without_size
 from splatbus_server.memory import FrameMemory, Writer
 from splatbus_server.statistics import Statistics
-from splatbus_server.view import Intrinsics, View
+from splatbus_server.view import Intrinsics, View, lens_of, without_size
 
 BOTH = frozenset(("color", "depth"))
 WITH_LEGACY = BOTH | {"legacy"}

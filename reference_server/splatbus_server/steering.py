@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from splatbus_wire.lens import fits
 from splatbus_wire.messages import CameraPose, ObjectPose, SetTime, Steering
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Poses
-from splatbus_server.lens import fits
 
 TimeRange = tuple[float, float]
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from splatbus_wire import relative
 from splatbus_wire.intrinsics import Pinhole
+from splatbus_wire.lens import Lens
 from splatbus_wire.messages import DEFAULT_OBJECT, Placement
 from splatbus_wire.poses import Pose, Vector, as_array, view_matrix, world_matrix
-from splatbus_wire.relative import RelativeView
+from splatbus_wire.relative import PixelErrors, RelativeView
 
 from splatbus_server.control import Poses
 
 Matrix = NDArray[np.float64]
-Points = NDArray[np.float64]
 
 
 class Intrinsics(NamedTuple):
@@ -35,18 +35,15 @@ class Intrinsics(NamedTuple):
     far: float = 100.0
 
 
-class PixelErrors(NamedTuple):
-    """How far the worst of the points that are seen is from its place in the image, in pixels.
+def lens_of(intrinsics: Intrinsics, width: int, height: int) -> Lens:
+    """The intrinsics of an image of this size, in pixels."""
+    fx, fy, cx, cy, near, far = intrinsics
+    return Lens(fx, fy, cx, cy, width, height, near, far)
 
-    Attributes:
-        plain: `object_to_camera` and the points, both rounded to float32, multiplied in float32.
-        camera_relative: the same with what `camera_relative` gives.
-        points_seen: the points in front of the camera and inside the image.
-    """
 
-    plain: float
-    camera_relative: float
-    points_seen: int
+def without_size(lens: Lens) -> Intrinsics:
+    """The intrinsics alone."""
+    return Intrinsics(*lens[:4], *lens[6:])
 
 
 def field_of_view(width: int, height: int, vertical_degrees: float = 60.0) -> Intrinsics:
@@ -183,20 +180,9 @@ class View:
             points: as in `camera_relative`.
             origin: as in `camera_relative`.
         """
-        given: NDArray[Any] = np.asarray(points)
-        seen_from = self._seen_from(origin)
-        matrix = as_array(relative.object_to_camera(*seen_from))
-        eye = relative.camera_in_object(*seen_from)
-        in_camera = np.subtract(given, eye, dtype=np.float64) @ matrix[:3, :3].T
-        right, seen = self._pixels(in_camera), self._sees(in_camera)
-        with np.errstate(over="ignore", invalid="ignore"):
-            single = given.astype(np.float32), matrix.astype(np.float32)
-            moved = relative.relative_view(given, *seen_from)
-            plain, camera_relative = (
-                np.hypot(*(self._pixels(points @ view[:3, :3].T + view[:3, 3]) - right)[seen].T)
-                for points, view in (single, moved)
-            )
-        return PixelErrors(_worst(plain), _worst(camera_relative), int(seen.sum()))
+        pinhole = Pinhole(*self.intrinsics[:4], self.width, self.height)
+        near, far = self.intrinsics.near, self.intrinsics.far
+        return relative.pixel_errors(points, pinhole, near, far, *self._seen_from(origin))
 
     def _seen_from(self, origin: Vector | None) -> tuple[Pose, Pose, Vector, float]:
         """Camera, object, what its points are counted from (in its own axes), and its scale."""
@@ -205,16 +191,3 @@ class View:
             return self.poses.camera, pose, relative.NO_ORIGIN, scale
         x, y, z = (a - b for a, b in zip(origin, self.origin))
         return self.poses.camera, pose, (x, y, z), scale
-
-    def _pixels(self, in_camera: NDArray[np.floating[Any]]) -> Points:
-        return Pinhole(*self.intrinsics[:4], self.width, self.height).project(in_camera)
-
-    def _sees(self, in_camera: Points) -> NDArray[np.bool_]:
-        z, (u, v) = in_camera[:, 2], self._pixels(in_camera).T
-        seen = (z >= self.intrinsics.near) & (z <= self.intrinsics.far)
-        return np.asarray(seen & (u >= 0) & (u <= self.width) & (v >= 0) & (v <= self.height))
-
-
-def _worst(errors: Points) -> float:
-    """The largest; infinity where one is not even a number."""
-    return float(np.nan_to_num(errors, nan=math.inf, posinf=math.inf).max(initial=0.0))

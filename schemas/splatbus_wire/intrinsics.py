@@ -42,6 +42,22 @@ class Pinhole(NamedTuple):
             height,
         )
 
+    def as_high(self, width: int, height: int) -> Pinhole:
+        """Return the same view, from its upper to its lower edge, for an image of this size.
+
+        Pixels keep their shape, so that an image of another shape shows more or less at its sides,
+        and the principal point its distance from the middle, in parts of the height.
+        """
+        ratio = height / self.height
+        return Pinhole(
+            self.fx * ratio,
+            self.fy * ratio,
+            width / 2.0 + (self.cx - self.width / 2.0) * ratio,
+            self.cy * ratio,
+            width,
+            height,
+        )
+
     def has_shape_of(self, width: int, height: int) -> bool:
         """Whether an image of this size has the same aspect ratio, but for rounding [CAM-6].
 

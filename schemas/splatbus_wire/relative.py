@@ -12,11 +12,13 @@ Everything is in the axes and units of the object: X_world = scale·R_object·(X
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from splatbus_wire.intrinsics import Pinhole
 from splatbus_wire.poses import IDENTITY, Matrix4, Pose, Vector, as_array
 from splatbus_wire.rotations import rotation_matrix
 
@@ -38,6 +40,20 @@ class RelativeView(NamedTuple):
 
     points: Float32Array
     matrix: Float32Array
+
+
+class PixelErrors(NamedTuple):
+    """How far the worst of the points that are seen is from its place in the image, in pixels.
+
+    Attributes:
+        plain: `object_to_camera` and the points, both rounded to float32, multiplied in float32.
+        camera_relative: the same with what `relative_view` gives.
+        points_seen: the points in front of the camera and inside the image.
+    """
+
+    plain: float
+    camera_relative: float
+    points_seen: int
 
 
 def camera_in_object(
@@ -161,3 +177,47 @@ def two_floats(eye: Vector) -> tuple[Float32Array, Float32Array]:
     """
     high = np.array(eye, np.float32)
     return high, np.subtract(eye, high, dtype=np.float64).astype(np.float32)
+
+
+def pixel_errors(
+    points: ArrayLike,
+    pinhole: Pinhole,
+    near: float,
+    far: float,
+    camera: Pose,
+    object_pose: Pose = IDENTITY,
+    origin: Vector = NO_ORIGIN,
+    scale: float = 1.0,
+) -> PixelErrors:
+    """Return what single precision costs these points in a view, plainly and camera-relative.
+
+    It takes some 200 bytes a point.
+
+    Args:
+        points: as in `relative_view`, and so are `camera` to `scale`.
+        pinhole: of the image, in pixels.
+        near: planar depth from which on points are seen, units of the world.
+        far: planar depth up to which they are.
+    """
+    given: NDArray[Any] = np.asarray(points)
+    seen_from = (camera, object_pose, origin, scale)
+    matrix = as_array(object_to_camera(*seen_from))
+    eye = camera_in_object(*seen_from)
+    in_camera = np.subtract(given, eye, dtype=np.float64) @ matrix[:3, :3].T
+    right = pinhole.project(in_camera)
+    z, (u, v) = in_camera[:, 2], right.T
+    seen = (z >= near) & (z <= far)
+    seen &= (u >= 0) & (u <= pinhole.width) & (v >= 0) & (v <= pinhole.height)
+    with np.errstate(over="ignore", invalid="ignore"):
+        single = given.astype(np.float32), matrix.astype(np.float32)
+        moved = relative_view(given, *seen_from)
+        plain, relative = (
+            np.hypot(*(pinhole.project(its @ view[:3, :3].T + view[:3, 3]) - right)[seen].T)
+            for its, view in (single, moved)
+        )
+    return PixelErrors(_worst(plain), _worst(relative), int(seen.sum()))
+
+
+def _worst(errors: NDArray[np.float64]) -> float:
+    """The largest; infinity where one is not even a number."""
+    return float(np.nan_to_num(errors, nan=math.inf, posinf=math.inf).max(initial=0.0))

@@ -3,8 +3,8 @@ from __future__ import annotations
 import math
 
 import pytest
-from splatbus_server.lens import Lens, as_high, fits, lens_of, scaled, without_size
-from splatbus_server.view import Intrinsics, field_of_view
+from splatbus_server.view import Intrinsics, field_of_view, lens_of, without_size
+from splatbus_wire.lens import Lens, as_high, fits, scaled
 
 LENS = Lens(1500.0, 1400.0, 900.0, 500.0, 1920, 1080, 0.01, 100.0)
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from splatbus_schemas import LIMITS
-from splatbus_server.telemetry import series
 from splatbus_wire.messages import Histogram, Scalar, Text
+from splatbus_wire.series import series
 
 from tests.server.stage import Client, Stage
 

@@ -14,8 +14,9 @@ WIRE = tuple(
     for name in (
         *("compositing", "conventions", "decoding", "encoding", "errors", "fields"),
         *("framing", "from_client", "from_server", "init_packet", "intrinsics", "json_text"),
+        "lens",
         *("message_types", "messages", "negotiation", "parts", "plain", "plain_frames"),
-        *("plain_poses", "poses", "rotations"),
+        *("plain_poses", "poses", "rotations", "series"),
     )
 )
 """All of it that is on the wire, or that a client computes which is judged.
@@ -36,7 +37,7 @@ OWN: dict[Side, tuple[str, ...]] = {
     "server": tuple(
         f"splatbus_server.{name}"
         for name in (
-            *("connection", "control", "exchange", "lens", "memory", "reader", "ring", "service"),
+            *("connection", "control", "exchange", "memory", "reader", "ring", "service"),
             *("session", "shared_memory", "steering", "telemetry", "view", "viewport"),
         )
     ),
@@ -50,8 +51,7 @@ CUDA or compiled, whose lines are not executed here.
 """
 UNCALLED: dict[str, tuple[str, ...]] = {
     "splatbus_server.view": (  # matrices for renderers; that of the demo makes its own
-        *("View.object_to_world", "View.pixel_errors", "View._seen_from", "View._pixels"),
-        *("View._sees", "_worst"),
+        *("View.object_to_world", "View.pixel_errors", "View._seen_from"),
     ),
     "splatbus_wire.poses": ("world_matrix", "view_matrix", "camera_centre", "as_array"),
     "splatbus_wire.intrinsics": (  # for who projects points or reads a calibration
@@ -89,8 +89,8 @@ def draw(count: int, seed: int) -> list[Drawn]:
 def named(names: Iterable[str]) -> list[Drawn]:
     """Those of these changes that there still are."""
     wanted = list(names)
-    there = {it.name: it for module in {name.partition(":")[0] for name in wanted}
-             for it in of(module)}  # fmt: skip
+    modules = {name.partition(":")[0] for name in wanted}
+    there = {it.name: it for module in modules if source(module).exists() for it in of(module)}
     return [as_drawn(there[name]) for name in wanted if name in there]
 
 

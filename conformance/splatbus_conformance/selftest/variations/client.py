@@ -11,10 +11,10 @@ from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
-from splatbus_client.settings import TOKEN_VARIABLE
 from splatbus_schemas import LIMITS
 from splatbus_viewer import adapter
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.settings import TOKEN_VARIABLE
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.respelling import (

@@ -4,11 +4,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from splatbus_client import ipc_protocol, message_protocol, reading, settings
+from splatbus_client import ipc_protocol, message_protocol, reading
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_wire import settings
 from splatbus_wire.messages import GetViewportSize, Hello, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch

@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from splatbus_client.settings import read_token, settings
+from splatbus_wire.settings import read_token, settings
 
 ENVIRONMENT = {
     "SPLATBUS_HOST": "renderer",
@@ -24,6 +24,10 @@ def test_the_environment_comes_before_defaults():
 def test_arguments_come_before_the_environment():
     given = settings("::1", 1, 2, "given", environment=ENVIRONMENT)
     assert given == ("::1", 1, 2, "given")
+
+
+def test_a_server_may_let_the_system_choose() -> None:
+    assert settings(ipc_port=0, environment={}, least_port=0).ipc_port == 0
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "-1", "6001.0", "ipc", "٦٠٠١"])

@@ -1,11 +1,14 @@
-"""Whom to connect to and with which token: from arguments, the environment and defaults."""
+"""Where the two channels are, and the token: from arguments, the environment and the specification.
+
+Source: 1.0 section 3.1 [CHN-2], 1.1 section 2.4 [NEG-2, NEG-21].
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from splatbus_schemas import FRAMING, LIMITS
 
@@ -16,13 +19,13 @@ TOKEN_VARIABLE = "SPLATBUS_TOKEN"
 
 
 class Settings(NamedTuple):
-    """Where a server is.
+    """Where a server is, or is to be.
 
     Attributes:
         host: a name or an address.
-        ipc_port: of its IPC channel, 1 to 65535.
-        message_port: of its message channel, 1 to 65535.
-        token: what to say in `hello`; None says nothing.
+        ipc_port: of the IPC channel.
+        message_port: of the message channel.
+        token: what a `hello` has to say; None for none.
     """
 
     host: str
@@ -40,9 +43,14 @@ def settings(
     ipc_port: int | None = None,
     message_port: int | None = None,
     token: str | None = None,
+    *,
+    least_port: int = 1,
     environment: Mapping[str, str] = os.environ,
 ) -> Settings:
     """Fill in what is not given: from SPLATBUS_HOST and its kin, then from the specification.
+
+    Args:
+        least_port: 0 where the system may choose one, as for a server.
 
     Raises:
         ValueError: a port or the token is out of its range; the message names the variable that
@@ -53,32 +61,37 @@ def settings(
         raise ValueError(f"a token has at most {LIMITS['max_token_chars']} characters [NEG-2]")
     return Settings(
         host or environment.get(_HOST["environment"]) or _HOST["value"],
-        _port(ipc_port, _CHANNELS["ipc"], environment),
-        _port(message_port, _CHANNELS["message"], environment),
+        _port(ipc_port, _CHANNELS["ipc"], environment, least_port),
+        _port(message_port, _CHANNELS["message"], environment, least_port),
         token,
     )
 
 
 def read_token(path: Path) -> str:
-    """Return the token in a file, without the white space around it [NEG-21].
+    """The token in a file, without the white space around it [NEG-21].
 
     Raises:
         ValueError: the file holds none, or others than its owner can read it.
         OSError: it cannot be read.
     """
-    if os.name == "posix" and path.stat().st_mode & 0o077:
+    try:
+        mode, token = path.stat().st_mode, path.read_text("utf-8").strip()
+    except OSError as error:
+        raise OSError(error.errno, f"cannot read {path}: {error.strerror}") from None
+    if os.name == "posix" and mode & 0o077:
         raise ValueError(f"others than you can read {path}: run chmod 600 {path} [NEG-21]")
-    token = path.read_text("utf-8").strip()
     if not token:
         raise ValueError(f"{path} holds no token")
     return token
 
 
-def _port(given: int | None, channel: Mapping[str, object], environment: Mapping[str, str]) -> int:
-    variable = str(channel["environment"])
+def _port(
+    given: int | None, channel: Mapping[str, Any], environment: Mapping[str, str], least: int
+) -> int:
+    variable = channel["environment"]
     text = environment.get(variable) or str(channel["defaultPort"])
     if given is not None:
         variable, text = "the port", str(given)
-    if not text.isascii() or not text.isdecimal() or not 1 <= int(text) <= 65535:
-        raise ValueError(f"{variable} is {text!r}, not a number from 1 to 65535 [CHN-2]")
+    if not text.isascii() or not text.isdecimal() or not least <= int(text) <= 65535:
+        raise ValueError(f"{variable} is {text!r}, not a number from {least} to 65535 [CHN-2]")
     return int(text)
