@@ -240,13 +240,15 @@ def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     """Colour and depth are asked for in turns, while an image is held and the camera moves."""
     first, rng = first_view(trial), random.Random(trial.seed)
     capture, found = FrameCapture(trial), list[tuple[CapturedFrame, Sequence[str]]]()
+    began = trial.peer.clock()
     capture.take(anywhere(first, rng))
+    rendering = GLANCE_SECONDS + 2 * (trial.peer.clock() - began)
     capture.go(anywhere(first, rng))
     held = capture.hold()
     turns = (["color"], ["depth"], ["depth", "color"], ["depth"], ["color"], ["color", "depth"])
     for asked in turns * (20 if trial.thorough else 1):
         capture.go(anywhere(first, rng))
-        trial.rest(GLANCE_SECONDS)
+        trial.rest(rendering)  # so that there is an image for whom wanted it before
         trial.viewer.say(capture.reader, {"type": "subscribe", "channels": asked})
         capture.give_back(held)
         held = capture.hold()

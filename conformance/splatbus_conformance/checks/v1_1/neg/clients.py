@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
-from splatbus_conformance.checks.v1_0.req.clients import asking, requests
+from splatbus_conformance.checks.v1_0.req.clients import answer_all, asking, requests
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import (
@@ -24,8 +24,6 @@ from splatbus_conformance.wire.messages import Json, encode, error, reply, welco
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
-CROSSING_SECONDS = 0.005
-"""In which what was sent before an answer arrives beside it: that is left to NEG-5."""
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
 WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
@@ -229,19 +227,25 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
     needs=("hello:msg",),
 )
 def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
-    """A server that knows no hello answers get_viewport_size; the testee is listened to, and again
-    when a `welcome` has come after all.
+    """A server that knows no hello answers get_viewport_size, once the testee has said what it
+    says unasked; the testee is listened to, and again when a `welcome` has come after all.
     """
-    trial.role.speaks = "1.0"
+    trial.role.speaks, trial.role.replies = "1.0", False
+    trial.role.width = trial.role.height = 0  # who waits for images asks on (REQ-12)
     connection = trial.connection("msg")
     dealings = trial.role.with_(connection)
     if not trial.wait(lambda: dealings.count("get_viewport_size")):
         trial.not_observable("the testee does not ask for the size after hello")
-    trial.rest(CROSSING_SECONDS)
-    before = len(dealings.heard)
+    listen(trial, connection)
+    before = len(dealings.heard)  # what was said until here is left to NEG-5
+    trial.role.replies = True
+    answer_all(trial, connection)
     for moment in ("", " that said welcome too late"):
         if moment:
             trial.role.say(connection, welcome("msg", declared(trial)))
+        if trial.facts.poses:  # which show that it has run since
+            known = len(dealings.heard)
+            trial.wait(lambda: len(dealings.heard) > known + 1 or connection.ended)  # noqa: B023
         listen(trial, connection)
         trial.expect(not connection.ended, f"it closed the connection to a 1.0 server{moment}")
         said = dealings.heard[before:]

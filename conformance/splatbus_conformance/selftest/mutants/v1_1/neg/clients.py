@@ -273,10 +273,10 @@ def crashes_on_an_error_in_place_of_a_reply(patch: Patch) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("NEG-13", reason="get_camera_pose", through="NEG-13")
+@mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="it sent id to a 1.0")
 def ids_to_a_1_0_server(patch: Patch) -> None:
     """Numbers the requests to a 1.0 server, which knows no `id`."""
-    messages(patch, of_type("get_camera_pose", lambda request: {"id": 7} | request))
+    messages(patch, of_type("get_viewport_size", lambda request: {"id": 7} | request))
 
 
 @mutant("NEG-14", reason="to a server that speaks 1.0", through="NEG-14")
