@@ -71,13 +71,12 @@ def read_token(path: Path) -> str:
     """The token in a file, without the white space around it [NEG-21].
 
     Raises:
-        ValueError: the file holds none, or others than its owner can read it.
-        OSError: it cannot be read.
+        ValueError: the file cannot be read, or by others than its owner too, or it holds none.
     """
     try:
         mode, token = path.stat().st_mode, path.read_text("utf-8").strip()
     except OSError as error:
-        raise OSError(error.errno, f"cannot read {path}: {error.strerror}") from None
+        raise ValueError(f"cannot read {path}: {error.strerror}") from None
     if os.name == "posix" and mode & 0o077:
         raise ValueError(f"others than you can read {path}: run chmod 600 {path} [NEG-21]")
     if not token:

@@ -21,7 +21,7 @@ PACKAGES = {
 }
 SOURCES = {
     *(".ci", ".gitattributes", ".gitignore", "CHANGELOG.md", "LICENSE", "README.md"),
-    *("RELEASING.md", "constraints.txt", "pyproject.toml", "action.yml"),
+    *("CONTRIBUTING.md", "RELEASING.md", "constraints.txt", "pyproject.toml", "action.yml"),
     *("benchmarks", "conformance", "reference_client", "reference_server", "schemas"),
     *("spec", "tests"),
 }
@@ -54,7 +54,7 @@ def test_the_sdist_is_the_checkout(files: list[str], built: tuple[Path, Path]) -
     assert {name.split("/")[0] for name in inside} <= SOURCES | {"PKG-INFO"}
 
 
-def test_the_wheel_is_the_five_packages_and_nothing_else(
+def test_the_wheel_is_these_packages_and_nothing_else(
     files: list[str], built: tuple[Path, Path]
 ) -> None:
     inside, _ = names_in(built)
