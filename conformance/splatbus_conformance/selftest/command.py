@@ -14,8 +14,9 @@ from splatbus_conformance.plan import SIDES
 from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.selftest import judge, kill_matrix
 from splatbus_conformance.selftest.judge import GOOD, REFERENCE, SpecimenResult
+from splatbus_conformance.selftest.mutant import Variation
 from splatbus_conformance.selftest.processes import harnesses
-from splatbus_conformance.selftest.registry import mutants, variations
+from splatbus_conformance.selftest.registry import groups, mutants, variations
 from splatbus_conformance.selftest.seeds import judge_seeds
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
@@ -41,10 +42,14 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
             markup=False,
         )
         return EXIT_USAGE
-    chosen = {name: trials_[name] for name in wanted} if wanted else trials_
-    rows = {row.name: row for row in run(chosen, out)}
-    rows |= {row.name: row for row in unhurried(chosen, rows, out)}
-    in_order = [rows[name] for name in chosen]
+    in_a_group = {name for group in groups() for name in group.members}
+    usual = [name for name in trials_ if name not in in_a_group]
+    rows = {row.name: row for row in run({name: trials_[name] for name in wanted or usual}, out)}
+    for group in groups():
+        if row := rows.pop(group.name, None):
+            rows |= {row.name: row for row in members(group, row, trials_, out)}
+    rows |= {row.name: row for row in unhurried(trials_, rows, out)}
+    in_order = [rows[name] for name in trials_ if name in rows]
     if arguments.json:
         kill_matrix.save(in_order, Path(arguments.json))
     for row in in_order:
@@ -67,7 +72,8 @@ def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
     """
     for name in REFERENCE:
         yield name, lambda it=name: judge.judge_reference(it)  # type: ignore[misc]
-    sides = [[it for it in variations() if it.side == side] for side in SIDES]
+    every = (*groups(), *variations())
+    sides = [[it for it in every if it.side == side] for side in SIDES]
     in_turn = itertools.chain.from_iterable(itertools.zip_longest(*sides))
     for variation in filter(None, in_turn):
         yield variation.name, lambda it=variation: judge.judge_variation(it, profile)  # type: ignore[misc]
@@ -91,8 +97,26 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
         pool.shutdown()
 
 
+def members(
+    group: Variation, row: SpecimenResult, trials_: dict[str, Trial], out: Console
+) -> Iterator[SpecimenResult]:
+    """What became of those whose liberties were taken at once: what became of all, or if that was
+    not as it must be, of each by itself, which names the culprit; where none is, all are together.
+    """
+    known = {it.name: it for it in variations()}
+    if row.fate in GOOD:
+        for name in group.members:
+            yield replace(row, name=name, does=known[name].does)
+        return
+    out.print(f"{group.name}: {row.fate}; each of its liberties by itself", markup=False)
+    alone = list(run({name: trials_[name] for name in group.members}, out))
+    yield from alone
+    if all(it.fate in GOOD for it in alone):
+        yield row
+
+
 def unhurried(
-    chosen: dict[str, Trial], rows: dict[str, SpecimenResult], out: Console
+    trials_: dict[str, Trial], rows: dict[str, SpecimenResult], out: Console
 ) -> Iterator[SpecimenResult]:
     """Judge by itself what was not as it must be while others ran: it may have been short of time.
 
@@ -103,7 +127,7 @@ def unhurried(
         return
     for name in wrong:
         out.print(f"{name}: {rows[name].fate}; again, by itself", markup=False)
-        for row in run({name: chosen[name]}, out):
+        for row in run({name: trials_[name]}, out):
             yield replace(row, again=True)
 
 

@@ -1,5 +1,6 @@
 """What is said of a client or server that the harness is tried on, and how one is declared."""
 
+import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,6 +55,8 @@ class Variation:
     """The advice that it does not follow: SHOULDs that must warn, and no others."""
     axes: str = ""
     """As of a mutant."""
+    members: tuple[str, ...] = ()
+    """Of which variations it takes the liberties, all at once; of none but its own if empty."""
 
     @property
     def side(self) -> Side:
@@ -91,6 +94,30 @@ def variation(*, warns: tuple[str, ...] = (), axes: str = "") -> Callable[[A], A
     def declare(alter: A) -> A:
         name, does = _name_and_docstring(alter)
         alter.specimen = Variation(name, does, alter, frozenset(warns), axes)  # type: ignore[attr-defined]
+        return alter
+
+    return declare
+
+
+def together(*members: Alter) -> Callable[[A], A]:
+    """Declare variations whose liberties go together, to be judged at once.
+
+    The function that is declared does nothing; its docstring says what they have in common.
+    """
+    variations: list[Variation] = [member.specimen for member in members]  # type: ignore[attr-defined]
+    warns = frozenset[str]().union(*(it.warns for it in variations))
+    (axes,) = {it.axes for it in variations}
+
+    def declare(alter: A) -> A:
+        name, does = _name_and_docstring(alter)
+
+        @functools.wraps(alter)
+        def alter_all(patch: Patch) -> None:
+            for it in variations:
+                it.alter(patch)
+
+        names = tuple(it.name for it in variations)
+        alter.specimen = Variation(name, does, alter_all, warns, axes, names)  # type: ignore[attr-defined]
         return alter
 
     return declare

@@ -3,6 +3,7 @@
 import importlib
 import pkgutil
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
@@ -24,6 +25,16 @@ def mutants() -> tuple[Mutant, ...]:
 
 def variations() -> tuple[Variation, ...]:
     """Every allowed variation."""
+    return tuple(it for it in _allowed() if not it.members)
+
+
+def groups() -> tuple[Variation, ...]:
+    """Those that take the liberties of several at once."""
+    return tuple(it for it in _allowed() if it.members)
+
+
+@cache
+def _allowed() -> tuple[Variation, ...]:
     return tuple(each for module in _modules(allowed) for each in _declared(module, Variation))
 
 

@@ -16,7 +16,7 @@ from splatbus_conformance.selftest import command, kill_matrix
 from splatbus_conformance.selftest import judge as trials
 from splatbus_conformance.selftest.judge import Cell, Fate, SpecimenResult, fate_of
 from splatbus_conformance.selftest.mutant import RULE, SIDES, Mutant, Variation
-from splatbus_conformance.selftest.registry import mutants, specimen_named, variations
+from splatbus_conformance.selftest.registry import groups, mutants, specimen_named, variations
 from splatbus_conformance.selftest.seeds import differences
 from splatbus_schemas.requirements import requirements
 
@@ -48,7 +48,8 @@ def families(package):
 
 
 def test_every_specimen_has_a_name_of_its_own():
-    names = Counter([*trials.REFERENCE, *(m.name for m in (*mutants(), *variations()))])
+    every = (*mutants(), *variations(), *groups())
+    names = Counter([*trials.REFERENCE, *(it.name for it in every)])
     assert [name for name, count in names.items() if count > 1] == []
 
 
@@ -81,7 +82,35 @@ def test_each_specimen_can_be_made_of_the_reference_as_it_is():
             return False
         return True
 
-    assert [it.name for it in (*MUTANTS.values(), *VARIATIONS.values()) if not made(it)] == []
+    assert [it.name for it in (*mutants(), *variations(), *groups()) if not made(it)] == []
+
+
+class Noted(pytest.MonkeyPatch):
+    """Remembers what was replaced, but for what goes on doing what it did as well."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.replaced: list[tuple[int, str]] = []
+
+    def setattr(self, owner, name, value, raising=True):
+        if not hasattr(value, "__wrapped__"):
+            self.replaced.append((id(owner), name))
+        super().setattr(owner, name, value, raising)
+
+
+def test_no_liberty_of_a_group_takes_another_away():
+    for group in groups():
+        patch = Noted()
+        try:
+            group.alter(patch)
+        finally:
+            patch.undo()
+        twice = [name for name, count in Counter(patch.replaced).items() if count > 1]
+        assert twice == [], group.name
+
+
+def test_each_liberty_is_in_one_group_at_most():
+    assert max(Counter(name for group in groups() for name in group.members).values()) == 1
 
 
 def test_the_advice_that_a_variation_breaks_is_advice():
@@ -159,6 +188,21 @@ def test_the_selftest_passes_when_all_is_as_it_must_be(monkeypatch, out):
     assert run_selftest(monkeypatch, out, rows) == 0
 
 
+@pytest.mark.parametrize("alone", [Fate.ALLOWED, Fate.CONDEMNED])
+def test_a_group_that_is_condemned_is_judged_one_by_one(monkeypatch, out, alone):
+    (group, *_) = groups()
+    trials_ = {group.name: lambda: row(group.name, Fate.CONDEMNED, "variation")}
+    trials_ |= {
+        name: lambda name=name: row(name, alone if name == group.members[0] else Fate.ALLOWED)
+        for name in group.members
+    }
+    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    given = argparse.Namespace(only="", json=None, seeds=0, profile="brief")
+    assert command.selftest(given, out) == 1
+    culprit = group.members[0] if alone is Fate.CONDEMNED else group.name
+    assert f"CONDEMNED WRONGLY  {culprit}:" in out.export_text()
+
+
 def test_what_was_short_of_time_is_judged_by_itself(monkeypatch, out):
     """And said to have been."""
     fates = iter([Fate.SURVIVED, Fate.KILLED])
@@ -226,5 +270,5 @@ def test_seeds_that_disagree_are_told_apart():
 
 
 def test_each_specimen_is_found_by_its_name():
-    for specimen in (*mutants(), *variations()):
+    for specimen in (*mutants(), *variations(), *groups()):
         assert specimen_named(specimen.name) is specimen

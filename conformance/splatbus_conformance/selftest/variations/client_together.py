@@ -1,0 +1,77 @@
+"""Liberties of clients that go together, so that each is seen beside others."""
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.mutant import together
+from splatbus_conformance.selftest.variations import client, client_adapted, client_memory
+
+
+@together(
+    client.members_that_nobody_knows,
+    client.members_in_reverse_order,
+    client.timestamps_everywhere,
+    client.capabilities_of_tomorrow,
+    client.versions_of_tomorrow,
+    client.token,
+    client.numbers_with_exponents,
+    client.escapes_everywhere,
+    client.header_and_payload_apart,
+)
+def says_all_at_length(patch: Patch) -> None:
+    """Spells its messages as nobody does, and says more than it has to."""
+
+
+@together(
+    client.no_timestamps,
+    client.requests_without_id,
+    client.last_camera,
+    client.white_space_everywhere,
+)
+def says_little(patch: Patch) -> None:
+    """Leaves out what may be left out, and writes for people."""
+
+
+@together(
+    client.closes_on_what_is_broken,
+    client.closes_on_frames_of_unknown_memory,
+    client.closes_on_a_frame_that_it_cannot_use,
+    client.subscribes_to_depth_alone,
+    client.numbers_of_17_digits,
+)
+def bears_nothing(patch: Patch) -> None:
+    """Closes the connection where it might ignore, and reads depth alone."""
+
+
+@together(client.never_subscribes, client.says_all_of_1_1)
+def asks_for_all_but_a_channel(patch: Patch) -> None:
+    """Says everything on the message channel, and little on the other."""
+
+
+@together(client.no_reinit, client.declares_nothing_on_the_message_channel)
+def can_do_little(patch: Patch) -> None:
+    """Declares few capabilities."""
+
+
+@together(client.cuda_memory_alone, client.asks_once_a_process)
+def opens_nothing_and_asks_once(patch: Patch) -> None:
+    """Shows little of itself on either channel."""
+
+
+@together(
+    client_adapted.says_its_last_camera_again,
+    client_adapted.moves_the_splats_as_an_object,
+)
+def steers_in_its_own_way(patch: Patch) -> None:
+    """Says again what it said, and moves the splats by their name."""
+
+
+@together(client.flushes_subnormal_numbers, client_memory.looks_for_frames_at_4_hz)
+def shows_in_its_own_way(patch: Patch) -> None:
+    """Shows few frames, and no subnormal numbers."""
+
+
+@together(
+    client_memory.loads_its_driver_with_the_first_memory,
+    client_memory.builds_its_shaders_with_the_first_frame,
+)
+def takes_long_at_first(patch: Patch) -> None:
+    """Takes long for its first memory, and for its first frame."""
