@@ -187,8 +187,8 @@ def token(patch: Patch) -> None:
 
 @variation()
 def comes_back_slowly(patch: Patch) -> None:
-    """Connects again after a second."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(1.0))
+    """Connects again after more than half a second."""
+    patch.setattr(channel, "delays", lambda: itertools.repeat(0.6))
 
 
 @variation()
