@@ -31,7 +31,7 @@ class Machine(Protocol):
 
     def receive(self, data: bytes, now: float) -> Iterable[Event]: ...  # noqa: D102
     def expire(self, now: float) -> Iterable[Event]: ...  # noqa: D102
-    def deadline(self) -> float | None: ...  # noqa: D102
+    def deadline(self) -> float: ...  # noqa: D102
     def data_to_send(self, now: float) -> bytes: ...  # noqa: D102
 
 
@@ -102,8 +102,8 @@ class Channel:
             return selectors.EVENT_WRITE
         return selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
 
-    def deadline(self) -> float | None:
-        """Return when `advance` is to be called next; None for never."""
+    def deadline(self) -> float:
+        """Return when `advance` is to be called next; infinity for never."""
         return self._due if self._machine is None else self._machine.deadline()
 
     def advance(self, now: float) -> None:

@@ -5,6 +5,7 @@ It knows what was announced, opened and lent; it never touches memory.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from splatbus_wire.messages import (
     decode_from_server_ipc,
     encode,
 )
+from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_client.events import (
     Announced,
@@ -39,7 +41,6 @@ from splatbus_client.events import (
     ServerError,
     negotiated,
 )
-from splatbus_client.incoming import Incoming
 
 CHANNELS = frozenset({"color", "depth"})
 
@@ -71,7 +72,7 @@ class IpcProtocol:
         self.version: str | None = None
         self.capabilities: frozenset[str] = frozenset()
         self._hello = hello
-        self._incoming = Incoming()
+        self._reader = PacketReader()
         self._out = bytearray(encode(hello))
         self._before_welcome: list[InitPacket | _Broken] = []
         self._last_generation = 0
@@ -130,14 +131,14 @@ class IpcProtocol:
         self._out.clear()
         return data
 
-    def deadline(self) -> float | None:
+    def deadline(self) -> float:
         """Return when `expire` is to be called, if nothing comes before."""
-        due = (self._incoming.deadline, self._look_at)
-        return min((time for time in due if time is not None), default=None)
+        look_at = math.inf if self._look_at is None else self._look_at
+        return min(self._reader.deadline, look_at)
 
     def expire(self, now: float) -> list[IpcEvent]:
         """Return what follows from the time alone [FRM-5]; an init packet has no limit [CHN-9]."""
-        if self._incoming.deadline is not None and now >= self._incoming.deadline:
+        if now >= self._reader.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         if self._look_at is not None and now >= self._look_at:
             self._look_at = now + self._look_every
@@ -150,7 +151,8 @@ class IpcProtocol:
         Act on each event before taking the next: what a packet means can depend on it.
         """
         try:
-            for payload in self._incoming.receive(data, now):
+            self._reader.receive(data, now)
+            for payload in self._reader.packets(now):
                 for event in self._on_payload(payload):
                     yield event
                     if isinstance(event, MustClose):

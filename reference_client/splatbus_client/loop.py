@@ -53,8 +53,7 @@ class Loop:
             before = channel.interest()
             yield
             channel.flush(clock())
-            due = channel.deadline()
-            too_late = due is not None and due < self._wakes_at
+            too_late = channel.deadline() < self._wakes_at
             if (too_late or channel.interest() != before) and not self.closed:
                 self._wake()
 
@@ -119,5 +118,4 @@ class Loop:
 
     def _next_deadline(self, now: float) -> float:
         # Waking now and then for nothing spares a wake for every request, whose time is long.
-        deadlines = [*(channel.deadline() for channel in self._channels), now + _NAP_SECONDS]
-        return min(deadline for deadline in deadlines if deadline is not None)
+        return min(*(channel.deadline() for channel in self._channels), now + _NAP_SECONDS)

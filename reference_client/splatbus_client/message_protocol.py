@@ -6,6 +6,7 @@ could otherwise make every later one answer the wrong request [REQ-11].
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from itertools import count
@@ -29,6 +30,7 @@ from splatbus_wire.messages import (
     encode,
     message_object,
 )
+from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_client.clock import Sample
 from splatbus_client.events import (
@@ -44,7 +46,6 @@ from splatbus_client.events import (
     ServerError,
     negotiated,
 )
-from splatbus_client.incoming import Incoming
 from splatbus_client.outgoing import (
     Kind,
     Told,
@@ -86,7 +87,7 @@ class MessageProtocol:
         self.version: str | None = None
         self.capabilities: frozenset[str] = frozenset()
         self._hello = hello
-        self._incoming = Incoming()
+        self._reader = PacketReader()
         self._out = bytearray(encode(hello))
         self._tickets: Iterator[int] = count()
         self._queue: deque[tuple[int, Request]] = deque()
@@ -146,14 +147,10 @@ class MessageProtocol:
         self._out.clear()
         return data
 
-    def deadline(self) -> float | None:
+    def deadline(self) -> float:
         """Return when `expire` or `data_to_send` is to be called next, if nothing comes before."""
-        times = [self._incoming.deadline]
-        if self._asked is not None:
-            times.append(self._reply_due)
-        elif self._queue:
-            times.append(self._ask_size_from)
-        return min((time for time in times if time is not None), default=None)
+        asks = self._ask_size_from if self._queue else math.inf
+        return min(self._reader.deadline, asks if self._asked is None else self._reply_due)
 
     def expire(self, now: float) -> list[MessageEvent]:
         """Return what follows from the time alone [FRM-5, CHN-15]."""
@@ -163,7 +160,7 @@ class MessageProtocol:
                     f"no reply to {_name(self._asked[1])} within {REPLY_SECONDS:g} s [CHN-15]"
                 )
             ]
-        if self._incoming.deadline is not None and now >= self._incoming.deadline:
+        if now >= self._reader.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         return []
 
@@ -173,7 +170,8 @@ class MessageProtocol:
         Act on each event before taking the next: what a packet means can depend on it.
         """
         try:
-            for payload in self._incoming.receive(data, now):
+            self._reader.receive(data, now)
+            for payload in self._reader.packets(now):
                 for event in self._on_payload(payload, now):
                     yield event
                     if isinstance(event, MustClose):

@@ -14,7 +14,6 @@ from typing import NamedTuple, Union
 
 from splatbus_schemas import LIMITS, VERSIONS
 from splatbus_wire.errors import FramingError, ProtocolError
-from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.json_text import parse_object
 from splatbus_wire.messages import (
     Channel,
@@ -28,6 +27,7 @@ from splatbus_wire.messages import (
     encode,
 )
 from splatbus_wire.negotiation import answer_hello
+from splatbus_wire.packet_reader import COMPLETION_SECONDS, PacketReader
 
 REQUESTS = ("get_viewport_size", "get_camera_pose")
 REQUESTS_1_1 = (*REQUESTS, "get_scene", "set_viewport", "ping")
@@ -87,11 +87,10 @@ class Connection:
         self.is_held = False
         self._is_of_1_0 = False
         self._terms = terms
-        self._decoder = PacketDecoder()
+        self._reader = PacketReader()
         self.input_ended = False
         self._aborted = False
         self._hello_by = math.inf if terms.token is None else now + LIMITS["hello_seconds"]
-        self._packet_by = math.inf
         self._send_by = math.inf
         self._linger_until = math.inf
 
@@ -103,7 +102,7 @@ class Connection:
     @property
     def deadline(self) -> float:
         """The moment at which to call `expire`; infinity if there is none."""
-        return min(self._hello_by, self._packet_by, self._send_by, self._linger_until)
+        return min(self._hello_by, self._reader.deadline, self._send_by, self._linger_until)
 
     def has(self, capability: str) -> bool:
         """Whether both sides declared the capability on this connection [NEG-7]."""
@@ -114,10 +113,7 @@ class Connection:
         if not data:
             self.input_ended = True
         elif self.ending is None:
-            starts_afresh = not self._decoder.incomplete
-            self._decoder.receive(data)
-            if starts_afresh and not self.is_held:
-                self._packet_by = now + LIMITS["packet_completion_seconds"]
+            self._reader.receive(data, now)
 
     def next_event(self, now: float) -> Event | None:
         """The next message or refusal in what was received; None when more is needed.
@@ -127,30 +123,27 @@ class Connection:
         if self.ending is not None or self.is_held:
             return None
         try:
-            payload = self._decoder.next_packet()
+            payload = self._reader.next_packet(now)
         except FramingError as error:
             refusal = self.complain(Refusal(error.code, str(error)))
             self.end(f"{error.code}, after which nothing can be read [FRM-3]", now)
             return refusal
         if payload is not None:
-            self._packet_by = now + LIMITS["packet_completion_seconds"]
             return self._understand(payload, now)
-        if not self._decoder.incomplete:
-            self._packet_by = math.inf
         if self.input_ended:
-            where = ", in the middle of a packet [FRM-6]" if self._decoder.incomplete else ""
+            where = ", in the middle of a packet [FRM-6]" if self._reader.incomplete else ""
             self.end(f"the client closed it{where}", now)
         return None
 
     def hold(self) -> None:
         """Has no more events until it is told to `go_on`."""
         self.is_held = True
-        self._packet_by = math.inf
+        self._reader.hold()
 
     def go_on(self, now: float) -> None:
         """Has events again, of what was received meanwhile."""
         self.is_held = False
-        self._packet_by = now + LIMITS["packet_completion_seconds"]
+        self._reader.go_on(now)
 
     def send(self, message: ServerMessage) -> None:
         """Queues a message."""
@@ -172,7 +165,8 @@ class Connection:
         """Takes no more events; what is unsent still goes out."""
         if self.ending is None:
             self.ending = reason
-            self._hello_by = self._packet_by = math.inf
+            self._hello_by = math.inf
+            self._reader.hold()
             if not self.unsent:
                 self._linger_until = now + LINGER_SECONDS
 
@@ -187,9 +181,8 @@ class Connection:
             self._aborted = True
         elif now >= self._send_by:
             self._abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
-        elif now >= self._packet_by:
-            seconds = LIMITS["packet_completion_seconds"]
-            self.end(f"a packet was not complete after {seconds} s [FRM-5]", now)
+        elif now >= self._reader.deadline:
+            self.end(f"a packet was not complete after {COMPLETION_SECONDS:g} s [FRM-5]", now)
         elif now >= self._hello_by:
             self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)
 

@@ -1,5 +1,7 @@
 """The IPC channel's machine: what was announced, opened and lent, in bytes and events."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -218,7 +220,7 @@ def test_an_error_is_reported_and_closes_nothing():
 
 def test_an_init_packet_may_take_for_ever_but_not_once_it_has_begun():
     machine = IpcProtocol(HELLO)
-    assert machine.deadline() is None
+    assert machine.deadline() == math.inf
     assert list(machine.receive(packet(init_packet())[:100], 50.0)) == []
     assert machine.expire(59.9) == []
     (event,) = machine.expire(60.0)

@@ -8,7 +8,8 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from splatbus_wire import decoding, encoding, json_text
+from splatbus_wire import decoding, encoding, json_text, packet_reader
+from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
 
@@ -43,6 +44,16 @@ def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
 def payloads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
     """Change each payload that is sent."""
     wrap(patch, encoding, "serialize", lambda original, message: change(original(message)))
+
+
+def counts_each_byte(patch: Patch) -> None:
+    """Give a packet its whole time again with each byte of it."""
+
+    def receive(original: Any, self: PacketReader, data: bytes, now: float) -> None:
+        original(self, data, now)
+        self.deadline = now + packet_reader.COMPLETION_SECONDS
+
+    wrap(patch, PacketReader, "receive", receive)
 
 
 def packets(patch: Patch, change: Callable[[bytes], bytes]) -> None:

@@ -14,9 +14,8 @@ WIRE = tuple(
     for name in (
         *("compositing", "conventions", "decoding", "encoding", "errors", "fields"),
         *("framing", "from_client", "from_server", "init_packet", "intrinsics", "json_text"),
-        "lens",
-        *("message_types", "messages", "negotiation", "parts", "plain", "plain_frames"),
-        *("plain_poses", "poses", "rotations", "series"),
+        *("lens", "message_types", "messages", "negotiation", "packet_reader", "parts"),
+        *("plain", "plain_frames", "plain_poses", "poses", "rotations", "series"),
     )
 )
 """All of it that is on the wire, or that a client computes which is judged.
@@ -29,7 +28,7 @@ OWN: dict[Side, tuple[str, ...]] = {
         f"splatbus_{name}"
         for name in (
             *("client.backoff", "client.channel", "client.events", "client.host_memory"),
-            *("client.incoming", "client.ipc_protocol", "client.lease", "client.loop"),
+            *("client.ipc_protocol", "client.lease", "client.loop"),
             *("client.message_protocol", "client.outgoing", "viewer.questions", "client.reading"),
             *("client.session", "client.steering"),
         )

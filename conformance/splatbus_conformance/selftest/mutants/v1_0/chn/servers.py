@@ -73,10 +73,10 @@ def server_awaits_more_after_a_packet(patch: Patch) -> None:
     """Takes a connection on which a whole packet came for one on which a packet is incomplete."""
 
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        due = self._packet_by
+        due = self._reader.deadline
         event = original(self, now)
         if event is None and self.ending is None:
-            self._packet_by = due
+            self._reader.deadline = due
         return event
 
     wrap(patch, Connection, "next_event", next_event)
@@ -141,7 +141,7 @@ def server_reads_packets_to_their_end(patch: Patch) -> None:
 
     def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
         original(self, peer, data)
-        while peer.connection._decoder.incomplete and peer.connection.ending is None:
+        while peer.connection._reader.incomplete and peer.connection.ending is None:
             peer.socket.setblocking(True)
             data = peer.socket.recv(65536)
             peer.socket.setblocking(False)
@@ -292,7 +292,7 @@ def server_waits_where_nothing_was_asked(patch: Patch) -> None:
     """Does not see the end of the stream of a client that has asked nothing."""
 
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        if self.input_ended and self._decoder._offset == 0:
+        if self.input_ended and self._reader._decoder._offset == 0:
             return None
         return original(self, now)
 

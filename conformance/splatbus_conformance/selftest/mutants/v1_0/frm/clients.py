@@ -4,15 +4,16 @@ import contextlib
 import time
 from typing import Any
 
-from splatbus_client import channel, incoming, ipc_protocol, message_protocol
+from splatbus_client import channel, ipc_protocol, message_protocol
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
-from splatbus_wire import encoding, framing
+from splatbus_wire import encoding, framing, packet_reader
 from splatbus_wire.errors import FramingError
 from splatbus_wire.framing import PacketDecoder
+from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, packets, wrap
+from splatbus_conformance.selftest.faults.surgery import counts_each_byte, crash, packets, wrap
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 
@@ -93,7 +94,7 @@ def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
         events = list(original(machine, data, now))
         if events and isinstance(events[-1], MustClose):
-            machine._incoming = incoming.Incoming()
+            machine._reader = PacketReader()
             machine._asked = None
             return events[:-1]
         return events
@@ -147,7 +148,7 @@ def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     speaks_1_0(patch)
 
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
-        begins = not self._incoming._decoder._unfinished
+        begins = not self._reader._decoder._unfinished
         return original(self, data[4:] if begins and data[3:4] >= b"\x80" else data, now)
 
     wrap(patch, IpcProtocol, "receive", receive)
@@ -198,31 +199,27 @@ def takes_one_read_for_a_welcome(patch: Patch) -> None:
 def each_byte_gives_a_packet_more_time(patch: Patch) -> None:
     """Begins to count anew with each byte of a packet."""
 
-    def receive(original: Any, self: incoming.Incoming, data: bytes, now: float) -> Any:
-        self.deadline = None
-        yield from original(self, data, now)
-
-    wrap(patch, incoming.Incoming, "receive", receive)
+    counts_each_byte(patch)
 
 
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="stays incomplete")
 def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
     """Waits for ever for the rest of a packet."""
-    patch.setattr(incoming, "COMPLETION_SECONDS", NEVER)
+    patch.setattr(packet_reader, "COMPLETION_SECONDS", NEVER)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
 def half_a_packet_continues(patch: Patch) -> None:
     """Keeps half a packet when the connection ends, and goes on with it on the next one."""
-    kept = incoming.Incoming()
-    patch.setattr(ipc_protocol, "Incoming", lambda: kept)
+    kept = PacketReader()
+    patch.setattr(ipc_protocol, "PacketReader", lambda: kept)
 
 
 @mutant("FRM-6", check="check_half_reply_is_discarded", reason="on the next connection")
 def half_a_reply_continues(patch: Patch) -> None:
     """Keeps half a reply when the connection ends, and goes on with it on the next one."""
-    kept = incoming.Incoming()
-    patch.setattr(message_protocol, "Incoming", lambda: kept)
+    kept = PacketReader()
+    patch.setattr(message_protocol, "PacketReader", lambda: kept)
 
 
 @mutant(
@@ -235,7 +232,7 @@ def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
-        if any(it._incoming._decoder._unfinished for it in former):
+        if any(it._reader._decoder._unfinished for it in former):
             crash()
         former[:] = [self]
 

@@ -6,11 +6,11 @@ from typing import Any
 
 from splatbus_server.connection import Connection
 from splatbus_server.service import Peer, Service
-from splatbus_wire import framing
+from splatbus_wire import framing, packet_reader
 from splatbus_wire.errors import FramingError, ProtocolError
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, packets, wrap
+from splatbus_conformance.selftest.faults.surgery import counts_each_byte, crash, packets, wrap
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
 
@@ -47,12 +47,13 @@ def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> N
         ending = self.ending
         event = original(self, now)
         try:
-            self._decoder.next_packet()
+            self._reader.next_packet(now)
         except FramingError:
             if self.channel not in channels:
                 return event
             if ending is None:
-                self.ending, self._packet_by = None, min(self._packet_by, now + seconds)
+                self.ending = None
+                self._reader.deadline = min(self._reader.deadline, now + seconds)
             return None
         return event
 
@@ -125,7 +126,7 @@ def server_handles_four_packets_a_read(patch: Patch) -> None:
         original(self, peer, data)
 
     def next_packet(original: Any, self: framing.PacketDecoder) -> Any:
-        peer = next((it for it in handled if it.connection._decoder is self), None)
+        peer = next((it for it in handled if it.connection._reader._decoder is self), None)
         if peer is None or self._error is not None:
             return original(self)
         handled[peer] += 1
@@ -141,9 +142,9 @@ def server_answers_twice_what_was_cut(patch: Patch) -> None:
     """Answers a request twice whose packet was cut behind its header."""
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        was_cut = len(self._decoder._unfinished) > 4
+        was_cut = len(self._reader._decoder._unfinished) > 4
         original(self, data, now)
-        waiting = self._decoder._payloads
+        waiting = self._reader._decoder._payloads
         if was_cut and self.channel == "message" and waiting:
             waiting.appendleft(waiting[0])
 
@@ -166,21 +167,14 @@ def server_takes_each_read_for_a_packet_on_ipc(patch: Patch) -> None:
 def server_waits_forever_for_a_packet(patch: Patch) -> None:
     """Sets no limit to the time that a packet takes."""
 
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        original(self, data, now + 3600)
-
-    wrap(patch, Connection, "receive", receive)
+    patch.setattr(packet_reader, "COMPLETION_SECONDS", 600.0)
 
 
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="of which a byte came")
 def server_waits_anew_for_each_byte(patch: Patch) -> None:
     """Gives a packet more time with each byte of it."""
 
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        original(self, data, now)
-        self._packet_by = now + 10.0
-
-    wrap(patch, Connection, "receive", receive)
+    counts_each_byte(patch)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", reason="of a request, and then another")
@@ -201,7 +195,7 @@ def server_goes_on_after_a_reset(patch: Patch) -> None:
 
     def drop(original: Any, self: Service, peer: Peer) -> None:
         if peer.connection.channel == "message" and not peer.connection.input_ended:
-            left["message"] = bytes(peer.connection._decoder._unfinished)
+            left["message"] = bytes(peer.connection._reader._decoder._unfinished)
         original(self, peer)
 
     left = _left_over(patch)
@@ -213,7 +207,7 @@ def server_makes_do_with_a_cut_packet(patch: Patch) -> None:
     """Takes what has come of a packet for the whole when the stream ends."""
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        if not data and self._decoder.incomplete:
+        if not data and self._reader.incomplete:
             original(self, b" ", now)
         original(self, data, now)
 
@@ -239,7 +233,7 @@ def _continues(patch: Patch, channel: str) -> None:
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         if not data and self.channel == channel:
-            left[channel] = bytes(self._decoder._unfinished)
+            left[channel] = bytes(self._reader._decoder._unfinished)
         original(self, data, now)
 
     left = _left_over(patch)
@@ -253,7 +247,7 @@ def _left_over(patch: Patch) -> dict[str, bytes]:
     def init(original: Any, self: Connection, *arguments: Any) -> None:
         original(self, *arguments)
         if rest := left.pop(self.channel, b""):
-            self._decoder.receive(rest)
+            self._reader._decoder.receive(rest)
 
     wrap(patch, Connection, "__init__", init)
     return left
@@ -263,7 +257,7 @@ def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
     def receive(original: Any, self: Connection, data: bytes, now: float) -> Any:
         given = original(self, data, now)
         if self.channel == channel:
-            self._decoder._unfinished.clear()
+            self._reader._decoder._unfinished.clear()
         return given
 
     wrap(patch, Connection, "receive", receive)
@@ -293,7 +287,7 @@ def server_waits_forever_behind_another_size(patch: Patch) -> None:
 
     def go_on(original: Any, self: Connection, now: float) -> None:
         original(self, now)
-        self._packet_by = math.inf
+        self._reader.deadline = math.inf
 
     wrap(patch, Connection, "go_on", go_on)
 

@@ -4,13 +4,14 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from splatbus_client import channel, incoming, ipc_protocol
+from splatbus_client import channel, ipc_protocol
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire import decoding, framing, init_packet, json_text
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import Json, crash, wrap
@@ -49,7 +50,7 @@ def bad_length_is_skipped_once_memory_is_open(patch: Patch) -> None:
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Iterator[Any]:
         for event in original(self, data, now):
             if isinstance(event, MustClose) and self._slots:
-                self._incoming = incoming.Incoming()
+                self._reader = PacketReader()
                 return
             yield event
 
@@ -63,8 +64,8 @@ def half_a_header_continues(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
-        if last and 0 < len(last[0]._incoming._decoder._unfinished) < 4:
-            self._incoming = last[0]._incoming
+        if last and 0 < len(last[0]._reader._decoder._unfinished) < 4:
+            self._reader = last[0]._reader
         last[:] = [self]
 
     wrap(patch, IpcProtocol, "__init__", init)
@@ -73,17 +74,17 @@ def half_a_header_continues(patch: Patch) -> None:
 @mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
 def half_a_packet_continues_after_a_reset(patch: Patch) -> None:
     """Goes on with half a packet on the next connection if the last was reset."""
-    kept: list[incoming.Incoming] = []
+    kept: list[PacketReader] = []
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         if "reset" in reason and isinstance(self._machine, IpcProtocol):
-            kept[:] = [self._machine._incoming]
+            kept[:] = [self._machine._reader]
         original(self, reason, now)
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
         if kept:
-            self._incoming = kept.pop()
+            self._reader = kept.pop()
 
     wrap(patch, Channel, "_lose", lose)
     wrap(patch, IpcProtocol, "__init__", init)
@@ -111,7 +112,7 @@ def closes_on_long_replies(patch: Patch) -> None:
 
     def receive(original: Any, self: MessageProtocol, data: bytes, now: float) -> Iterator[Any]:
         yield from original(self, data, now)
-        if len(self._incoming._decoder._unfinished) > 1 << 16:
+        if len(self._reader._decoder._unfinished) > 1 << 16:
             yield MustClose("a reply is longer than its buffer")
 
     wrap(patch, MessageProtocol, "receive", receive)

@@ -103,7 +103,7 @@ def server_forgets_sizes_behind_another(patch: Patch) -> None:
 
     def begin(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
         original(self, asker, request)
-        waiting = asker._decoder._payloads
+        waiting = asker._reader._decoder._payloads
         if asker.is_held:
             kept = [each for each in waiting if b"set_viewport" not in each]
             waiting.clear()
@@ -122,7 +122,7 @@ def server_keeps_few_requests_behind_another_size(patch: Patch) -> None:
 
     def go_on(original: Any, self: Connection, now: float) -> None:
         original(self, now)
-        waiting = self._decoder._payloads
+        waiting = self._reader._decoder._payloads
         while len(waiting) > 30:
             waiting.pop()
 
@@ -232,7 +232,7 @@ def server_keeps_a_scale_that_is_not_said(patch: Patch) -> None:
 
 def _handles_while_held(patch: Patch, part: bytes) -> None:
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        waiting = self._decoder._payloads
+        waiting = self._reader._decoder._payloads
         passing = next((each for each in waiting if part in each), None)
         if self.is_held and passing is not None:
             waiting.remove(passing)

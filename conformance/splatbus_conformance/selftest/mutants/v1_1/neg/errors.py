@@ -5,8 +5,8 @@ from typing import Any
 from splatbus_server import connection as connections
 from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.messages import ErrorMessage
+from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import messages, of_type, wrap
@@ -73,7 +73,7 @@ def server_reads_on_after_a_bad_header(patch: Patch) -> None:
 
     def end(original: Any, self: Connection, reason: str, now: float) -> None:
         if "[FRM-3]" in reason:
-            self._decoder = PacketDecoder()
+            self._reader = PacketReader()
         else:
             original(self, reason, now)
 
