@@ -31,6 +31,7 @@ from splatbus_wire.messages import (
     message_object,
 )
 from splatbus_wire.packet_reader import PacketReader
+from splatbus_wire.superseding import subject, succeeding
 
 from splatbus_client.clock import Sample
 from splatbus_client.events import (
@@ -47,15 +48,12 @@ from splatbus_client.events import (
     negotiated,
 )
 from splatbus_client.outgoing import (
-    Kind,
     Told,
     checked,
     checked_request,
-    kind,
     needs,
     only_1_1,
     permitted,
-    succeeding,
 )
 
 # The limits bind as the server sees them, and its clock and scheduler are not ours.
@@ -94,7 +92,7 @@ class MessageProtocol:
         self._asked: tuple[int, Request] | None = None  # as it was sent, with its id if it had one
         self._reply_due = 0.0
         self._ask_size_from = 0.0
-        self._told: dict[Kind, Told] = {}
+        self._told: dict[object, Told] = {}
         self.ask(GetViewportSize())
 
     def ask(self, request: Request) -> int:
@@ -129,8 +127,8 @@ class MessageProtocol:
         """
         message = checked(message)
         # Taken out first, so that timestamps leave in order [POS-9].
-        former = self._told.pop(kind(message), None)
-        self._told[kind(message)] = succeeding(former, message)
+        former = self._told.pop(subject(message), None)
+        self._told[subject(message)] = succeeding(former, message)
 
     def lacks(self, message: Told | Request) -> str | None:
         """Return the capability that keeps a message or a part of it from being sent, if known."""

@@ -6,7 +6,7 @@ Functions from messages to messages; nothing here sends.
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Optional, Union
+from typing import Union
 
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
@@ -31,9 +31,6 @@ from splatbus_wire.rotations import check_quaternion
 
 Told = Union[CameraPose, ObjectPose, SetTime, SubscribeTelemetry]
 """What has no reply, and of which only the newest of a kind matters [POS-7]."""
-Kind = tuple[type[Told], Optional[str]]
-"""What it is about: a type, and which object where it moves one."""
-
 _CAPABILITIES: dict[type, str] = {
     ObjectPose: "objects",
     SetTime: "time",
@@ -42,18 +39,6 @@ _CAPABILITIES: dict[type, str] = {
     SetViewport: "viewport",
     Ping: "ping",
 }
-
-
-def kind(message: Told) -> Kind:
-    """Return the kind, of which a newer message takes the place of this one."""
-    return type(message), message.object if isinstance(message, ObjectPose) else None
-
-
-def succeeding(former: Told | None, message: Told) -> Told:
-    """Return the message, with what stays in force of the one whose place it takes [CAM-7]."""
-    if isinstance(message, CameraPose) and isinstance(former, CameraPose):
-        return message._replace(intrinsics=message.intrinsics or former.intrinsics)
-    return message
 
 
 def needs(message: Told | Request) -> str | None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from splatbus_wire.messages import CameraPose, ErrorMessage, Hello, Request, Telemetry
+from splatbus_wire.superseding import subject, succeeding
 
 from splatbus_client.events import (
     Measured,
@@ -24,7 +25,7 @@ from splatbus_client.events import (
     ServerError,
 )
 from splatbus_client.message_protocol import MessageProtocol, NotOfferedError
-from splatbus_client.outgoing import Kind, Told, checked, checked_request, kind, succeeding
+from splatbus_client.outgoing import Told, checked, checked_request
 
 log = logging.getLogger("splatbus_client")
 
@@ -62,7 +63,7 @@ class Steering:
         """What was not read yet; the oldest goes when there is more than that."""
         self._hello = hello._replace(capabilities=CAPABILITIES)
         self._machine: MessageProtocol | None = None
-        self._newest: dict[Kind, Told] = {}
+        self._newest: dict[object, Told] = {}
         self._questions: list[_Question] = []
         self._busy = False
         self._tags: deque[str] = deque(maxlen=TAGS_KEPT)
@@ -127,9 +128,9 @@ class Steering:
         if isinstance(message, CameraPose) and message.tag is not None:
             self._tags.append(message.tag)
         # Taken out first, so that timestamps leave in order [POS-9].
-        former = self._newest.pop(kind(message), None)
+        former = self._newest.pop(subject(message), None)
         newest = succeeding(former, message)
-        self._newest[kind(message)] = newest if self._machine is None else _untagged(newest)
+        self._newest[subject(message)] = newest if self._machine is None else _untagged(newest)
         self._say_what_is_lacking(message)
 
     def ask(

@@ -15,6 +15,7 @@ from splatbus_wire.messages import (
     Steering,
 )
 from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.superseding import subject, succeeding
 
 ONE_AT_REST: Mapping[str, Placement] = {DEFAULT_OBJECT: Placement(DEFAULT_OBJECT, IDENTITY)}
 """The scene of 1.0 [POS-13]."""
@@ -92,12 +93,8 @@ class Control:
 
     def move(self, connection: Hashable, message: Steering) -> bool:
         """Takes what is valid; False if another connection has control."""
-        newest, kind = self._sent.setdefault(connection, {}), kind_of(message)
-        if isinstance(message, CameraPose) and message.intrinsics is None:
-            former = newest.get(kind)
-            if isinstance(former, CameraPose) and former.intrinsics is not None:  # CAM-7
-                message = message._replace(intrinsics=former.intrinsics)
-        newest[kind] = message
+        newest, about = self._sent.setdefault(connection, {}), subject(message)
+        newest[about] = message = succeeding(newest.get(about), message)
         in_control = self.holder is connection
         if in_control:
             self.poses = self.poses.moved_by(message)
@@ -116,13 +113,6 @@ class Control:
             for message in next(iter(self._sent.values()), {}).values():
                 self.poses = self.poses.moved_by(message)
         return had_control
-
-
-def kind_of(message: Steering) -> object:
-    """What the message takes the place of an earlier one of: an object's id, or its type."""
-    if isinstance(message, ObjectPose):
-        return message.object
-    return DEFAULT_OBJECT if isinstance(message, PointCloudPose) else type(message)
 
 
 def _same_pose(a: Pose, b: Pose) -> bool:

@@ -35,9 +35,10 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.superseding import subject
 
 from splatbus_server.connection import Connection, Refusal
-from splatbus_server.control import Control, kind_of
+from splatbus_server.control import Control
 from splatbus_server.exchange import WITH_LEGACY, Exchange
 from splatbus_server.memory import FrameMemory
 from splatbus_server.reader import Reader, receipt
@@ -200,7 +201,7 @@ class Session:
             return connection.complain(refusal)
         if self._control.move(connection, within(message, self.scene.time_range)):
             self.has_news = True
-            self._moves[kind_of(message)] += 1
+            self._moves[subject(message)] += 1
             self._statistics.poses_received += 1
             return None
         refusal = Refusal("busy", "another client steers the scene [POS-11]")

@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from splatbus_client.outgoing import (
     checked,
     checked_request,
-    kind,
     needs,
     only_1_1,
     permitted,
-    succeeding,
 )
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
@@ -30,7 +28,7 @@ from splatbus_wire.messages import (
     SetViewport,
     SubscribeTelemetry,
 )
-from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.poses import Pose
 
 from tests.peers.fake_server import LENS, MESSAGE_CAPABILITIES, POSITION, ROTATION
 
@@ -89,19 +87,6 @@ def test_to_1_0_go_poses_as_it_knows_them(message):
 def test_what_was_agreed_is_sent_whole(message):
     sent = permitted(message, "1.1", ALL)
     assert sent == (PointCloudPose(POSE) if message == ObjectPose("default", POSE) else message)
-
-
-def test_a_pose_without_a_lens_leaves_the_former_in_force():
-    former, message = CameraPose(POSE, 0.0, "a", INTRINSICS), CameraPose(IDENTITY, 1.0, "b")
-    assert succeeding(former, message) == CameraPose(IDENTITY, 1.0, "b", INTRINSICS)
-    other = message._replace(intrinsics=INTRINSICS._replace(fx=1.0))
-    assert succeeding(former, other) == other
-    assert succeeding(None, message) == message
-
-
-def test_objects_are_of_one_kind_each():
-    assert kind(ObjectPose("a", POSE)) != kind(ObjectPose("b", POSE))
-    assert kind(ObjectPose("a", POSE)) == kind(ObjectPose("a", IDENTITY, 2.0))
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ WIRE = tuple(
         *("framing", "from_client", "from_server", "init_packet", "intrinsics", "json_text"),
         *("lens", "message_types", "messages", "negotiation", "packet_reader", "parts"),
         *("plain", "plain_frames", "plain_poses", "poses", "rotations", "series"),
+        "superseding",
     )
 )
 """All of it that is on the wire, or that a client computes which is judged.

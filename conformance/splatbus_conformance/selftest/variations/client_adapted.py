@@ -5,11 +5,12 @@ from fractions import Fraction
 from typing import Any
 
 from splatbus_client import message_protocol
-from splatbus_client.outgoing import Told, kind
+from splatbus_client.outgoing import Told
 from splatbus_client.steering import Steering
 from splatbus_wire.conventions import Engine
 from splatbus_wire.messages import CameraPose, ObjectPose, encode
 from splatbus_wire.poses import Pose
+from splatbus_wire.superseding import subject
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import wrap
@@ -27,7 +28,7 @@ def says_its_last_camera_again(patch: Patch) -> None:
         former = list(self._newest.values())
         self._newest.clear()
         machine = original(self)
-        self._newest.update({kind(message): message for message in former})
+        self._newest.update({subject(message): message for message in former})
         begun[:] = [message for message in former if isinstance(message, CameraPose)]
         return machine
 
