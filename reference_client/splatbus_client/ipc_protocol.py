@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 from splatbus_wire.errors import FramingError, ProtocolError
@@ -179,11 +179,13 @@ class IpcProtocol:
             yield ServerError(message)
 
     def _on_broken(self, payload: bytes, problem: str) -> Iterator[IpcEvent]:
-        if (generation := _refused_generation(payload)) is not None:
+        message = _readable(payload)
+        generation = readable_generation(message) if "meta" in message else None
+        if generation is not None:
             yield from self._on_init_packet(_Broken(generation, problem))
             return
         yield Ignored(problem)
-        if (lent := _refused_frame(payload)) is None or not self._is_open(*lent[:2]):
+        if (lent := _refused_frame(message)) is None or not self._is_open(*lent[:2]):
             return
         generation, _, seq = lent
         if (generation, seq) not in self._leases:
@@ -265,19 +267,18 @@ class IpcProtocol:
         self._out += encode(message)
 
 
-def _refused_generation(payload: bytes) -> int | None:
-    """Return the generation of what was meant to be an init packet, if it can be read [OPN-1]."""
+def _readable(payload: bytes) -> dict[str, Any]:
+    """Return what a refused payload holds, nothing if its text is broken [JSN-8]."""
     try:
-        message = parse_object(payload)
+        return parse_object(payload)
     except ProtocolError:
-        return None
-    return readable_generation(payload) if "meta" in message else None
+        return {}
 
 
-def _refused_frame(payload: bytes) -> _Lent | None:
+def _refused_frame(message: dict[str, Any]) -> _Lent | None:
     """Return what was lent by a frame that is malformed otherwise, if it can be read [IMG-12]."""
     try:
-        frame = Field(parse_object(payload), "", "IMG-1")
+        frame = Field(message, "", "IMG-1")
         if frame.value.get("type") != "frame":
             return None
         slot = frame.member("slot").integer(0, LIMITS["max_slots"] - 1)

@@ -12,7 +12,6 @@ from splatbus_schemas import LIMITS
 
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import MAX_SAFE_INTEGER, Field
-from splatbus_wire.json_text import parse_object
 from splatbus_wire.poses import Vector
 
 COLOR_PIXEL_BYTES = 16
@@ -166,13 +165,12 @@ def parse_init_packet(message: Mapping[str, Any]) -> InitPacket:
     return InitPacket(width, height, legacy, VERSION, generation, memory, ring, semantics)
 
 
-def readable_generation(payload: bytes) -> int | None:
+def readable_generation(message: dict[str, Any]) -> int | None:
     """The generation that an `open_failed` has to name although the packet is refused [OPN-1].
 
-    None if the payload is no init packet [INI-11], or has no valid `generation`.
+    None if the message is no init packet [INI-11], or has no valid `generation`.
     """
     try:
-        message = parse_object(payload)
         generation = Field(message, "", "MEM-1").member("generation").integer(1, MAX_SAFE_INTEGER)
     except ProtocolError:
         return None

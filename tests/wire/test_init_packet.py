@@ -296,24 +296,21 @@ def test_a_packet_of_1_0_has_nothing_to_check():
 
 def test_the_generation_of_a_refused_packet_is_readable():
     broken = with_value(HOST, "/memory/name", "../x")
-    assert readable_generation(json.dumps(broken).encode()) == 1
+    assert readable_generation(broken) == 1
 
 
 @pytest.mark.parametrize(
-    "payload",
+    "message",
     [
-        b"{",
-        b"[]",
-        b'{"meta":{}}',
-        b'{"meta":{},"generation":0}',
-        b'{"meta":{},"generation":"1"}',
-        b'{"meta":{},"generation":1,"a":NaN}',
-        b'{"generation":1}',
-        b'{"meta":{},"generation":1,"type":"scene"}',
+        {"meta": {}},
+        {"meta": {}, "generation": 0},
+        {"meta": {}, "generation": "1"},
+        {"generation": 1},
+        {"meta": {}, "generation": 1, "type": "scene"},
     ],
 )
-def test_no_generation_is_read_from_what_has_none(payload):
-    assert readable_generation(payload) is None
+def test_no_generation_is_read_from_what_has_none(message):
+    assert readable_generation(message) is None
 
 
 def test_every_valid_example_is_taken():
