@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,6 +13,7 @@ from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Traffic
+from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.reports.terminal import print_evidence, words
 from splatbus_conformance.run.replay import Replay, replay
 from splatbus_conformance.run.testbed import set_up
@@ -42,13 +42,12 @@ def replay_script(script: Script, plan: Plan, files: Files, out: Console) -> int
     finally:
         testbed.close()
     _print(script, given, out)
-    files.write(replay_report(script, given, traffic, time.monotonic() - began))
-    return _status(given)
+    report = replay_report(script, given, traffic, time.monotonic() - began)
+    files.write(json_report(report))
+    return report.status
 
 
-def replay_report(
-    script: Script, given: Replay, traffic: Traffic, seconds: float
-) -> dict[str, Any]:
+def replay_report(script: Script, given: Replay, traffic: Traffic, seconds: float) -> RunReport:
     """The report of a replay, on the one requirement that the script is about."""
     requirement = requirements("1.1")[script.requirement]
     text, verdict = given.skipped, Verdict.SKIP
@@ -69,17 +68,9 @@ def replay_report(
         seconds,
         tuple(given.trial.measurements),
     )
-    return json_report(
-        traffic.testee,
-        script.side,
-        again,
-        [result],
-        {requirement.id: requirement},
-        exit_code=_status(given),
-        traffic=traffic,
-        seconds=seconds,
-        profile=None,
-        seeds=(),
+    judged = {requirement.id: requirement}
+    return RunReport(
+        traffic.testee, script.side, again, [result], judged, _status(given), traffic, seconds
     )
 
 

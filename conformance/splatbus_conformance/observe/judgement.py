@@ -14,7 +14,8 @@ from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Traffic
-from splatbus_conformance.reports.terminal import print_failures, summary
+from splatbus_conformance.reports.run_report import RunReport, summary
+from splatbus_conformance.reports.terminal import print_failures
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
     EXIT_NO_VERDICT,
@@ -47,23 +48,21 @@ def opinion(
             out.print(f"{peer}: {sentence}", markup=False)
             took = latencies.of(judged.conversations, peer)
             reports.append(
-                json_report(
+                RunReport(
                     f"the {peer} in {Path(name).name}",
                     peer,
                     sentence,
                     found,
                     bound,
-                    exit_code=exit_code(verdicts, strict=strict),
-                    traffic=Traffic(version=judged.version(peer), latencies=took),
-                    seconds=judged.seconds,
+                    exit_code(verdicts, strict=strict),
+                    Traffic(version=judged.version(peer), latencies=took),
+                    judged.seconds,
                     not_judged=judged.left_over,
-                    profile=None,
-                    seeds=(),
                 )
             )
         out.print()
-    files.write(reports)
-    codes = [report["exitCode"] for report in reports]
+    files.write([json_report(report) for report in reports])
+    codes = [report.status for report in reports]
     if EXIT_NOT_CONFORMING in codes:
         return EXIT_NOT_CONFORMING
     return EXIT_CONFORMING if EXIT_CONFORMING in codes else EXIT_NO_VERDICT

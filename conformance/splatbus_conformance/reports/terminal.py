@@ -16,9 +16,9 @@ from rich.progress import (
 )
 from rich.table import Column
 from rich.text import Text
-from splatbus_schemas.requirements import Requirement
+from splatbus_schemas.requirements import Requirement, requirements
 
-from splatbus_conformance.reports.thresholds import observed
+from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.reports.triage import in_order, start_with
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import (
@@ -27,8 +27,6 @@ from splatbus_conformance.verdicts import (
     Level,
     Result,
     Verdict,
-    by_requirement,
-    worst,
 )
 from splatbus_conformance.wire.transcript import INDENT, MARK
 
@@ -246,6 +244,15 @@ def print_what_next(
         )
 
 
+def print_run(console: Console, report: RunReport) -> None:
+    """All that is said of a run: what was not seen, what was broken, what to do, the verdict."""
+    print_unseen(console, report.unseen)
+    print_failures(console, report.results, requirements("1.1"))
+    print_what_next(console, report.results, report.traffic.advice, recorded=report.recorded)
+    print_complaints(console, report.complaints)
+    print_end(console, report.sentence, report.traffic.sentence(report.seconds), report.status)
+
+
 def print_end(console: Console, sentence: str, more: str, status: int) -> None:
     """The last lines of a run."""
     console.print(sentence, style=_STYLE_OF_END.get(status, "bold yellow"), markup=False)
@@ -256,49 +263,3 @@ def print_complaints(console: Console, complaints: Iterable[str]) -> None:
     """What fails a run besides verdicts, and what to do about it."""
     for text in complaints:
         console.print(Text.assemble(("FAIL  ", STYLE[Verdict.FAIL]), text))
-
-
-def summary(
-    results: Iterable[Result],
-    judged: Mapping[str, Requirement],
-    level: str,
-    least: Level = Level.PASSIVE,
-    ended: str = "",
-) -> tuple[str, dict[str, Verdict]]:
-    """One sentence on a run, and the verdict on each requirement that could be judged.
-
-    Args:
-        results: of all checks and rules.
-        judged: the requirements that the testee could be judged by.
-        level: the assurance at which the run takes place.
-        least: the least assurance at which something counts as observed.
-        ended: how the testee ended by itself, if it did.
-    """
-    results = list(results)
-    groups = by_requirement(results)
-    verdicts = {name: worst(groups.get(name, [])) for name in judged}
-    verdicts |= {name: worst(group) for name, group in groups.items() if name not in judged}
-    count = len(observed(results, judged, least))
-    of = {
-        verdict: [name for name, it in verdicts.items() if it is verdict]
-        for verdict in (Verdict.FAIL, Verdict.EXPECTED, Verdict.WARN)
-    }
-    if of[Verdict.FAIL]:
-        opinion = f"not conforming: {', '.join(of[Verdict.FAIL])} broken"
-    elif Verdict.ERROR in verdicts.values():
-        opinion = "no verdict: the harness failed"
-    elif of[Verdict.EXPECTED]:
-        opinion = "not conforming, as expected"
-    elif not count:
-        opinion = f"no verdict: {ended or 'nothing was observed'}"
-    else:
-        opinion = f"conforming at {level}"
-    mark = ";" if of[Verdict.FAIL] or (ended and not count) else ":"
-    text = f"{opinion}{mark} {count} of {len(judged)} requirements observed"
-    if least > Level.PASSIVE:
-        text += f" at {least} or above"
-    if of[Verdict.EXPECTED]:
-        text += f"; expected to be broken: {', '.join(of[Verdict.EXPECTED])}"
-    if of[Verdict.WARN]:
-        text += f"; advice not followed: {', '.join(of[Verdict.WARN])}"
-    return text, verdicts

@@ -8,21 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.reports import expected_failures
 from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Findings, Traffic
-from splatbus_conformance.reports.terminal import (
-    LiveProgress,
-    print_complaints,
-    print_end,
-    print_failures,
-    print_unseen,
-    print_what_next,
-    summary,
-)
+from splatbus_conformance.reports.run_report import RunReport, summary
+from splatbus_conformance.reports.terminal import LiveProgress, print_run
 from splatbus_conformance.reports.thresholds import missing, observed, shortfalls
 from splatbus_conformance.reports.unseen import unseen
 from splatbus_conformance.run.failures import work_out
@@ -91,16 +83,18 @@ def soak(plan: Plan, seconds: float, live: LiveProgress) -> Findings:
 def _without_verdict(plan: Plan, why: str, status: int, seconds: float) -> dict[str, Any]:
     """The report of a run that came to no verdict, so that a CI job has one to show."""
     return json_report(
-        plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
-        plan.side,
-        f"no verdict: {why.splitlines()[0]}",
-        [Result("", "run", Level.WIRE, Verdict.ERROR, why)],
-        Traffic().judged(plan.side),
-        exit_code=status,
-        traffic=Traffic(),
-        seconds=seconds,
-        profile=plan.profile,
-        seeds=[plan.seed],
+        RunReport(
+            plan.launch or plan.adapter or f"{plan.host}:{plan.ports[0]},{plan.ports[1]}",
+            plan.side,
+            f"no verdict: {why.splitlines()[0]}",
+            [Result("", "run", Level.WIRE, Verdict.ERROR, why)],
+            Traffic().judged(plan.side),
+            status,
+            Traffic(),
+            seconds,
+            profile=plan.profile,
+            seeds=[plan.seed],
+        )
     )
 
 
@@ -120,40 +114,35 @@ def _report(
     if fewer:
         traffic.advice.append(fewer)
     complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
-    if not plan.selection.partial:
-        print_unseen(out, unseen(found, judged, plan.side))
-    print_failures(out, results, requirements("1.1"))
-    print_what_next(out, results, traffic.advice, recorded=bool(plan.record))
     sentence, verdicts = summary(results, judged, reached(results), level, ended)
     if fewer:
         sentence += "; fewer than usual were observed: busy machine"
     deselected = left_out(plan)
     if deselected:
         sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
-    print_complaints(out, complaints)
     status = exit_code(verdicts, strict=wishes.strict)
-    if complaints:
-        status = EXIT_NOT_CONFORMING
-    print_end(out, sentence, traffic.sentence(seconds), status)
-    report = json_report(
+    report = RunReport(
         traffic.testee,
         plan.side,
         sentence,
         results,
         judged,
-        exit_code=status,
-        traffic=traffic,
-        seconds=seconds,
-        least=level,
-        complaints=complaints,
-        deselected=deselected,
+        EXIT_NOT_CONFORMING if complaints else status,
+        traffic,
+        seconds,
+        level,
+        complaints,
+        deselected,
+        unseen={} if plan.selection.partial else unseen(found, judged, plan.side),
         profile=plan.profile,
         seeds=findings.seeds or [plan.seed],
+        recorded=bool(plan.record),
     )
-    wishes.files.write(report)
+    print_run(out, report)
+    wishes.files.write(json_report(report))
     if wishes.write_expected:
         return write_expected(wishes.write_expected, found, wishes, out)
-    return status
+    return report.status
 
 
 def _load() -> str:

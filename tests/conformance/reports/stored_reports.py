@@ -6,6 +6,7 @@ from typing import Any
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Traffic
+from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.verdicts import Level, Result, Verdict
 from splatbus_schemas.requirements import requirements
 
@@ -47,17 +48,19 @@ def failure(text: str) -> Result:
 def report_of(*results: Result, complaints: Iterable[str] = (), **changed: Any) -> dict[str, Any]:
     """The report of a run with these results."""
     made = json_report(
-        "cmd",
-        "client",
-        "not conforming: FRM-3 broken: 3 of 6 requirements observed",
-        results,
-        KNOWN,
-        exit_code=1,
-        traffic=TRAFFIC,
-        seconds=1.5,
-        complaints=complaints,
-        deselected={"POS-1": ["rule"]},
-        profile="soak",
-        seeds=[3, 4],
+        RunReport(
+            "cmd",
+            "client",
+            "not conforming: FRM-3 broken: 3 of 6 requirements observed",
+            results,
+            KNOWN,
+            1,
+            TRAFFIC,
+            1.5,
+            complaints=list(complaints),
+            deselected={"POS-1": ["rule"]},
+            profile="soak",
+            seeds=[3, 4],
+        )
     )
     return made | changed
