@@ -1,19 +1,16 @@
-"""What a run has found out: verdicts and counts, which cross from worker to controller as text."""
+"""What a run has found out: verdicts and counts."""
 
-import json
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from splatbus_schemas.requirements import Requirement, requirements
 
-from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
-from splatbus_conformance.reports.latencies import Histogram, Latencies
+from splatbus_conformance.reports.latencies import Latencies
 from splatbus_conformance.rules import tally
-from splatbus_conformance.rules.tally import Count, Tally
+from splatbus_conformance.rules.tally import Tally
 from splatbus_conformance.selection import RULE, Item
-from splatbus_conformance.verdicts import Level, Result, Verdict, worst
+from splatbus_conformance.verdicts import Result, Verdict, worst
 
 CONDEMNS = (Verdict.FAIL, Verdict.WARN)
 
@@ -40,8 +37,8 @@ class Traffic:
     """How long the testee took for its answers."""
     advice: list[str] = field(default_factory=list)
     """What the meeting with the testee suggests to its author."""
-    losses: list[str] = field(default_factory=list)
-    """Results, as text: vital signs that the testee lost, charged to the check that took them."""
+    losses: list[Result] = field(default_factory=list)
+    """Vital signs that the testee lost, charged to the check that took them."""
     ended: str = ""
     """How the testee ended by itself, when it last did."""
     printed: str = ""
@@ -68,23 +65,6 @@ class Traffic:
         if other.ended:
             self.ended, self.printed = other.ended, other.printed
         self.scripts = other.scripts | self.scripts
-
-    def as_text(self) -> str:
-        """For another process."""
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_text(cls, text: str) -> "Traffic":
-        """The reverse of `as_text`."""
-        members = json.loads(text)
-        members["tally"] = {
-            name: Count(*count)._replace(shown=tuple(count[-1]))
-            for name, count in members["tally"].items()
-        }
-        members["latencies"] = {
-            what: Histogram.from_counts(**it) for what, it in members["latencies"].items()
-        }
-        return cls(**members)
 
     def sentence(self, seconds: float) -> str:
         """What was done, in how long, and how much of that the harness took."""
@@ -136,7 +116,7 @@ class Findings:
     def results(self, plan: Plan) -> list[Result]:
         """Every verdict, in the order of a serial run; the rules have the last word."""
         judged = self.traffic.judged(plan.side)
-        losses = list(map(result_from_text, self.traffic.losses))
+        losses = self.traffic.losses
         harmful = {loss.check: loss for loss in losses}
         found = [
             _unproven(self.placed[place], harmful.get(self.placed[place].check))
@@ -157,19 +137,3 @@ def _unproven(result: Result, loss: Result | None) -> Result:
     if loss is None or result.verdict is not Verdict.PASS:
         return result
     return replace(result, verdict=Verdict.SKIP, text=f"{loss.text} ({loss.requirement})")
-
-
-def result_as_text(result: Result) -> str:
-    """For another process."""
-    return json.dumps(asdict(result))
-
-
-def result_from_text(text: str) -> Result:
-    """The reverse of `result_as_text`."""
-    members: dict[str, Any] = json.loads(text)
-    assert set(members) <= {field.name for field in fields(Result)}
-    members["level"] = Level(members["level"])
-    members["verdict"] = Verdict(members["verdict"])
-    members["evidence"] = tuple(members["evidence"])
-    members["measurements"] = tuple(Measurement(**it) for it in members["measurements"])
-    return Result(**members)

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import pytest
 
 from splatbus_conformance.checks import Check
-from splatbus_conformance.reports.findings import Findings, Traffic, result_from_text
+from splatbus_conformance.reports.findings import Findings
 from splatbus_conformance.run.plugin import RESULT, TRAFFIC
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
@@ -55,14 +55,14 @@ class Collector:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """A check has come to its end, or its process has."""
-        name, properties = _name(report.nodeid), dict(report.user_properties)
+        name: str = _name(report.nodeid)
+        properties: dict[str, Any] = dict(report.user_properties)
         if RESULT in properties:
-            place, text = _pair(properties[RESULT])
-            self._put(place, result_from_text(text))
+            self._put(*properties[RESULT])
         elif report.failed:
             self.note(name, str(report.longrepr))
         if TRAFFIC in properties:
-            self.findings.traffic.add(Traffic.from_text(str(properties[TRAFFIC])))
+            self.findings.traffic.add(properties[TRAFFIC])
 
     def begin(self, names: Sequence[str]) -> None:
         """These checks have to run."""
@@ -94,8 +94,3 @@ class Collector:
 
 def _name(nodeid: str) -> str:
     return nodeid.rpartition("::")[2]
-
-
-def _pair(value: Any) -> tuple[int, str]:
-    place, text = value
-    return int(place), str(text)

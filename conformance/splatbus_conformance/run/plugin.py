@@ -21,7 +21,7 @@ from splatbus_conformance.checks import Check
 from splatbus_conformance.checks.registry import check_functions, peer_of
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
-from splatbus_conformance.reports.findings import Traffic, result_as_text
+from splatbus_conformance.reports.findings import Traffic
 from splatbus_conformance.rules import guilty
 from splatbus_conformance.rules.tally import add, rules_on, tally
 from splatbus_conformance.run.deaths import note_deaths
@@ -146,9 +146,9 @@ class CheckPlugin:
         if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
             result = self._result(item, call)
             self._last_verdict = result.verdict
-            report.user_properties.append((RESULT, (item.stash[PLACE], result_as_text(result))))
+            report.user_properties.append((RESULT, (item.stash[PLACE], result)))
         elif call.when == "teardown":
-            report.user_properties.append((TRAFFIC, self.traffic.as_text()))
+            report.user_properties.append((TRAFFIC, self.traffic))
             self.traffic = self._nothing_yet()
         return report
 
@@ -225,7 +225,7 @@ class CheckPlugin:
             tuple(excerpt(deed.entries, EVIDENCE_LINES)),
             script=script,
         )
-        self.traffic.losses.append(result_as_text(loss))
+        self.traffic.losses.append(loss)
 
     def _last_words(self) -> str:
         printed = self.testbed.testee.output().strip().splitlines()[-PRINTED_LINES:]

@@ -21,7 +21,6 @@ import pytest
 from splatbus_conformance.checks import Check
 from splatbus_conformance.data import read_json
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
-from splatbus_conformance.reports.findings import Traffic
 from splatbus_conformance.run.collector import Collector
 from splatbus_conformance.run.plugin import CheckPlugin
 from splatbus_conformance.run.pytest_run import isolated, run_pytest
@@ -109,7 +108,7 @@ class Workers:
         elif word is WorkerMessage.REPORT:
             self._gathering.pytest_runtest_logreport(what)
         elif word is WorkerMessage.LEFT:
-            self._gathering.findings.traffic.add(Traffic.from_text(what))
+            self._gathering.findings.traffic.add(what)
         else:
             raise NoVerdict(what)
 
@@ -153,7 +152,7 @@ def _work(plan: Plan, facts: Facts, there: Connection) -> None:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
             if status != pytest.ExitCode.INTERRUPTED:
                 checks.look_after()
-                there.send((WorkerMessage.LEFT, checks.traffic.as_text()))
+                there.send((WorkerMessage.LEFT, checks.traffic))
     except (NoVerdict, Usage) as error:
         there.send((WorkerMessage.NO_VERDICT, str(error)))
 

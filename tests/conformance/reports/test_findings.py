@@ -1,15 +1,11 @@
 """Findings: they cross from process to process, and those of several runs add up."""
 
+import pickle
 from dataclasses import replace
 
 from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.reports.findings import (
-    Findings,
-    Traffic,
-    result_as_text,
-    result_from_text,
-)
+from splatbus_conformance.reports.findings import Findings, Traffic
 from splatbus_conformance.reports.latencies import Histogram
 from splatbus_conformance.rules.tally import Count, rules_on, tally
 from splatbus_conformance.selection import Selection
@@ -36,14 +32,13 @@ def passed(place: int) -> Result:
 
 
 def test_a_result_crosses_to_another_process_with_whatever_a_testee_sent() -> None:
-    text = result_as_text(FAILED)
-    assert result_from_text(text.encode("ascii").decode()) == FAILED
+    assert pickle.loads(pickle.dumps(FAILED)) == FAILED
 
 
 def test_traffic_crosses_too() -> None:
     traffic = Traffic("cmd", "1.1", "GPU-1", 3, 2, 0.5, 1.5, {"FRM-1": Count(4, 1, "\ud800")})
     traffic.latencies["ping → pong"] = Histogram({-40: 2}, 0.01)
-    assert Traffic.from_text(traffic.as_text().encode("ascii").decode()) == traffic
+    assert pickle.loads(pickle.dumps(traffic)) == traffic
 
 
 def test_results_are_in_the_order_of_their_places_and_the_rules_come_last() -> None:
