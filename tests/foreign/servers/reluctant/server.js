@@ -15,7 +15,7 @@ for (const name of fs.readdirSync(FOLDER)) {
   const match = /^reluctant-(\d+)-\d+$/.exec(name);
   if (!match) continue;
   try { process.kill(+match[1], 0); } catch (error) {
-    if (error.code === "ESRCH") fs.unlinkSync(FOLDER + name);
+    if (error.code === "ESRCH") fs.rmSync(FOLDER + name, { force: true }); // another may be as quick
   }
 }
 

@@ -1,6 +1,7 @@
 """A server of SplatBus 1.1 that sketches a coloured wall into memory of the host."""
 
 import asyncio
+import contextlib
 import glob
 import json
 import math
@@ -156,7 +157,8 @@ class Server:
         self.newest = None
         for left in glob.glob("/dev/shm/splatbus-sketch-*"):
             if not os.path.exists(f"/proc/{left.rpartition('-')[2]}"):
-                os.unlink(left)
+                with contextlib.suppress(FileNotFoundError):  # another may be as quick
+                    os.unlink(left)
         descriptor = os.open(f"/dev/shm/{NAME}", os.O_RDWR | os.O_CREAT | os.O_EXCL)
         os.fchmod(descriptor, 0o644)
         os.posix_fallocate(descriptor, 0, INIT["memory"]["bytes"])
