@@ -1,4 +1,4 @@
-"""A stand for clients: two listeners, memory to offer, and the client."""
+"""A testbed for clients: two listeners, memory to offer, and the client."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack

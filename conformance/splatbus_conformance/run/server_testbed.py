@@ -1,4 +1,4 @@
-"""A stand for servers: the server, and a dialler."""
+"""A testbed for servers: the server, and a dialler."""
 
 import os
 

@@ -62,7 +62,7 @@ class Testbed(Protocol):
 
 
 def set_up(plan: Plan, say: Say = lambda text: None) -> Testbed:
-    """A stand for this plan, which says what its user has to do.
+    """A testbed for this plan, which says what its user has to do.
 
     Raises Usage if a port cannot be had, NoVerdict if there is no shared memory.
     """

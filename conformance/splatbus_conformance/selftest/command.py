@@ -105,8 +105,9 @@ def members(
     """
     known = {it.name: it for it in variations()}
     if row.fate in GOOD:
-        for name in group.members:
-            yield replace(row, name=name, does=known[name].does)
+        for it in (known[name] for name in group.members):
+            own = tuple(cell for cell in row.cells if cell.requirement in it.warns)
+            yield replace(row, name=it.name, does=it.does, cells=own)
         return
     out.print(f"{group.name}: {row.fate}; each of its liberties by itself", markup=False)
     alone = list(run({name: trials_[name] for name in group.members}, out))

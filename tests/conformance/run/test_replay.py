@@ -22,7 +22,7 @@ SEGMENTS = "check_any_segmentation"
 
 @pytest.fixture
 def testbed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Testbed]:
-    """A stand for the miniature, with the replacements of the test made in it."""
+    """A testbed for the miniature, with the replacements of the test made in it."""
     source = MINIATURE.read_text("utf-8")
     for old, new in getattr(request, "param", ()):
         assert old in source

@@ -1,4 +1,4 @@
-"""The nursery: what it starts is as good as a process that was started in the usual way."""
+"""The fork server: what it starts is as good as a process that was started in the usual way."""
 
 import os
 import signal

@@ -203,6 +203,15 @@ def test_a_group_that_is_condemned_is_judged_one_by_one(monkeypatch, out, alone)
     assert f"CONDEMNED WRONGLY  {culprit}:" in out.export_text()
 
 
+def test_of_a_group_each_is_warned_of_its_own_advice(monkeypatch, out):
+    group = next(it for it in groups() if it.warns)
+    warned = tuple(Cell(name, "rule", "warn", "against advice") for name in group.warns)
+    judged = replace(row(group.name, Fate.ALLOWED, "variation"), cells=warned)
+    told = {it.name: {cell.requirement for cell in it.cells}
+            for it in command.members(group, judged, {}, out)}  # fmt: skip
+    assert told == {name: VARIATIONS[name].warns for name in group.members}
+
+
 def test_what_was_short_of_time_is_judged_by_itself(monkeypatch, out):
     """And said to have been."""
     fates = iter([Fate.SURVIVED, Fate.KILLED])

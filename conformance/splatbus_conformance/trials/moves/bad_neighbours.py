@@ -38,7 +38,7 @@ class BadNeighbour(NamedTuple):
 
 
 def sends(what: str, data: bytes) -> BadNeighbour:
-    """A misdeed that consists in what is sent."""
+    """One whose misdeed is what it sends."""
     return BadNeighbour(what, lambda trial, connection: connection.send(data))
 
 
@@ -121,7 +121,7 @@ HARMLESS: dict[Channel, BadNeighbour] = {
     "msg": sends("asks", REQUEST),
     "ipc": BadNeighbour("reads", _reads, ServerTrial.before_hello),
 }
-MISDEEDS = (
+BAD_NEIGHBOURS = (
     sends("says nothing", b""),
     sends("sends one byte", b"\x1c"),
     sends("sends a header and no more", REQUEST[:4]),
@@ -146,7 +146,7 @@ MISDEEDS = (
     sends_and_resets("sends a broken pose and resets", packet(encode(camera_pose())[:-1])),
     BadNeighbour("closes at once", lambda trial, connection: connection.close()),
 )
-MISDEEDS_OF_READERS = (
+BAD_READERS = (
     BadNeighbour("never gives a frame back", _holds_a_lease, ServerTrial.before_hello),
     BadNeighbour("resets while it holds a frame", _resets_with_a_lease, ServerTrial.before_hello),
 )

@@ -34,11 +34,11 @@ _looks = itertools.count(1)
 
 
 class ImageSession:
-    """A client in control of the camera, and a photographer who reads the images.
+    """A client in control of the camera, and a reader of the images.
 
     Attributes:
         poser: the client's message connection.
-        photographer: whose poses go over that connection.
+        capture: of the images, by poses that go over that connection.
     """
 
     def __init__(self, trial: ServerTrial) -> None:
@@ -107,7 +107,7 @@ class ImageSession:
 
 @contextlib.contextmanager
 def image_session(trial: ServerTrial) -> Iterator[ImageSession]:
-    """A studio, whose objects are put back at the end: they stay where they are otherwise."""
+    """One whose objects are put back at the end: they stay where they are otherwise."""
     it = ImageSession(trial)
     try:
         yield it

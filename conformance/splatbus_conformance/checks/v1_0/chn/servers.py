@@ -9,10 +9,10 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.req.servers import every_request
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import (
+    BAD_NEIGHBOURS,
+    BAD_READERS,
     CROWD,
     HARMLESS,
-    MISDEEDS,
-    MISDEEDS_OF_READERS,
     BadNeighbour,
     crowd,
 )
@@ -177,7 +177,7 @@ def check_others_are_served_whatever_one_does(trial: ServerTrial) -> None:
     """One client on the message channel sends what it should not, or too little, does not read,
     resets or vanishes.
     """
-    judge_misdeeds(trial, "msg", MISDEEDS)
+    judge_neighbours(trial, "msg", BAD_NEIGHBOURS)
 
 
 @check(
@@ -189,8 +189,8 @@ def check_others_are_served_whatever_one_does_on_ipc(trial: ServerTrial) -> None
     """The same on the IPC channel, and what only a reader of images can do: hold a lease, or reset
     while it does.
     """
-    readers = MISDEEDS_OF_READERS if trial.facts.renders else ()
-    judge_misdeeds(trial, "ipc", (*MISDEEDS, *readers))
+    readers = BAD_READERS if trial.facts.renders else ()
+    judge_neighbours(trial, "ipc", (*BAD_NEIGHBOURS, *readers))
 
 
 @check(
@@ -245,8 +245,8 @@ WHO_ENDS = ((False, False), (True, False), (False, True))
 """Has said hello; has asked before, and been answered."""
 
 
-def judge_misdeeds(
-    trial: ServerTrial, channel: Channel, misdeeds: tuple[BadNeighbour, ...]
+def judge_neighbours(
+    trial: ServerTrial, channel: Channel, neighbours: tuple[BadNeighbour, ...]
 ) -> None:
     """Let one client misbehave, and see how the others fare, and whoever comes next.
 
@@ -254,16 +254,16 @@ def judge_misdeeds(
     tells something only if the same one stays beside a client that does nothing wrong.
     """
     others = Bystanders(trial, channel)
-    for misdeed in trial.each(misdeeds):
-        what = f"a client that {misdeed.what}, on the {channel} channel"
-        if others.can_stay and not others.stay(misdeed, what):
+    for neighbour in trial.each(neighbours):
+        what = f"a client that {neighbour.what}, on the {channel} channel"
+        if others.can_stay and not others.stay(neighbour, what):
             others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
             if others.can_stay:
-                stayed = any(others.stay(misdeed, what) for _ in range(AGAIN))
+                stayed = any(others.stay(neighbour, what) for _ in range(AGAIN))
                 trial.expect(stayed, f"the connection of another is ended beside {what}")
         if not others.can_stay:
             trial.peer.close_all()
-            commit(trial, channel, misdeed).close()
+            commit(trial, channel, neighbour).close()
         if trial.facts.alone["msg"]:
             trial.peer.close_all()
         if not trial.serves():
@@ -274,10 +274,10 @@ def judge_misdeeds(
     trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
 
 
-def commit(trial: ServerTrial, channel: Channel, misdeed: BadNeighbour) -> Connection:
+def commit(trial: ServerTrial, channel: Channel, neighbour: BadNeighbour) -> Connection:
     """Let somebody new do this; on which connection."""
-    culprit = misdeed.begins(trial, channel)
-    misdeed.commit(trial, culprit)
+    culprit = neighbour.begins(trial, channel)
+    neighbour.commit(trial, culprit)
     return culprit
 
 
@@ -291,12 +291,12 @@ class Bystanders:
         self._witness: Connection | None = None
         self._steering: CameraControl | None = None
 
-    def stay(self, misdeed: BadNeighbour, what: str) -> bool:
+    def stay(self, neighbour: BadNeighbour, what: str) -> bool:
         """Let somebody do this beside them: whether they stay. Violated if they do, unserved."""
         trial = self._trial
         steering = self._reading()
         witness = self._asking(steering)
-        culprit = commit(trial, self._channel, misdeed)
+        culprit = commit(trial, self._channel, neighbour)
         answered = trial.answers(witness)
         trial.expect(not trial.fate(), f"no reply beside {what}")
         trial.expect(answered or witness.ended, f"no reply beside {what}")
