@@ -2,7 +2,8 @@
 leaves to it.
 """
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from splatbus_conformance.images.memory.device import Device
@@ -77,14 +78,25 @@ class ScriptedClient:
         self.opens = True
         """Opens the memory that is announced, and says so."""
         self.releases = True
-        """Gives each frame back as soon as it comes."""
+        """Gives each frame back as soon as it comes, on connections that are made from now on."""
         self.encode: Callable[[Json], bytes] = messages.encode
         """How a message is written."""
         self.dealings: dict[Connection, DialledConnection] = {}
 
     def with_(self, connection: Connection) -> DialledConnection:
         """What was said on this connection."""
-        return self.dealings.setdefault(connection, DialledConnection())
+        return self.dealings.setdefault(connection, DialledConnection(holds=not self.releases))
+
+    @contextlib.contextmanager
+    def holding(self) -> Iterator[None]:
+        """Connections that are made meanwhile give no frame back, not even the first, which may
+        have come before whoever connected can say so.
+        """
+        former, self.releases = self.releases, False
+        try:
+            yield
+        finally:
+            self.releases = former
 
     def on_open(self, connection: Connection) -> None:
         """A connection was made: nothing to say yet."""
@@ -106,7 +118,7 @@ class ScriptedClient:
             if finite and readable(message):
                 dealings.frames.append(message)
             dealings.held = message
-            if self.releases and not dealings.holds:
+            if not dealings.holds:
                 self.release(connection, message)
         elif connection.channel == "ipc" and kind is None and "meta" in message and finite:
             dealings.init_packets.append(message)

@@ -20,6 +20,10 @@ T = TypeVar("T")
 CHANNELS: tuple[Channel, Channel] = ("ipc", "msg")
 READ_BYTES = 1 << 16
 MOST_LEFT_READS = 64
+MOST_ROUNDS = 16
+"""A step handles all that has come, so that whoever acts on what one connection said also knows
+what the testee did before on another; but a flood never ends.
+"""
 SEND_SECONDS = 5.0
 DIAL_SECONDS = 5.0
 NARROW_BYTES, NARROW_SEGMENT = 4096, 536
@@ -351,11 +355,15 @@ class Peer:
         if not happened:
             self.late_seconds = max(self.late_seconds, late)
         self._absent += max(0.0, late - GRACE_SECONDS)
-        for key, _ in happened:
-            if isinstance(key.data, Connection):
-                self._handle(key.data)
-            elif connection := self._accepted(key.data):
-                self.on_open(connection)
+        for _ in range(MOST_ROUNDS):
+            if not happened:
+                break
+            for key, _ in happened:
+                if isinstance(key.data, Connection):
+                    self._handle(key.data)
+                elif connection := self._accepted(key.data):
+                    self.on_open(connection)
+            happened = self._selector.select(0)
 
     def on_record(self, monotonic: float) -> float:
         """The time of an entry that was made at this time of the monotonic clock."""

@@ -30,6 +30,19 @@ def pair() -> Iterator[tuple[Peer, Connection, socket.socket]]:
     peer.close()
 
 
+def test_who_hears_one_connection_knows_how_another_ended_before(pair) -> None:
+    peer, first, testee = pair
+    with socket.create_connection(("127.0.0.1", peer.ports["ipc"]), SECONDS) as other:
+        peer.until(lambda: len(peer.connections) == 2, SECONDS)
+        second = peer.connections[1]
+        testee.sendall(b"\1\0\0\0." * 100)
+        testee.close()
+        other.sendall(b"\1\0\0\0.")
+        assert peer.until(lambda: second.packets, SECONDS)
+        assert first.ended == "eof"
+        assert len(first.packets) == 100
+
+
 def test_a_close_ends_the_stream_whatever_is_unread(pair) -> None:
     _, connection, testee = pair
     testee.sendall(bytes(200_000))

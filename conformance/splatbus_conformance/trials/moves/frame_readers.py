@@ -48,8 +48,8 @@ def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:
 
 def holding(trial: ServerTrial) -> tuple[Connection, Json]:
     """A new reader, and the frame that it holds."""
-    connection = trial.reading()
-    trial.viewer.with_(connection).holds = True
+    with trial.viewer.holding():
+        connection = trial.reading()
     frames = frames_of(trial, connection)
     trial.wait(lambda: frames or connection.ended)
     if not frames:
@@ -60,7 +60,6 @@ def holding(trial: ServerTrial) -> tuple[Connection, Json]:
 def beside(trial: ServerTrial, *others: Connection) -> Connection:
     """One more reader; skips the check where the server serves fewer at a time."""
     connection = trial.reading()
-    trial.rest(0.0)
     if any(other.ended for other in others):
         trial.not_observable("the server ends a connection in favour of a later one")
     return connection

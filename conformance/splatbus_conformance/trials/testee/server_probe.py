@@ -191,13 +191,13 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         connection = reach(peer, testee, channel, patience)
         if connection is None:
             continue
-        viewer.greet(connection)
         dealings = viewer.with_(connection)
+        dealings.holds = True
+        viewer.greet(connection)
         peer.until(lambda: dealings.welcome or connection.ended, REPLY_SECONDS)  # noqa: B023
         facts.welcome[channel] = dealings.welcome
         facts.unauthorized |= "unauthorized" in dealings.errors()
         if channel == "ipc" and dealings.welcome:
-            dealings.holds = True
             peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
             peer.pump(WHOLE_SECONDS)
             facts.first = _first(dealings)

@@ -43,9 +43,9 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
     trial.viewer.opens = True
     first, held = holding(trial)
     others = [silent, first]
-    second, _ = trial.answered("ipc")
+    with trial.viewer.holding():
+        second, _ = trial.answered("ipc")
     dealings = trial.viewer.with_(second)
-    dealings.holds = True
     trial.wait(lambda: dealings.frames or second.ended)
     others += [] if second.ended else [second]
     reader = beside(trial, *others)
