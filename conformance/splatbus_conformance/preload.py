@@ -2,7 +2,7 @@
 
 import gc
 
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.cli import main
 from splatbus_conformance.rules import all_rules
 from splatbus_conformance.run import running, workers
@@ -10,7 +10,7 @@ from splatbus_conformance.run import running, workers
 __all__ = ["main", "running", "workers"]
 
 for side in ("client", "server"):
-    check_functions(side)
+    checks_of(side)
 all_rules()
 gc.collect()
 gc.freeze()  # nothing of this is garbage in any of them, so none has to look through it

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from splatbus_conformance.cases.script import Case, Script, save
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.wire.ports import free_port
 
 from tests.guides.pages import ROOT
@@ -92,8 +92,8 @@ def write_script(path: Path) -> None:
     sides = [
         side
         for side in ("client", "server")
-        for it in check_functions(side)
-        if (it.check.requirement, it.__name__) == (requirement, f"check_{check}")
+        for it in checks_of(side)
+        if (it.requirement, it.name) == (requirement, f"check_{check}")
     ]
     assert sides, f"{path.name} names no check"
     save(Script(sides[0], requirement, f"check_{check}", False, ((Case(False, 0),),)), path)

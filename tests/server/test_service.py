@@ -15,6 +15,7 @@ from splatbus_server import connection as connection_module
 from splatbus_server.service import MOST_CONNECTIONS, Peer, Service
 from splatbus_server.session import Session
 from splatbus_server.statistics import Statistics
+from splatbus_wire import packet_reader
 from splatbus_wire.messages import Channel, GetCameraPose
 
 from tests.peers.raw_client import RawClient, Reader, camera_pose, hello, packet
@@ -26,9 +27,10 @@ from tests.waiting import eventually
 def short_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Deadlines that a test can await; the lengths themselves are tested without sockets."""
     short = dict(LIMITS)
-    for name in ("packet_completion_seconds", "stalled_reader_seconds", "hello_seconds"):
+    for name in ("stalled_reader_seconds", "hello_seconds"):
         short[name] = 0.2
     monkeypatch.setattr(connection_module, "LIMITS", short)
+    monkeypatch.setattr(packet_reader, "COMPLETION_SECONDS", 0.2)
 
 
 def test_a_client_of_1_0_is_served_as_ever(bus: splatbus_server.Bus) -> None:

@@ -47,4 +47,4 @@ def test_every_check_and_rule_has_one_anchor() -> None:
     anchors = re.findall(r'id="(\w+)"', judged.checks())
     assert len(anchors) == len(set(anchors))
     assert set(anchors) == judged.check_names()
-    assert "check_bad_length_closes_ipc" in anchors
+    assert "check_bad_length_closes" in anchors

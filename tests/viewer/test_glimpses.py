@@ -117,7 +117,7 @@ def test_a_server_of_1_1_without_frames_is_answered_and_looked_at(server, sessio
 
 def test_looks_come_at_a_rate():
     machine = IpcProtocol(Hello(("1.0",), Program("test", "1"), ()))
-    assert machine.deadline() is None
+    assert machine.deadline() == math.inf
     assert machine.expire(9.0) == []
     machine.look(0.5)
     assert machine.deadline() == 0.0

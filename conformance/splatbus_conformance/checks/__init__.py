@@ -1,59 +1,178 @@
 """Checks: each plays one scenario with the testee and judges one requirement by it.
 
-A check is a function `check_*` that takes a `Trial`. Its docstring is what `explain` shows. The
-set of outcomes that it accepts is the one that the specification lists for its requirement.
+A check is a function `check_*` of a `Trial`, and, where it says so, of one case of many and of the
+channel that it is tried on. Its docstring is what `explain` shows. The set of outcomes that it
+accepts is the one that the specification lists for its requirement.
 """
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, NamedTuple, Protocol
+
+import pytest
+from hypothesis.strategies import SearchStrategy
+
+from splatbus_conformance.plan import Side
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.wire.recording import Channel
 
 DECLARES_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
 OPENS_HOST_MEMORY = (*DECLARES_HOST_MEMORY, "opens")
 """What a check needs that shows by opened memory that the testee goes on."""
+Needs = tuple[str, ...]
 
-F = TypeVar("F", bound=Callable[..., None])
+
+class End(NamedTuple):
+    """Whom a check judges, and where."""
+
+    side: Side
+    channel: Channel
+
+
+CLIENT_IPC, CLIENT_MSG = End("client", "ipc"), End("client", "msg")
+SERVER_IPC, SERVER_MSG = End("server", "ipc"), End("server", "msg")
+
+
+class Facts(Protocol):
+    """What the testee has shown of itself."""
+
+    def lacks(self, need: str) -> str | None:
+        """Why something that a check needs is not there; None if it is."""
+
+
+class Cases(NamedTuple):
+    """What a check goes through, one after the other: as `Trial.each` has it."""
+
+    listed: Sequence[Any] = ()
+    drawn: SearchStrategy[Any] | None = None
+    kind: Callable[[Any], Hashable] | None = None
+    spare: int | None = None
+    quick: int = 0
+    full: int = 0
+    simpler: Callable[[Any], Iterable[Any]] = lambda case: ()
 
 
 @dataclass(frozen=True)
 class Check:
-    """What is known of a check before it runs."""
+    """What is known of a check of one side before it runs."""
 
     requirement: str
     observable: str
     """What of the requirement can be seen from outside."""
-    needs: tuple[str, ...]
-    """What the testee must have shown of itself: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`,
-    `poses`, `says:TYPE` of a message, `opens`, `returns:ipc`, `returns:msg`, or a capability; or a
-    command of the adapter beside it, `adapter:pixels`, and its engine, `axes:unity`; or `device`,
-    that there is a GPU or the stand-in CUDA runtime to show it memory of; or `stand-in`, that its
-    calls are seen there. Of a server: `opens`, `frames`, `cuda`, `pixels`, that its images can be
-    read here, and `scene`, that they are of the scene of `conformance/SCENE.md`."""
+    places: Mapping[Channel | None, Needs]
+    """What the testee must have shown of itself, on each channel that the check is tried on, or
+    at all: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`, `poses`, `says:TYPE` of a message,
+    `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter beside it,
+    `adapter:pixels`, and its engine, `axes:unity`; or `device`, that there is a GPU or the stand-in
+    CUDA runtime to show it memory of; or `stand-in`, that its calls are seen there. Of a server:
+    `opens`, `frames`, `cuda`, `pixels`, that its images can be read here, and `scene`, that they
+    are of the scene of `conformance/SCENE.md`."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
     """The shortest that runs it: `brief`, or `quick` or `full` for what takes long."""
+    side: Side = "client"
+    play: Callable[[Any], None] = lambda trial: None
+    """The scenario, of a trial of that side."""
+
+    @property
+    def name(self) -> str:
+        """By which it is selected, and told."""
+        return self.play.__name__
+
+    @property
+    def does(self) -> str:
+        """What it does, in a sentence or two."""
+        return paragraph(self.play.__doc__)
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """Whatever it needs anywhere."""
+        return frozenset().union(*self.places.values())
 
     @property
     def level(self) -> str:
         """The assurance of its verdict."""
-        if {"device", "stand-in", "pixels"} & set(self.needs):
+        if {"device", "stand-in", "pixels"} & self.needs:
             return "L3"
         return "L2" if any(need.startswith("adapter:") for need in self.needs) else "L1"
+
+    def lacks(self, facts: Facts) -> str | None:
+        """Why it can be tried on no channel with this testee; None if it can."""
+        return None if self.shown_on(facts) else next(self._reasons(facts))
+
+    def shown_on(self, facts: Facts) -> list[Channel | None]:
+        """Where the testee has shown all that the check needs."""
+        return [at for at, needs in self.places.items() if not any(map(facts.lacks, needs))]
+
+    def _reasons(self, facts: Facts) -> Iterator[str]:
+        return (why for needs in self.places.values() for why in map(facts.lacks, needs) if why)
 
 
 def check(
     requirement: str,
     *,
     observable: str,
-    needs: tuple[str, ...] = (),
+    needs: Needs = (),
+    on: Mapping[End, Needs] | None = None,
+    cases: Cases | None = None,
     may_crash: bool = False,
     profile: str = "brief",
-) -> Callable[[F], F]:
-    """Declare a function to be the check of a requirement."""
+) -> Callable[[Callable[..., None]], Callable[[Any], None]]:
+    """Declare a function to be the check of a requirement.
 
-    def declare(function: F) -> F:
-        function.check = Check(requirement, observable, needs, may_crash, profile)  # type: ignore[attr-defined]
-        return function
+    Args:
+        requirement: its id.
+        observable: what of the requirement is seen.
+        needs: what the testee must have shown, where the check is of one side, that of its trial.
+        on: the same for each end at which it judges; then the function takes a channel, too.
+        cases: what to go through on each channel; then the function takes one case, too.
+        may_crash: as of a `Check`.
+        profile: as of a `Check`.
+    """
+
+    def declare(function: Callable[..., None]) -> Callable[[Any], None]:
+        def play(trial: Any) -> None:
+            skipped: list[BaseException] = []
+            channels = found[trial.side].shown_on(trial.facts) if on else [None]
+            for channel in channels:
+                where = () if channel is None else (channel,)
+                try:
+                    for case in _through(trial, cases):
+                        function(trial, *where, *case)
+                except pytest.skip.Exception as nothing:
+                    skipped.append(nothing)
+            if skipped and len(skipped) == len(channels):
+                raise skipped[0]
+
+        functools.update_wrapper(play, function, updated=())
+        del play.__wrapped__  # type: ignore[attr-defined]  # whoever collects it gives it a trial
+        found: dict[Side, Check] = {}
+        for side, places in _sides(function, needs, on).items():
+            found[side] = Check(requirement, observable, places, may_crash, profile, side, play)
+        play.checks = found  # type: ignore[attr-defined]
+        return play
 
     return declare
+
+
+def _through(trial: Any, cases: Cases | None) -> Iterable[tuple[Any, ...]]:
+    return [()] if cases is None else ((case,) for case in trial.each(**cases._asdict()))
+
+
+def _sides(
+    function: Callable[..., None], needs: Needs, on: Mapping[End, Needs] | None
+) -> dict[Side, dict[Channel | None, Needs]]:
+    if on is None:
+        side: Side = "client" if function.__annotations__["trial"] is ClientTrial else "server"
+        return {side: {None: needs}}
+    sides: dict[Side, dict[Channel | None, Needs]] = {}
+    for end, needed in on.items():
+        sides.setdefault(end.side, {})[end.channel] = needed
+    return sides
+
+
+def paragraph(docstring: str | None) -> str:
+    """A docstring on one line."""
+    return " ".join((docstring or "").split())

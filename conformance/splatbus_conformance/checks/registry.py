@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 from splatbus_schemas.requirements import Requirement, requirements
 
 from splatbus_conformance import checks
-from splatbus_conformance.checks import Check
+from splatbus_conformance.checks import Check, paragraph
 from splatbus_conformance.data import read_json
+from splatbus_conformance.plan import Side
 from splatbus_conformance.rules import all_rules
-from splatbus_conformance.trials.client import ClientTrial
 
 
 class Judge(NamedTuple):
@@ -38,28 +38,29 @@ class Exclusion(NamedTuple):
 
 
 @cache
-def check_functions(peer: str) -> tuple[Any, ...]:
-    """Every check of `client` or of `server`, module by module."""
+def checks_of(side: Side) -> tuple[Check, ...]:
+    """Every check that judges this side, module by module."""
     modules = [
         importlib.import_module(module.name)
         for module in pkgutil.walk_packages(checks.__path__, f"{checks.__name__}.")
         if not module.ispkg
     ]
     return tuple(
-        function
+        check
         for module in modules
         for name, function in vars(module).items()
-        if name.startswith("check_") and hasattr(function, "check") and peer_of(function) == peer
+        if name.startswith("check_") and (check := checks_in(function).get(side))
     )
 
 
-def peer_of(function: Any) -> str:
-    """Whom a check judges, which its trial says."""
-    return "client" if function.__annotations__["trial"] is ClientTrial else "server"
+def checks_in(function: Any) -> Mapping[Side, Check]:
+    """What a function was declared to be, for each side that it judges."""
+    found: Mapping[Side, Check] = getattr(function, "checks", {})
+    return found
 
 
 @cache
-def judges(peer: str) -> Mapping[str, list[Judge]]:
+def judges(peer: Side) -> Mapping[str, list[Judge]]:
     """For each requirement, the checks and rules that judge this peer by it."""
     found: dict[str, list[Judge]] = {}
     known = requirements("1.1")
@@ -68,10 +69,9 @@ def judges(peer: str) -> Mapping[str, list[Judge]]:
             if peer in known[name].binds:
                 what = paragraph(rule.__doc__)
                 found.setdefault(name, []).append(Judge(rule.__name__, "L0", what, "bytes"))
-    for function in check_functions(peer):
-        check: Check = function.check
+    for check in checks_of(peer):
         found.setdefault(check.requirement, []).append(
-            Judge(function.__name__, check.level, paragraph(function.__doc__), check.observable)
+            Judge(check.name, check.level, check.does, check.observable)
         )
     return found
 
@@ -89,8 +89,3 @@ def exclusions(peer: str) -> Mapping[str, Exclusion]:
 def bound(peer: str) -> Mapping[str, Requirement]:
     """The requirements that bind this peer."""
     return {name: r for name, r in requirements("1.1").items() if peer in r.binds}
-
-
-def paragraph(docstring: str | None) -> str:
-    """A docstring on one line."""
-    return " ".join((docstring or "").split())

@@ -46,7 +46,7 @@ examples:
 """,
     "replay": """\
 examples:
-  splatbus-conformance replay splatbus-failures/FRM-3-bad_length_closes_ipc.json \\
+  splatbus-conformance replay splatbus-failures/FRM-3-bad_length_closes.json \\
       --launch ./my-viewer
       what stands below a failure as the way to see it again
   splatbus-conformance replay session.jsonl client --launch ./my-viewer

@@ -8,7 +8,7 @@ from rich.markup import escape
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.cases.script import Script
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.files.as_json import json_report
@@ -77,7 +77,7 @@ def replay_report(script: Script, given: Replay, traffic: Traffic, seconds: floa
 def _level(script: Script) -> Level:
     if script.by_rule:
         return Level.PASSIVE
-    known = {it.__name__: it.check.level for it in check_functions(script.side)}
+    known = {it.name: it.level for it in checks_of(script.side)}
     return Level(known[script.check])
 
 

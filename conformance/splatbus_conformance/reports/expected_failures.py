@@ -4,7 +4,7 @@ The list is TOML: it can be written by hand, has comments, and Python reads it w
 
     [[expected]]
     id = "FRM-3"
-    check = "check_bad_length_closes_ipc"
+    check = "check_bad_length_closes"
     reason = "the viewer drops only lengths of 0; our issue 17"
     message = "a header that announces 1,048,577 bytes"
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from splatbus_conformance.checks.registry import check_functions, judges
+from splatbus_conformance.checks.registry import checks_of, judges
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.reports.expected_failures import Expectation
 from splatbus_conformance.reports.files import Files
@@ -81,4 +81,4 @@ def selectable_on(side: Side) -> list[Item]:
         for name, found in judges(side).items()
         if any(judge.level == "L0" for judge in found)
     ]
-    return rules + [selectable(it.__name__, it.check) for it in check_functions(side)]
+    return rules + [selectable(it) for it in checks_of(side)]

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 from splatbus_schemas.requirements import requirements
@@ -18,7 +18,7 @@ from splatbus_schemas.requirements import requirements
 from splatbus_conformance.cases.drawing import leave_nothing_where_the_user_works
 from splatbus_conformance.cases.script import Script, as_text, from_text
 from splatbus_conformance.checks import Check
-from splatbus_conformance.checks.registry import check_functions, peer_of
+from splatbus_conformance.checks.registry import checks_in, checks_of
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.findings import Traffic
@@ -39,6 +39,8 @@ from splatbus_conformance.wire.transcript import excerpt
 EVIDENCE_LINES = 12
 PRINTED_LINES = 3
 NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
+CHECK = pytest.StashKey[Check]()
+"""What was collected, as it judges this side."""
 PLACE = pytest.StashKey[int]()
 """Of a check among those of a serial run."""
 RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
@@ -59,7 +61,7 @@ class CheckAftermath(NamedTuple):
     """Its own verdict says that something is broken."""
 
 
-MEETING = Check("CHN-19", "what the testee does when it is left alone", (), False, "quick")
+MEETING = Check("CHN-19", "what the testee does when it is left alone", {}, False, "quick")
 """The first meeting, as if it were a check."""
 
 
@@ -119,16 +121,18 @@ class CheckPlugin:
     def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
         """The modules of checks that hold one which was selected."""
         found = {
-            Path(str(sys.modules[it.__module__].__file__))
-            for it in check_functions(self.plan.side)
-            if self._takes(it.__name__, it.check)
+            Path(str(sys.modules[it.play.__module__].__file__))
+            for it in checks_of(self.plan.side)
+            if self._takes(it)
         }
         return Modules.of(parent, path, sorted(found))
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Leave out what was not selected, and put the rest in order."""
-        ours = [it for it in items if peer_of(it.function) == self.plan.side]  # type: ignore[attr-defined]
-        items[:] = [item for item in ours if self._takes(item.name, declared(item))]
+        for item in items:
+            if check := checks_in(item.function).get(self.plan.side):  # type: ignore[attr-defined]
+                item.stash[CHECK] = check
+        items[:] = [it for it in items if CHECK in it.stash and self._takes(declared(it))]
         for place, item in enumerate(items, 1):
             item.stash[PLACE] = place
         items[:] = self.order(items)
@@ -263,13 +267,12 @@ class CheckPlugin:
         if self.plan.record:
             recording.save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
 
-    def _takes(self, name: str, check: Check) -> bool:
-        return self.plan.selection.takes(selectable(name, check), self.plan.profile)
+    def _takes(self, check: Check) -> bool:
+        return self.plan.selection.takes(selectable(check), self.plan.profile)
 
     def _missing(self, check: Check) -> str | None:
-        for need in check.needs:
-            if reason := self.testbed.facts.lacks(need):
-                return str(reason)
+        if reason := check.lacks(self.testbed.facts):
+            return reason
         if check.may_crash and not (self.testbed.testee.expendable or self.plan.allow_crash):
             return "it may crash a testee that was not launched by the harness: --allow-crash"
         return None
@@ -341,12 +344,10 @@ def heard_out(peer: Peer) -> bool:
 
 
 def declared(item: pytest.Item) -> Check:
-    """What a collected check declares of itself."""
-    function: Any = item.function  # type: ignore[attr-defined]
-    check: Check = function.check
-    return check
+    """What a collected check is on the side that is judged."""
+    return item.stash[CHECK]
 
 
-def selectable(name: str, check: Check) -> Item:
+def selectable(check: Check) -> Item:
     """A check as something to select."""
-    return Item(check.requirement, name, check.level, check.profile)
+    return Item(check.requirement, check.name, check.level, check.profile)

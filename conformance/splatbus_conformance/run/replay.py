@@ -10,7 +10,7 @@ from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.cases.script import Case, Script, ScriptError, flat, rows
 from splatbus_conformance.cases.shrinking import simplest, smallest
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.rules import Sighting, guilty, sightings
 from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
@@ -44,22 +44,22 @@ def replay(testbed: Testbed, script: Script) -> Replay:
 
     Raises ScriptError if it names no check.
     """
-    check = next((f for f in check_functions(script.side) if f.__name__ == script.check), None)
+    check = next((f for f in checks_of(script.side) if f.name == script.check), None)
     if check is None:
         raise ScriptError(f"there is no check {script.check} of a {script.side} any more")
-    trial = testbed.trial(requirements("1.1")[check.check.requirement])
+    trial = testbed.trial(requirements("1.1")[check.requirement])
     trial.end_testee()
     trial.profile, trial.script, trial.seed = script.profile, script.cases, script.seed
     broken: str | None = None
     skipped = ""
     try:
-        check(trial)
+        check.play(trial)
     except Violation as violation:
         broken = str(violation)
     except pytest.skip.Exception as skip:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
-    if script.requirement != check.check.requirement and not script.by_rule:
+    if script.requirement != check.requirement and not script.by_rule:
         entries = list(testbed.peer.entries)
         lost = testbed.lost(briefly=False) or None
         return Replay(lost, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))

@@ -8,7 +8,7 @@ import pytest
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.checks import Check
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import NoVerdict, Plan
 from splatbus_conformance.reports.findings import Findings
 from splatbus_conformance.run import room
@@ -35,11 +35,11 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
         KeyboardInterrupt: somebody pressed Ctrl-C.
     """
     findings = Findings()
-    checks: dict[str, Check] = {it.__name__: it.check for it in check_functions(plan.side)}
+    checks: dict[str, Check] = {it.name: it for it in checks_of(plan.side)}
     selected = {
         name: it
         for name, it in checks.items()
-        if plan.selection.takes(selectable(name, it), plan.profile)
+        if plan.selection.takes(selectable(it), plan.profile)
     }
     alone = not plan.starts_it or plan.ports != (0, 0) or len(selected) < FEWEST_CHECKS
     if plan.parallel > 1 or not (plan.parallel or alone):

@@ -13,6 +13,8 @@ Alter = Callable[[Patch], None]
 A = TypeVar("A", bound=Alter)
 
 SIDES: tuple[Side, Side] = ("client", "server")
+SERVERS = "server-"
+"""With what the name of a server's begins whose alteration is a client's, too."""
 RULE = "rule"
 """The name under which a report lists what passive rules found."""
 TRAFFIC: dict[Side, str] = {"client": "CHN-10", "server": "FRM-4"}
@@ -35,13 +37,10 @@ class Mutant:
     """What the text of the verdict has to contain: the check found this, not something else."""
     through: str
     """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
+    side: Side
+    """Which of the reference pair it is."""
     axes: str = ""
     """Of the engine whose client it plays, beside its adapter; without an adapter if not given."""
-
-    @property
-    def side(self) -> Side:
-        """Which of the reference pair it is."""
-        return _side(self.alter)
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,13 @@ class Variation:
 
 
 def mutant(
-    requirement: str, *, check: str = RULE, reason: str, through: str = "", axes: str = ""
+    requirement: str,
+    *,
+    check: str = RULE,
+    reason: str,
+    through: str = "",
+    axes: str = "",
+    both: bool = False,
 ) -> Callable[[A], A]:
     """Declare a function to be the alteration of a mutant; its docstring says what it does.
 
@@ -76,13 +81,19 @@ def mutant(
         through: for a rule, the requirement whose check makes the traffic that it judges; a usual
             session if not given.
         axes: for what only an adapter shows, the engine whose client it plays.
+        both: what is altered is what client and server share, and both are tried.
     """
 
     def declare(alter: A) -> A:
         name, does = _name_and_docstring(alter)
-        traffic = through or TRAFFIC[_side(alter)]
-        run = traffic if check == RULE else requirement
-        alter.specimen = Mutant(name, does, alter, requirement, check, reason, run, axes)  # type: ignore[attr-defined]
+        tried: dict[str, Side] = {name: _side(alter)}
+        if both:
+            tried[f"{SERVERS}{name}"] = "server"
+        alter.specimens = tuple(  # type: ignore[attr-defined]
+            Mutant(name, does, alter, requirement, check, reason, run, side, axes)
+            for name, side in tried.items()
+            for run in [requirement if check != RULE else through or TRAFFIC[side]]
+        )
         return alter
 
     return declare
@@ -93,7 +104,7 @@ def variation(*, warns: tuple[str, ...] = (), axes: str = "") -> Callable[[A], A
 
     def declare(alter: A) -> A:
         name, does = _name_and_docstring(alter)
-        alter.specimen = Variation(name, does, alter, frozenset(warns), axes)  # type: ignore[attr-defined]
+        alter.specimens = (Variation(name, does, alter, frozenset(warns), axes),)  # type: ignore[attr-defined]
         return alter
 
     return declare
@@ -104,7 +115,7 @@ def together(*members: Alter) -> Callable[[A], A]:
 
     The function that is declared does nothing; its docstring says what they have in common.
     """
-    variations: list[Variation] = [member.specimen for member in members]  # type: ignore[attr-defined]
+    variations: list[Variation] = [it for each in members for it in each.specimens]  # type: ignore[attr-defined]
     warns = frozenset[str]().union(*(it.warns for it in variations))
     (axes,) = {it.axes for it in variations}
 
@@ -117,7 +128,7 @@ def together(*members: Alter) -> Callable[[A], A]:
                 it.alter(patch)
 
         names = tuple(it.name for it in variations)
-        alter.specimen = Variation(name, does, alter_all, warns, axes, names)  # type: ignore[attr-defined]
+        alter.specimens = (Variation(name, does, alter_all, warns, axes, names),)  # type: ignore[attr-defined]
         return alter
 
     return declare

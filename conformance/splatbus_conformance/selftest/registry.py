@@ -11,7 +11,7 @@ from typing import TypeVar
 from splatbus_conformance.selftest import mutants as families
 from splatbus_conformance.selftest import variations as allowed
 from splatbus_conformance.selftest.machine.specimens import MachineMade, machine_made
-from splatbus_conformance.selftest.mutant import SIDES, Mutant, Variation
+from splatbus_conformance.selftest.mutant import SERVERS, SIDES, Mutant, Variation
 
 S = TypeVar("S", Mutant, Variation)
 Specimens = tuple[Mutant | Variation, ...]
@@ -44,11 +44,13 @@ def specimen_named(name: str) -> Mutant | Variation | MachineMade | None:
     """
     if made := machine_made(name):
         return made
-    declared = f"\ndef {name.replace('-', '_')}("
+    names = {name, name.removeprefix(SERVERS)}
+    declared = [f"\ndef {it.replace('-', '_')}(" for it in names]
     for package in (families, allowed):
         folder = Path(package.__path__[0])
         for path in sorted(folder.rglob("*.py")):
-            if declared in path.read_text("utf-8"):
+            text = path.read_text("utf-8")
+            if any(it in text for it in declared):
                 inside = path.relative_to(folder).with_suffix("").parts
                 module = importlib.import_module(".".join((package.__name__, *inside)))
                 found: Specimens = (*_declared(module, Mutant), *_declared(module, Variation))
@@ -65,6 +67,6 @@ def _modules(package: ModuleType) -> Iterator[ModuleType]:
 
 def _declared(module: ModuleType, kind: type[S]) -> Iterator[S]:
     for value in vars(module).values():
-        specimen = getattr(value, "specimen", None)
-        if isinstance(specimen, kind) and specimen.alter.__module__ == module.__name__:
-            yield specimen
+        for specimen in getattr(value, "specimens", ()):
+            if isinstance(specimen, kind) and specimen.alter.__module__ == module.__name__:
+                yield specimen

@@ -1,15 +1,21 @@
 """A trial of a client, from its connecting to judgement: the harness plays the server."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.images.memory.device import Device
+from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import memory_pace
-from splatbus_conformance.trials.returning import absence, return_seconds, tries_to_go_on
+from splatbus_conformance.trials.returning import (
+    absence,
+    past_probes,
+    return_seconds,
+    tries_to_go_on,
+)
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
@@ -30,6 +36,8 @@ MISSED_SECONDS = 3.0
 class ClientTrial(Trial):
     """What a check of a client has in hand: the role that the harness plays as well."""
 
+    side: ClassVar[Side] = "client"
+
     def __init__(
         self,
         requirement: Requirement,
@@ -41,9 +49,7 @@ class ClientTrial(Trial):
         stand_in: StandIn | None = None,
         device: Device | None = None,
     ) -> None:
-        super().__init__(requirement, peer, testee, patience)
-        self.stand_in = stand_in
-        self.device = device
+        super().__init__(requirement, peer, testee, patience, stand_in, device)
         self._calls_before = len(stand_in.calls()) if stand_in else 0
         self.role = role
         self.facts = facts
@@ -81,16 +87,16 @@ class ClientTrial(Trial):
             if not self.testee.asked_to_start(self.purpose):
                 self.not_observable("it would take a further start of the client by hand")
         started = self.testee.ensure_running()
-        found = self._past_probes(channel, seconds)
+        found = past_probes(self, channel, seconds)
         if found is None and not started:
             self.peer.close_all()  # some come back to both channels or to none
-            found = self._past_probes(channel, min(seconds, RETURN_SECONDS))
+            found = past_probes(self, channel, min(seconds, RETURN_SECONDS))
         if found is None and not started:
             if channel in self.facts.returns:
                 self._note_loss(does_not_come(channel, self.testee), channel)
             self.end_testee()
             if self.testee.ensure_running():
-                found = self._past_probes(channel, seconds)
+                found = past_probes(self, channel, seconds)
         if found is None:
             self.not_observable(f"the testee made no connection on the {channel} channel")
         return found
@@ -112,35 +118,6 @@ class ClientTrial(Trial):
         came = self.peer.last_opened[channel] > self.testee.started
         comes = channel in self.facts.returns or channel not in self.facts.connects
         return came and not comes and self._unused(channel) is None
-
-    def _past_probes(self, channel: Channel, seconds: float) -> Connection | None:
-        """A new connection; of a testee that has just been started, one that it means to keep."""
-        found = self.next_connection(channel, seconds)
-        probes = self.facts.probes.get(channel, 0)
-        while found is not None and self._since_start(channel) <= probes:
-            self._answer_until_it_ends(found)
-            found = self.next_connection(channel, seconds)
-        return found
-
-    def _answer_until_it_ends(self, probe: Connection) -> None:
-        """Whatever the check withholds from the testee's other connections."""
-        heard, answered = self.role.with_(probe).heard, 0
-
-        def ends() -> bool:
-            nonlocal answered
-            for request in heard[answered:] if not self.role.replies else ():
-                if answer := self.role.answer(probe, request):
-                    self.role.say(probe, answer)
-            answered = len(heard)
-            return probe.ended is not None
-
-        self.wait(ends)
-
-    def _since_start(self, channel: Channel) -> int:
-        """How many connections the testee has made on a channel since it was started."""
-        born = self.testee.started
-        on_it = [c for c in self.peer.connections if c.channel == channel and c.opened >= born]
-        return len(on_it) if born else 1 + self.facts.probes.get(channel, 0)
 
     def _note_loss(self, what: str, channel: Channel | None = None) -> None:
         alive = any(connection.channel == channel for connection in self.peer.connections)
@@ -168,6 +145,7 @@ class ClientTrial(Trial):
     def greeted(self, channel: Channel) -> Connection:
         """A new connection on which the testee has said `hello` and was given `welcome`."""
         connection = self.connection(channel)
+        self.role.welcome_whoever_waits(connection)
         self._answers(lambda: self.role.with_(connection).welcome)
         if self.role.with_(connection).welcome is None:
             if self.facts.speaks_1_1(channel) and not connection.ended:
@@ -324,7 +302,7 @@ class ClientTrial(Trial):
         if generation in dealings.failed:
             return "refuses"
         if connection.ended or further or self.fate():
-            return self._end_of(connection, "ipc")
+            return self._end_of(connection)
         return outcome if self.comes_back("ipc") else self.fate() or "hangs"
 
     def outcome_on_msg(self, connection: Connection) -> str:
@@ -339,7 +317,7 @@ class ClientTrial(Trial):
             return "ignores"
         if not connection.ended and self.fate() is None:
             return "ignores" if self.comes_back("msg") else self.fate() or "hangs"
-        return self._end_of(connection, "msg")
+        return self._end_of(connection)
 
     def comes_back(self, channel: Channel) -> bool:
         """Whether the testee connects to this channel again and says something that it means.
@@ -352,16 +330,32 @@ class ClientTrial(Trial):
             return self.fate() is None or (self.fate() == "exits" and self.facts.leaves)
         return tries_to_go_on(self, channel)[1]
 
-    def _end_of(self, connection: Connection, channel: Channel) -> str:
-        self.wait(lambda: self.fate(), 0.05)
-        if self.fate() == "exits" and self.facts.leaves and connection.ended:
+    def _end_of(self, connection: Connection) -> str:
+        outcome = self.end_of(connection, 0.05)
+        if outcome == "closes" and connection.channel not in self.facts.returns and not self.fate():
+            self._expect_closed(connection.channel)
+        return outcome
+
+    def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:
+        """What becomes of a connection that is to end within this time: `closes` (and, where it is
+        known to, the testee comes back), `exits`, `dies` or `hangs`.
+
+        To end in an orderly way closes too, and may be seen before its connection is.
+        """
+        self.ends(connection, seconds)
+        self.wait(self.fate, REACTION_SECONDS if connection.ended else 0.0)
+        returns = connection.channel in self.facts.returns
+        if self.fate() == "exits" and connection.ended and (self.facts.leaves or not returns):
             self.delivered += 1
             return "closes"
         if fate := self.fate():
             return fate
         if not connection.ended:
             return "hangs"
-        return "closes" if self.comes_back(channel) else self.fate() or "hangs"
+        if not returns:
+            self.delivered += 1
+            return "closes"
+        return "closes" if self.comes_back(connection.channel) else self.fate() or "hangs"
 
     def _expect_closed(self, channel: Channel) -> None:
         """A testee that never comes back shows by closing, and living on, that it goes on."""
@@ -374,14 +368,15 @@ class ClientTrial(Trial):
         self.delivered += 1
 
     def _unused(self, channel: Channel) -> Connection | None:
-        return next(
-            (
-                c
-                for c in self.peer.connections
-                if c.channel == channel and c not in self._used and c.open and not c.ended
-            ),
-            None,
-        )
+        """One that is there; or was, of a testee that has ended over what it was sent on it before
+        anybody looked.
+        """
+        on_it = (c for c in self.peer.connections if c.channel == channel and c.open)
+        unused = [c for c in on_it if c not in self._used]
+        there = [c for c in unused if not c.ended]
+        if not there and self.testee.ended() and not self.facts.leaves:
+            there = [c for c in unused if c.packets]
+        return next(iter(there), None)
 
     def _takes_further(self, connection: Connection) -> bool:
         return "reinit" in self.role.with_(connection).granted

@@ -30,6 +30,7 @@ def goes_on_with(trial: "ClientTrial", connection: Connection) -> bool:
     if not trial.facts.speaks_1_1("ipc"):
         return True
     role = trial.role
+    role.welcome_whoever_waits(connection)
     dealings = role.with_(connection)
 
     def greeted() -> bool:
@@ -55,6 +56,38 @@ def tries_to_go_on(trial: "ClientTrial", channel: Channel) -> tuple[int, bool]:
         if not connection.ended:
             return tries, False
     return tries, False
+
+
+def past_probes(trial: "ClientTrial", channel: Channel, seconds: float) -> Connection | None:
+    """A new connection; of a testee that has just been started, one that it means to keep."""
+    found = trial.next_connection(channel, seconds)
+    probes = trial.facts.probes.get(channel, 0)
+    while found is not None and _since_start(trial, channel) <= probes:
+        _answer_until_it_ends(trial, found)
+        found = trial.next_connection(channel, seconds)
+    return found
+
+
+def _answer_until_it_ends(trial: "ClientTrial", probe: Connection) -> None:
+    """Whatever the check withholds from the testee's other connections."""
+    heard, answered = trial.role.with_(probe).heard, 0
+
+    def ends() -> bool:
+        nonlocal answered
+        for request in heard[answered:] if not trial.role.replies else ():
+            if answer := trial.role.answer(probe, request):
+                trial.role.say(probe, answer)
+        answered = len(heard)
+        return probe.ended is not None
+
+    trial.wait(ends)
+
+
+def _since_start(trial: "ClientTrial", channel: Channel) -> int:
+    """How many connections the testee has made on a channel since it was started."""
+    born = trial.testee.started
+    on_it = [c for c in trial.peer.connections if c.channel == channel and c.opened >= born]
+    return len(on_it) if born else 1 + trial.facts.probes.get(channel, 0)
 
 
 def absence(peer: Peer, back: Connection, born: float) -> float:

@@ -190,14 +190,19 @@ class ScriptedServer:
         kind = message.get("type")
         if kind == "hello":
             dealings.hello = message
-            if self.speaks != "1.0" and self.welcomes:
-                self.welcome(connection)
+            self.welcome_whoever_waits(connection)
         elif connection.channel == "msg":
             if self.replies and (answer := self.answer(connection, message)):
                 self.say(connection, answer)
             self._on_msg(connection, dealings, message)
         else:
             self._on_ipc(connection, dealings, message)
+
+    def welcome_whoever_waits(self, connection: Connection) -> None:
+        """Answer a `hello`, also one that came while welcomes were withheld, and are no longer."""
+        dealings = self.with_(connection)
+        if dealings.hello and not dealings.welcome and self.speaks != "1.0" and self.welcomes:
+            self.welcome(connection)
 
     def welcome(self, connection: Connection, **changes: object) -> None:
         """Send `welcome`, with members changed as named, and the memory that goes with it."""

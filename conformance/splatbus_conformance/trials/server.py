@@ -3,11 +3,13 @@
 import contextlib
 import itertools
 from collections.abc import Iterator
+from typing import ClassVar
 
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.images.memory.device import Device
+from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import controls
 from splatbus_conformance.trials.scripted_client import ScriptedClient
 from splatbus_conformance.trials.testee.process import Launched, Testee
@@ -31,6 +33,8 @@ _places = itertools.count(1)
 class ServerTrial(Trial):
     """What a check of a server has in hand: the viewer that the harness plays as well."""
 
+    side: ClassVar[Side] = "server"
+
     def __init__(
         self,
         requirement: Requirement,
@@ -42,11 +46,9 @@ class ServerTrial(Trial):
         stand_in: StandIn | None = None,
         device: Device | None = None,
     ) -> None:
-        super().__init__(requirement, peer, testee, patience)
+        super().__init__(requirement, peer, testee, patience, stand_in, device)
         self.viewer = viewer
         self.facts = facts
-        self.stand_in = stand_in
-        self.device = device
         peer.on_open = viewer.on_open
         peer.on_packet = viewer.on_packet
         self._mover: Connection | None = None

@@ -11,6 +11,8 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.cases.drawing import climb, draw
 from splatbus_conformance.cases.script import Case, Cases
+from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
+from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.wire.recording import Channel, Entry
@@ -52,12 +54,19 @@ class Trial:
     """What every check has in hand: the raw peer, the testee, and the judgement."""
 
     def __init__(
-        self, requirement: Requirement, peer: Peer, testee: Testee, patience: float
+        self,
+        requirement: Requirement,
+        peer: Peer,
+        testee: Testee,
+        patience: float,
+        stand_in: StandIn | None = None,
+        device: Device | None = None,
     ) -> None:
         self.requirement = requirement
         self.peer = peer
         self.testee = testee
         self.patience = patience
+        self.stand_in, self.device = stand_in, device
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
         self.purpose = requirement.id

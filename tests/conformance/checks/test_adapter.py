@@ -8,7 +8,7 @@ from fractions import Fraction
 import jsonschema
 import numpy as np
 import pytest
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.checks.v1_0.buf import compositing
 from splatbus_conformance.data import read_json
 from splatbus_conformance.selftest import judge
@@ -102,8 +102,8 @@ def test_six_digits_are_told_in_pixels():
 
 def test_a_check_that_asks_an_adapter_needs_one():
     beside = (".adapter", ".compositing")
-    asking = [it for it in check_functions("client") if it.__module__.endswith(beside)]
+    asking = [it for it in checks_of("client") if it.play.__module__.endswith(beside)]
     assert len(asking) > 20
-    for function in asking:
-        assert function.check.level == "L2"
-        assert any(need.startswith("adapter:") for need in function.check.needs)
+    for check in asking:
+        assert check.level == "L2"
+        assert any(need.startswith("adapter:") for need in check.needs)

@@ -35,7 +35,7 @@ def test_a_miniature_whose_images_come_late_is_waited_for(tmp_path: Path) -> Non
     assert source.count(sends) == 1
     late = tmp_path / "late.py"
     late.write_text(source.replace(sends, f"        __import__('time').sleep(1)\n{sends}"), "utf-8")
-    checks = {"exports": device.check_exports_nothing_but_buffers}
+    checks = {"exports": CHECKS[OF_IMAGES]["check_exports_nothing_but_buffers"]}
     assert judged("server", late, checks) == {"exports": ""}
 
 

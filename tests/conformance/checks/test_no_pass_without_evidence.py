@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.options import LAUNCH_PATIENCE
 from splatbus_conformance.run.testbed import Testbed, set_up
@@ -148,14 +148,14 @@ def test_no_check_passes_a_testee_that_does_nothing(
     nothing = Nothing(met.peer, side, dies=dies)
     monkeypatch.setattr(met, "testee", nothing)
     wrong = []
-    for function in check_functions(side):
-        if function.__name__ in SEEN_FROM_AFAR:
+    for check in checks_of(side):
+        if check.name in SEEN_FROM_AFAR:
             continue
-        if any(met.facts.lacks(need) for need in function.check.needs):
+        if check.lacks(met.facts):
             continue
-        trial = met.trial(requirements("1.1")[function.check.requirement])
+        trial = met.trial(requirements("1.1")[check.requirement])
         trial.patience = SHORT_SECONDS
-        wrong.append(outcome(function, trial))
+        wrong.append(outcome(check.play, trial))
         nothing.stop()
     assert set(wrong) == {"says so"}
 

@@ -1,7 +1,7 @@
 """No requirement is without a judge or a reason."""
 
 import pytest
-from splatbus_conformance.checks.registry import bound, check_functions, exclusions, judges
+from splatbus_conformance.checks.registry import bound, checks_of, exclusions, judges
 from splatbus_schemas.requirements import requirements
 
 PEERS = ("client", "server")
@@ -36,7 +36,7 @@ def test_few_musts_are_excluded(peer: str) -> None:
 
 @pytest.mark.parametrize("peer", PEERS)
 def test_every_check_judges_a_requirement_on_its_side_and_says_what_it_does(peer: str) -> None:
-    for function in check_functions(peer):
-        assert peer in requirements("1.1")[function.check.requirement].binds
-        assert function.__doc__
-        assert function.check.observable
+    for check in checks_of(peer):
+        assert peer in requirements("1.1")[check.requirement].binds
+        assert check.does
+        assert check.observable

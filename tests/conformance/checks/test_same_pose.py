@@ -17,7 +17,7 @@ SLOW = ("FRAME_SECONDS = 0.03", "FRAME_SECONDS = 0.25")
 BY_POSE = {
     name: check
     for name, check in checks_in(device_poses).items()
-    if check.check.requirement.startswith(("POS", "JSN"))
+    if check.requirement.startswith(("POS", "JSN"))
 }
 OF_POSES = {name: broken for name, broken in BROKEN.items() if broken[2] in BY_POSE}
 

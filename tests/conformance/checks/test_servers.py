@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_conformance.checks.v1_0.frm.servers import (
-    BAD_LENGTHS,
-    INSIDE,
-    STREAM,
-    bad_headers,
-    kind_of_header,
-)
+from splatbus_conformance.checks.v1_0.frm.headers import BAD_HEADERS, EXTREME, kind_of
+from splatbus_conformance.checks.v1_0.frm.pieces import PLACES, in_utf_8
 from splatbus_conformance.checks.v1_1.cam.lenses import (
     LARGEST,
     bad_lenses,
@@ -30,6 +25,7 @@ from splatbus_conformance.images.known_scene import SceneState
 from splatbus_conformance.images.pinhole import STILL, ObjectPlacement, told_of
 from splatbus_conformance.rules.v1_1.cam import lens as judged_lens
 from splatbus_conformance.rules.v1_1.obj import object_pose as judged_object_pose
+from splatbus_conformance.trials.moves.exchange import ASKED
 from splatbus_conformance.trials.moves.image_session import AT_REST, placed
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_conformance.trials.trial import Violation
@@ -52,21 +48,22 @@ LENS = {
 # Packets
 
 
-def test_each_bad_length_is_of_a_kind_of_its_own_on_each_channel() -> None:
-    kinds = {kind_of_header(it) for it in bad_headers() if it.length in BAD_LENGTHS}
-    assert len({kind[:2] for kind in kinds}) == 2 * len(BAD_LENGTHS)
+def test_each_extreme_length_is_of_a_kind_of_its_own() -> None:
+    kinds = {kind_of(it) for it in BAD_HEADERS if it.length in EXTREME and not it.later}
+    assert set(EXTREME) < kinds
 
 
 def test_a_header_with_all_that_it_announces_is_a_kind_of_its_own() -> None:
-    whole = [it for it in bad_headers() if len(it.after) == it.length > 0]
-    others = {kind_of_header(it) for it in bad_headers() if it not in whole}
+    whole = [it for it in BAD_HEADERS if it.follows == "as much as it announces"]
+    others = {kind_of(it) for it in BAD_HEADERS if it not in whole}
     assert whole
-    assert not others & {kind_of_header(it) for it in whole}
+    assert not others & {kind_of(it) for it in whole}
 
 
 def test_streams_are_cut_inside_of_characters_of_every_length_and_of_escapes() -> None:
-    cut = [STREAM[at - 1] for at in INSIDE]
-    assert {0xC3, 0xE4, 0xF0, ord("\\")} <= set(cut)
+    stream = b"".join(map(in_utf_8, ASKED))
+    inside = [*PLACES["inside characters"](stream), *PLACES["inside escapes"](stream)]
+    assert {0xC3, 0xE6, 0xF0, ord("\\")} <= {stream[at - 1] for at in inside}
 
 
 # Shapes and lenses

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from splatbus_conformance.cases.script import Case, Script
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.checks.stateful import (
     BreachFound,
     Session,
@@ -266,14 +266,14 @@ def testbed(request: pytest.FixtureRequest) -> Iterator[Testbed]:
 
 def of_sessions(side: Side, requirement: str) -> Any:
     """The check by sessions of this requirement."""
-    found = (f for f in check_functions(side) if ".stateful." in f.__module__)
-    return next(f for f in found if f.check.requirement == requirement)
+    found = (f for f in checks_of(side) if ".stateful." in f.play.__module__)
+    return next(f for f in found if f.requirement == requirement)
 
 
 def run(testbed: Testbed, side: Side, requirement: str) -> Trial:
     """Run the check by sessions of this requirement."""
     made = testbed.trial(requirements("1.1")[requirement])
-    of_sessions(side, requirement)(made)
+    of_sessions(side, requirement).play(made)
     return made
 
 
@@ -295,9 +295,9 @@ def test_a_session_that_fails_is_shown_again(testbed: Testbed) -> None:
     made = testbed.trial(requirements("1.1")["CHN-24"])
     check = of_sessions("client", "CHN-24")
     with pytest.raises(Violation, match="was answered with open_failed") as caught:
-        check(made)
+        check.play(made)
     cases = tuple(map(tuple, made.went_through))
-    script = Script("client", "CHN-24", check.__name__, False, cases, seen=str(caught.value))
+    script = Script("client", "CHN-24", check.name, False, cases, seen=str(caught.value))
     assert "was answered with open_failed" in str(replay(testbed, script).broken)
     small = worked_out(testbed, script, 8.0)
     assert small.again == small.tried > 1

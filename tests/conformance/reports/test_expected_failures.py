@@ -122,10 +122,10 @@ def test_the_message_of_a_rule_is_without_its_counts() -> None:
 
 def test_a_run_with_its_list_from_beginning_to_end(tmp_path: Path) -> None:
     command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
-    judged = ("client", "--select", "check_bad_length_closes_ipc", "--shrink", "0", "--launch")
+    judged = ("client", "--select", "check_bad_length_closes", "--shrink", "0", "--launch")
     known = written(
         tmp_path,
-        '[[expected]]\nid = "FRM-3"\ncheck = "check_bad_length_closes_ipc"\n'
+        '[[expected]]\nid = "FRM-3"\ncheck = "check_bad_length_closes"\n'
         'reason = "issue 17"\nmessage = "a header that announces"\n',
     )
     expecting = ("--expect-failures", str(known), "--scripts", str(tmp_path))
@@ -135,7 +135,7 @@ def test_a_run_with_its_list_from_beginning_to_end(tmp_path: Path) -> None:
     assert "expected to be broken: FRM-3" in output
     code, output = run(*judged, GOOD, *expecting)
     assert code == 1, output
-    assert "FRM-3 check_bad_length_closes_ipc passes" in output
+    assert "FRM-3 check_bad_length_closes passes" in output
 
 
 @pytest.mark.parametrize("option", ["--select", "--deselect"])

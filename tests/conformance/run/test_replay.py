@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from splatbus_conformance.cases.script import Case, Script, ScriptError, save
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.replay import replay, worked_out
 from splatbus_conformance.run.testbed import Testbed, set_up
@@ -39,12 +39,12 @@ def testbed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Testbed]
 
 def failing(testbed: Testbed, name: str) -> Script:
     """The script of a check that fails."""
-    check = next(f for f in check_functions("client") if f.__name__ == name)
-    trial = testbed.trial(requirements("1.1")[check.check.requirement])
+    check = next(f for f in checks_of("client") if f.name == name)
+    trial = testbed.trial(requirements("1.1")[check.requirement])
     with pytest.raises(Violation) as caught:
-        check(trial)
+        check.play(trial)
     cases = tuple(map(tuple, trial.went_through))
-    return Script("client", check.check.requirement, name, False, cases, seen=str(caught.value))
+    return Script("client", check.requirement, name, False, cases, seen=str(caught.value))
 
 
 ENDS_ON_AN_ESCAPE = (
@@ -72,7 +72,9 @@ def test_a_failure_is_made_small_and_confirmed(testbed: Testbed) -> None:
 
 
 def test_what_a_good_client_does_is_no_failure(testbed: Testbed) -> None:
-    script = Script("client", "FRM-4", SEGMENTS, False, ((Case(True, [1, 2, 3]),),))
+    script = Script(
+        "client", "FRM-4", SEGMENTS, False, ((Case(True, [[1, 2, 3], 0.0, False]),), ())
+    )
     assert replay(testbed, script).broken is None
     again = worked_out(testbed, script, 10.0)
     assert again.again == 0
@@ -80,9 +82,11 @@ def test_what_a_good_client_does_is_no_failure(testbed: Testbed) -> None:
 
 
 def test_only_the_cases_of_the_script_are_delivered(testbed: Testbed) -> None:
-    script = Script("client", "FRM-4", SEGMENTS, False, ((Case(False, 0), Case(True, [5])),))
+    script = Script(
+        "client", "FRM-4", SEGMENTS, False, ((Case(False, 0), Case(True, [[5], 0.0, True])), ())
+    )
     given = replay(testbed, script)
-    assert given.trial.went_through == [[Case(False, 0), Case(True, [5])]]
+    assert given.trial.went_through == [[Case(False, 0), Case(True, [[5], 0.0, True])], []]
 
 
 MARK = "b'\\xef\\xbb\\xbf' + "

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.data import read_json
 from splatbus_conformance.run.plugin import MEETING
 from splatbus_conformance.run.workers import dealt
@@ -102,7 +102,7 @@ def test_a_worker_that_dies_is_a_harness_error(tmp_path: Path) -> None:
     )
     assert code == 3, output
     verdicts = {check: verdict for _, check, verdict in told(path) if check != "rule"}
-    assert verdicts["check_bad_length_closes_ipc"] == "harness-error"
+    assert verdicts["check_bad_length_closes"] == "harness-error"
     assert verdicts["check_any_segmentation"] == "pass"
     assert "crashed while running" in output
     for started in folder.iterdir():
@@ -190,7 +190,7 @@ def test_long_checks_come_first_and_those_that_may_crash_last(crashes: list[bool
 
 
 def test_durations_are_of_checks_that_there_are() -> None:
-    known = {it.__name__ for side in ("client", "server") for it in check_functions(side)}
+    known = {it.name for side in ("client", "server") for it in checks_of(side)}
     assert set().union(*read_json("durations.json").values()) <= known
 
 

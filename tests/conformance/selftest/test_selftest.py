@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 from splatbus_conformance import rules
-from splatbus_conformance.checks.registry import check_functions, judges
+from splatbus_conformance.checks.registry import checks_of, judges
 from splatbus_conformance.selftest import command, kill_matrix
 from splatbus_conformance.selftest import judge as trials
 from splatbus_conformance.selftest.judge import Cell, Fate, SpecimenResult, fate_of
@@ -29,7 +29,7 @@ WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
 
 def by_miniatures(side):
     """Checks of device memory: broken miniatures fail them (test_cuda_of_…, test_device_…)."""
-    return {f for f in check_functions(side) if {"device", "stand-in"} & set(f.check.needs)}
+    return {f.name for f in checks_of(side) if {"device", "stand-in"} & f.needs}
 
 
 def judged_by(mutant: Mutant) -> set[str]:
@@ -64,7 +64,7 @@ def test_each_mutant_names_a_requirement_who_judges_it_and_for_what():
 
 
 def test_each_mutant_runs_through_a_requirement_that_has_a_check():
-    has = {side: {it.check.requirement for it in check_functions(side)} for side in SIDES}
+    has = {side: {it.requirement for it in checks_of(side)} for side in SIDES}
 
     def runs(mutant: Mutant) -> bool:
         direct = mutant.check == RULE or mutant.through == mutant.requirement
@@ -128,7 +128,7 @@ def test_every_family_of_rules_has_a_mutant():
 @pytest.mark.parametrize("side", SIDES)
 def test_every_requirement_that_is_judged_has_a_mutant(side):
     broken = {m.requirement for m in mutants() if m.side == side}
-    elsewhere = {f.__name__ for f in by_miniatures(side)}
+    elsewhere = by_miniatures(side)
     here = {id for id, found in JUDGES[side].items() if {j.name for j in found} - elsewhere}
     assert broken == here - WITHOUT_A_MUTANT[side]
 
@@ -136,12 +136,14 @@ def test_every_requirement_that_is_judged_has_a_mutant(side):
 @pytest.mark.parametrize("side", SIDES)
 def test_every_check_has_a_mutant(side):
     here = {(m.requirement, m.check) for m in mutants() if m.side == side}
-    checks = set(check_functions(side)) - by_miniatures(side)
-    there = {(f.check.requirement, f.__name__) for f in checks}
+    elsewhere = by_miniatures(side)
+    there = {(it.requirement, it.name) for it in checks_of(side) if it.name not in elsewhere}
     assert {name for name, _ in there - here} <= WITHOUT_A_MUTANT[side]
 
 
-MUTANT = Mutant("m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too long", "FRM-3")
+MUTANT = Mutant(
+    "m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too long", "FRM-3", "client"
+)
 
 
 @pytest.mark.parametrize(
@@ -264,7 +266,14 @@ def test_a_variation_lives():
 def test_a_mutant_that_no_check_looks_at_survives():
     unseen = MUTANTS["releases-twice"]
     elsewhere = Mutant(
-        unseen.name, unseen.does, unseen.alter, "FRM-3", "check_bad_length_closes_ipc", "x", "FRM-3"
+        unseen.name,
+        unseen.does,
+        unseen.alter,
+        "FRM-3",
+        "check_bad_length_closes",
+        "x",
+        "FRM-3",
+        "client",
     )
     assert trials.judge_mutant(elsewhere).fate is Fate.SURVIVED
 

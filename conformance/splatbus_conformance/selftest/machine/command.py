@@ -15,7 +15,7 @@ from typing import TypeVar
 from rich.console import Console
 from rich.text import Text
 
-from splatbus_conformance.checks.registry import check_functions
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.selftest.judge import run_harness
 from splatbus_conformance.selftest.machine import lines, modules, specimens
@@ -167,7 +167,7 @@ def _by_tests(folder: str) -> tuple[str, Watched]:
 
 
 def _by_checks(phase: Phase) -> tuple[str, Watched]:
-    every = [it.__name__ for it in check_functions(phase.side)]  # named ones run in any profile
+    every = [it.name for it in checks_of(phase.side)]  # named ones run in any profile
     with tempfile.TemporaryDirectory(prefix="splatbus-lines-") as folder:
         path = Path(folder, "lines")
         now = lines.now_of(path)

@@ -42,6 +42,8 @@ class ClientFacts:
 
     hello: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
     connects: set[Channel] = field(default_factory=set)
+    asks_on: bool | None = None
+    """It asks for more after a reply, or again; None as long as nobody has looked."""
     asks: set[str] = field(default_factory=set)
     """Types of the requests that it makes when it connects."""
     says: set[str] = field(default_factory=set)

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from splatbus_conformance.checks import Check
+from splatbus_conformance.checks import Check, registry
 from splatbus_conformance.images.memory.cuda_stand_in.building import NotAvailable, library_folder
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.plan import Plan, Side
@@ -112,18 +112,19 @@ def program(stand_in: StandIn) -> Iterator[Program]:
         found.leave()
 
 
-def checks_in(*modules: ModuleType) -> dict[str, Any]:
-    """The check functions of these modules, by name."""
+def checks_in(*modules: ModuleType) -> dict[str, Check]:
+    """The checks of these modules, each of one side, by name."""
     return {
-        name: function
+        name: check
         for module in modules
         for name, function in inspect.getmembers(module, inspect.isfunction)
         if name.startswith("check_")
+        for check in registry.checks_in(function).values()
     }
 
 
 def judged(
-    side: Side, program: Path, checks: Mapping[str, Any], *, adapter: bool = False
+    side: Side, program: Path, checks: Mapping[str, Check], *, adapter: bool = False
 ) -> dict[str, str]:
     """What each of these checks finds in a program with the stand-in."""
     library()
@@ -133,19 +134,18 @@ def judged(
     return findings_of(replace(plan, launch=None, adapter=command) if adapter else plan, checks)
 
 
-def findings_of(plan: Plan, checks: Mapping[str, Any]) -> dict[str, str]:
+def findings_of(plan: Plan, checks: Mapping[str, Check]) -> dict[str, str]:
     """What each of these checks finds: an empty text for a pass."""
     testbed = set_up(plan)
     found = {}
     try:
         testbed.introduce()
-        for name, function in checks.items():
-            check: Check = function.check
-            assert not [why for why in map(testbed.facts.lacks, check.needs) if why]
+        for name, check in checks.items():
+            assert check.lacks(testbed.facts) is None
             trial = testbed.trial(requirements("1.1")[check.requirement])
             found[name] = ""
             try:
-                function(trial)
+                check.play(trial)
                 assert trial.delivered
             except Violation as violation:
                 found[name] = str(violation)

@@ -188,7 +188,7 @@ def test_reports_of_a_client_and_of_a_replay_satisfy_it(tmp_path: Path) -> None:
     command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
     path = tmp_path / "report.json"
     code, output = run(
-        *("client", "--launch", command, "--select", "check_bad_length_closes_ipc,L0"),
+        *("client", "--launch", command, "--select", "check_bad_length_closes,L0"),
         *("--shrink", "0", "--scripts", str(tmp_path / "scripts"), "--json", str(path)),
     )
     assert code == 1, output

@@ -207,7 +207,7 @@ def runs(pid: int) -> bool:
 def test_a_console_without_utf_8_gets_its_report(tmp_path: Path, encoding: str) -> None:
     command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
     code, output = run(
-        *("client", "--launch", command, "--select", "check_bad_length_closes_ipc"),
+        *("client", "--launch", command, "--select", "check_bad_length_closes"),
         *("--shrink", "0"),
         cwd=tmp_path,
         PYTHONIOENCODING=encoding,

@@ -48,12 +48,12 @@ function serve(name, socket) {
     clearInterval(stalled);
     leave(name, socket, byItself);
   });
-  let written = 0;
+  let written = 0, waited = false;
   stalled = setInterval(() => {
-    const stuck = socket.writableLength && socket.bytesWritten - socket.writableLength === written;
-    written = socket.bytesWritten - socket.writableLength;
-    if (stuck) socket.destroy();
-  }, 2400);
+    const sent = socket.bytesWritten - socket.writableLength, waits = socket.writableLength > 0;
+    if (waits && waited && sent === written) socket.destroy(); // twice: it may have come this instant
+    [written, waited] = [sent, waits];
+  }, 1600);
   socket.on("data", (data) => {
     buffer = buffer.length ? Buffer.concat([buffer, data]) : data;
     while (buffer.length >= 4 && !socket.destroyed) {

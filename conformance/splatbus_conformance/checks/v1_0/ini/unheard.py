@@ -9,67 +9,18 @@ from collections.abc import Sequence
 from splatbus_conformance.cases.malformed.init_packets import breaches_of_1_0, changed
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.frm.clients import BAD_HEADERS, ENDS, closed_by, inside
+from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
 from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.unheard import outcome_at_the_end, silent_connection
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import encode, init_packet_1_0
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.sockets import Connection
 
 HANDLES = ("", "A" * 88, "A" * 87, "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88])
 ON_A_CONNECTION = 8
 PAUSE_SECONDS = 0.003
 """Between payloads of a row, so that a close is seen before the next is sent."""
-
-
-def silent_connection(trial: ClientTrial) -> Connection:
-    """A new IPC connection of a testee that says nothing on it; nothing is sent on it yet."""
-    if trial.facts.speaks_1_1("ipc"):
-        trial.not_observable("the testee speaks on the IPC channel: another check sees more")
-    trial.role.offers_memory = False
-    newest = next((it for it in reversed(trial.peer.connections) if it.channel == "ipc"), None)
-    if newest and newest.open and not newest.ended and not newest.sent:
-        return newest
-    return trial.connection("ipc")
-
-
-def outcome_at_the_end(trial: ClientTrial, connection: Connection) -> str:
-    """What the testee does when this connection ends: `lives`, `dies`, `exits` or `hangs`.
-
-    One that is known to return has to. Of others it shows that they listen if they close a
-    connection whose stream the harness ends; then they may exit, too.
-    """
-    if connection.ended:
-        trial.wait(trial.fate, SETTLE_SECONDS)
-    if fate := trial.fate():
-        return fate
-    if "ipc" in trial.facts.returns:
-        connection.close()
-        return "lives" if trial.comes_back("ipc") else trial.fate() or "hangs"
-    connection.end_stream()
-    noticed = trial.uses(lambda: connection.ended)  # some load CUDA for what came last
-    trial.wait(trial.fate, SETTLE_SECONDS)
-    if trial.fate() == "dies":
-        return "dies"
-    trial.delivered += noticed or bool(connection.ended)
-    return "lives" if noticed or connection.ended else "hangs"
-
-
-@check(
-    "FRM-3",
-    observable="the testee closes the connection",
-    needs=("ipc",),
-    may_crash=True,
-)
-def check_bad_length_closes_unheard(trial: ClientTrial) -> None:
-    """A header that announces nothing, or more than the limit, comes first on the connection."""
-    for script in trial.each(BAD_HEADERS, kind=lambda it: it.kind):
-        connection = silent_connection(trial)
-        connection.send(script.data)
-        outcome = closed_by(trial, connection)
-        trial.judge(outcome, script.what)
-        trial.delivered += 1
 
 
 @check(

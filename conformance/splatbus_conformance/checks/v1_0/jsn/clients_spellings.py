@@ -22,12 +22,12 @@ from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.req.clients import (
     TIMES_AGAIN,
     answer_all,
-    asking,
     asks_again_and_again,
     outcome_of_reading,
     wait_for_all,
 )
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.asking import asking
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, encode

@@ -8,6 +8,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES as BAD_REPLIES_OF_1_1
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.asking import asking, requests
 from splatbus_conformance.trials.trial import (
     EFFECT_SECONDS,
     ENDING_SECONDS,
@@ -15,7 +16,7 @@ from splatbus_conformance.trials.trial import (
     REACTION_SECONDS,
 )
 from splatbus_conformance.wire.json_reading import shorten
-from splatbus_conformance.wire.message_kinds import REPLY_TO, REQUESTS, REQUESTS_1_0
+from splatbus_conformance.wire.message_kinds import REPLY_TO, REQUESTS_1_0
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.sockets import Connection
 
@@ -51,37 +52,6 @@ def bad_replies(width: int, height: int) -> list[Json]:
         *(f"{width}x{height}", {"w": width, "h": height}, [2**63, 2**64]),
     ]
     return [{}, *({"viewport_size": size} for size in sizes), *BAD_CAMERAS]
-
-
-def requests(trial: ClientTrial, connection: Connection) -> list[Json]:
-    """The requests that the testee has made on this connection, in order."""
-    heard = trial.role.with_(connection).heard
-    return [message for message in heard if message.get("type") in REQUESTS]
-
-
-def asking(trial: ClientTrial) -> Connection:
-    """A message connection on which a request waits for its reply.
-
-    Some ask only once after they were started: such a testee is started anew. Skips the check
-    where that is not possible, and nothing is asked.
-    """
-    trial.role.replies = False
-    connection = _connection(trial)
-    if connection is None:
-        trial.facts.asks_again = False
-        connection = _connection(trial)
-    trial.role.replies = True
-    if connection is None:
-        trial.not_observable("the testee makes no request when it connects again")
-    return connection
-
-
-def _connection(trial: ClientTrial) -> Connection | None:
-    if not trial.facts.asks_again:
-        trial.end_testee()
-    connection = trial.connection("msg")
-    trial.wait(lambda: requests(trial, connection) or connection.ended)
-    return connection if requests(trial, connection) else None
 
 
 def answer_all(trial: ClientTrial, connection: Connection) -> None:

@@ -9,8 +9,9 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
-from splatbus_conformance.checks.v1_0.req.clients import answer_all, asking, requests
+from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.asking import asking, requests
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import (
     ADDED_MEMBERS,

@@ -56,8 +56,9 @@ def cut(text: str, most: int) -> str:
 def transcript(evidence: Sequence[str], most: int) -> tuple[TranscriptLine, ...]:
     """Lines of evidence, `most` characters in all; a note says what was left out in the middle."""
     lines = [_line(cut(text, most // 4)) for text in _ends(evidence, most)]
-    head, tail = _within(lines, most * 2 // 3), _within(lines[::-1], most // 3)
-    if len(lines) == len(evidence) and len(head) + len(tail) >= len(lines):
+    head = _within(lines, most * 2 // 3)
+    tail = _within(lines[len(head) :][::-1], most // 3)
+    if len(lines) == len(evidence) and len(head) + len(tail) == len(lines):
         return tuple(lines)
     left_out = len(evidence) - len(head) - len(tail)
     note = f"… {left_out:,} lines left out here; {ALL_OF_IT} …"

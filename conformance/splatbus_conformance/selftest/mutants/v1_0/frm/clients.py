@@ -7,13 +7,11 @@ from typing import Any
 from splatbus_client import channel, ipc_protocol, message_protocol
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
-from splatbus_wire import encoding, framing, packet_reader
-from splatbus_wire.errors import FramingError
-from splatbus_wire.framing import PacketDecoder
+from splatbus_wire import encoding, framing
 from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import counts_each_byte, crash, packets, wrap
+from splatbus_conformance.selftest.faults.surgery import crash, packets, wrap
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 
@@ -30,12 +28,6 @@ def line_break_after_each_packet(patch: Patch) -> None:
 def length_that_counts_its_header(patch: Patch) -> None:
     """Counts the four bytes of the header in the length."""
     packets(patch, lambda packet: len(packet).to_bytes(4, "little") + packet[4:])
-
-
-@mutant("FRM-2", reason="announces 0 bytes")
-def empty_packets(patch: Patch) -> None:
-    """Sends an empty packet after each message, to keep the connection alive."""
-    packets(patch, lambda packet: packet + bytes(4))
 
 
 @mutant("FRM-2", reason="announces 2,", through="CHN-17")
@@ -57,36 +49,10 @@ def payload_beyond_the_limit(patch: Patch) -> None:
     wrap(patch, encoding, "encode_packet", encode)
 
 
-@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="neither reacted nor went on")
-def deaf_after_a_bad_length(patch: Patch) -> None:
-    """Keeps the connection after a bad length, and hears nothing more on it."""
-
-    def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
-        try:
-            payload: bytes | None = original(decoder)
-        except FramingError:
-            return None
-        return payload
-
-    wrap(patch, PacketDecoder, "next_packet", next_packet)
-
-
-@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="0 bytes: the testee ignored it")
-def empty_packets_are_skipped(patch: Patch) -> None:
-    """Takes a length of 0 for a packet that says nothing."""
-    patch.setattr(framing, "_MIN_PAYLOAD_BYTES", 0)
-
-
-@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="1,048,577 bytes: the testee neither")
-def any_length_is_waited_for(patch: Patch) -> None:
-    """Waits for as many bytes as any header announces."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
-
-
 @mutant(
     "FRM-3",
-    check="check_bad_length_closes_message_channel",
-    reason="in place of a reply: the testee ignored it",
+    check="check_bad_length_closes",
+    reason="on the msg channel: the testee neither",
 )
 def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     """Drops what has arrived with a bad length on the message channel, and reads on."""
@@ -102,33 +68,7 @@ def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     wrap(patch, message_protocol.MessageProtocol, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
-def one_packet_per_read(patch: Patch) -> None:
-    """Takes what one `recv` returned for one packet."""
-
-    def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
-        if len(data) < 4 or len(data) != 4 + int.from_bytes(data[:4], "little"):
-            return
-        original(decoder, data)
-
-    wrap(patch, PacketDecoder, "receive", receive)
-
-
-@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
-def drops_what_follows_a_packet(patch: Patch) -> None:
-    """Handles the first packet that a read completes, and drops what came with it."""
-
-    def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
-        payload: bytes | None = original(decoder)
-        if payload is not None:
-            decoder._payloads.clear()
-            decoder._unfinished.clear()
-        return payload
-
-    wrap(patch, PacketDecoder, "next_packet", next_packet)
-
-
-@mutant("FRM-3", check="check_bad_length_closes_unheard", reason="1,048,577 bytes: the testee")
+@mutant("FRM-3", check="check_bad_length_closes", reason="1,048,577 bytes")
 def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and waits for as many bytes as any header announces."""
     speaks_1_0(patch)
@@ -142,7 +82,7 @@ def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "receive", receive)
 
 
-@mutant("FRM-3", check="check_bad_length_closes_unheard", reason="4,294,967,295 bytes: the testee")
+@mutant("FRM-3", check="check_bad_length_closes", reason="4,294,967,295 bytes")
 def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and takes the length for a signed integer; a negative one announces nothing."""
     speaks_1_0(patch)
@@ -154,24 +94,7 @@ def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="was not opened")
-def decodes_each_piece_by_itself(patch: Patch) -> None:
-    """Decodes what each read brings of a payload, and loses what ends inside a character."""
-
-    def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
-        begun = decoder._unfinished
-        if len(begun) >= 4:
-            rest = 4 + int.from_bytes(begun[:4], "little") - len(begun)
-            try:
-                data[:rest].decode()
-            except UnicodeDecodeError:
-                data = bytes(len(data[:rest])) + data[rest:]
-        original(decoder, data)
-
-    wrap(patch, PacketDecoder, "receive", receive)
-
-
-@mutant("FRM-4", check="check_any_segmentation_of_replies", reason="replies to")
+@mutant("FRM-4", check="check_any_segmentation", reason="on the msg channel")
 def takes_one_read_for_a_reply(patch: Patch) -> None:
     """Takes what one `recv` returned on the message channel for one reply."""
 
@@ -193,19 +116,6 @@ def takes_one_read_for_a_welcome(patch: Patch) -> None:
         return original(machine, data, now)
 
     wrap(patch, message_protocol.MessageProtocol, "receive", receive)
-
-
-@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="with a byte a second")
-def each_byte_gives_a_packet_more_time(patch: Patch) -> None:
-    """Begins to count anew with each byte of a packet."""
-
-    counts_each_byte(patch)
-
-
-@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="stays incomplete")
-def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
-    """Waits for ever for the rest of a packet."""
-    patch.setattr(packet_reader, "COMPLETION_SECONDS", NEVER)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")

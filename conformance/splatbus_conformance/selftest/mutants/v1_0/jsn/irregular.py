@@ -9,7 +9,7 @@ from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
-from splatbus_wire import decoding, framing, init_packet, json_text
+from splatbus_wire import decoding, framing, json_text
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.packet_reader import PacketReader
 
@@ -29,7 +29,7 @@ def on_parsing(patch: Patch, look: Callable[[bytes, Json], object]) -> None:
         look(payload, message)
         return message
 
-    for module in (decoding, ipc_protocol, init_packet):
+    for module in (decoding, ipc_protocol):
         wrap(patch, module, "parse_object", parse)
 
 
@@ -43,7 +43,7 @@ def refusing(patch: Patch, refuses: Callable[[bytes, Json], object]) -> None:
     on_parsing(patch, look)
 
 
-@mutant("FRM-3", check="check_bad_length_closes_ipc", reason="once the memory was open")
+@mutant("FRM-3", check="check_bad_length_closes", reason="that was in use")
 def bad_length_is_skipped_once_memory_is_open(patch: Patch) -> None:
     """Drops what has arrived with a bad length once its memory is open, and reads on."""
 

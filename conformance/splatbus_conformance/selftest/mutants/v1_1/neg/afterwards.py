@@ -10,25 +10,12 @@ from splatbus_server.control import Control, Poses
 from splatbus_server.reader import Reader
 from splatbus_server.session import Session
 from splatbus_server.viewport import Change, Viewport
-from splatbus_wire import decoding, framing, from_client
+from splatbus_wire import decoding, from_client
 from splatbus_wire.messages import GetViewportSize, ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import wrap
 from splatbus_conformance.selftest.mutant import mutant
-
-
-@mutant("FRM-3", check="check_bad_length_closes_later", reason="on a connection that was served")
-def server_trusts_whom_it_has_served(patch: Patch) -> None:
-    """Looks at the first length on a connection, and passes over bad ones that come later."""
-
-    def receive(original: Any, self: framing.PacketDecoder, data: bytes) -> None:
-        length = int.from_bytes(data[:4], "little")
-        bad = not 1 <= length <= framing._MAX_PAYLOAD_BYTES
-        if not (bad and self._offset and not self._unfinished):
-            original(self, data)
-
-    wrap(patch, framing.PacketDecoder, "receive", receive)
 
 
 @mutant("NEG-6", check="check_answers_a_hello_that_comes_late", reason="had no welcome")

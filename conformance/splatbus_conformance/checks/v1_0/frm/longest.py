@@ -3,7 +3,9 @@
 import itertools
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.frm.servers import LONGEST, REQUEST, send_in_pieces
+from splatbus_conformance.checks.v1_0.frm.headers import MOST
+from splatbus_conformance.checks.v1_0.frm.pieces import Cuts, send_cut
+from splatbus_conformance.checks.v1_0.frm.servers import REQUEST
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.server import ServerTrial
@@ -17,18 +19,18 @@ def check_the_longest_packet(trial: ServerTrial) -> None:
     """A request made as long as a payload may be by white space, or by a member that nobody knows:
     whole, in two pieces, and joined with the next; before hello, and after it.
     """
-    blank = encode(VIEWPORT_REQUEST).ljust(LONGEST)
-    room = LONGEST - len(encode(VIEWPORT_REQUEST | {"": ""}))
+    blank = encode(VIEWPORT_REQUEST).ljust(MOST)
+    room = MOST - len(encode(VIEWPORT_REQUEST | {"": ""}))
     filled = encode(VIEWPORT_REQUEST | {"": "x" * room})
-    places = ((blank, LONGEST // 2), (filled, 3), (filled, LONGEST + 2))
+    places = ((blank, MOST // 2), (filled, 3), (filled, MOST + 2))
     versions = (False, True) if trial.facts.welcome["msg"] is not None else (False,)
     for greets, (payload, place) in trial.each(list(itertools.product(versions, places))):
         connection = trial.greeted("msg") if greets else trial.dial("msg")
-        told = send_in_pieces(trial, connection, packet(payload) + REQUEST, ([place], 0.0005))
+        send_cut(trial, connection, packet(payload) + REQUEST, Cuts([place], 0.0005))
         answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)  # noqa: B023
         trial.expect(
             answered and not connection.ended,
-            f"a request of {LONGEST:,} bytes and another one, {told}, were not answered",
+            f"a request of {MOST:,} bytes and another one, cut at {place}, were not answered",
         )
         trial.delivered += 1
         connection.close()
@@ -41,9 +43,9 @@ def check_the_longest_hello(trial: ServerTrial) -> None:
         said = encode(hello(trial.viewer.capabilities[channel], trial.viewer.token))
         connection = trial.before_hello(channel)
         dealings = trial.viewer.with_(connection)
-        connection.send(packet(said.ljust(LONGEST)))
+        connection.send(packet(said.ljust(MOST)))
         trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        trial.expect(dealings.welcome, f"{channel}: a hello of {LONGEST:,} bytes has no welcome")
+        trial.expect(dealings.welcome, f"{channel}: a hello of {MOST:,} bytes has no welcome")
         trial.delivered += 1
         connection.close()
 
@@ -58,5 +60,5 @@ def check_the_longest_pose(trial: ServerTrial) -> None:
         poser.close()
         poser = trial.greeted("msg") if greets else trial.dial("msg")
         pose = camera_pose((float(x), 0.0, 0.0))
-        taken = steering.takes(poser, pose, encode(pose).ljust(LONGEST))
-        trial.judge(taken, f"a pose of {LONGEST:,} bytes")
+        taken = steering.takes(poser, pose, encode(pose).ljust(MOST))
+        trial.judge(taken, f"a pose of {MOST:,} bytes")

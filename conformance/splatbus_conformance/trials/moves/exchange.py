@@ -1,0 +1,152 @@
+"""What a testee awaits on a connection, and whether it takes it: the control at either end."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.asking import asking, requests
+from splatbus_conformance.trials.moves.unheard import outcome_at_the_end, silent_connection
+from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.wire.messages import Json, hello
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import Connection
+
+STRANGER: Json = {"type": "weather_report"}
+"""A message that is ignored, for another to be joined to."""
+ASKED: tuple[Json, ...] = (
+    VIEWPORT_REQUEST,
+    {"type": "get_camera_pose", "cam_idx": 0, "☃": ["\\", '"', "\u007f"]},
+) * 3
+"""More than one, for what is made of the next to be seen."""
+MANY_REPLIES = 500
+
+
+class Exchange(NamedTuple):
+    """A connection, and what its testee awaits there."""
+
+    connection: Connection
+    awaited: list[Json]
+    """Good messages for it; none where nobody knows what it awaits."""
+    taken: Callable[[], bool | None]
+    """Whether it is seen in time to take them, once; None where nothing shows it either way."""
+
+
+def exchange(trial: ClientTrial | ServerTrial, channel: Channel, later: bool) -> Exchange:
+    """A connection on which the testee awaits something: the first that it does there, or what
+    comes later, once it has taken that.
+    """
+    if isinstance(trial, ClientTrial):
+        return _with_a_client(trial, channel, later)
+    return _with_a_server(trial, channel, later)
+
+
+def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchange:
+    if channel == "msg":
+        return _replies(trial)
+    trial.role.offers_memory = trial.role.lends_frames = False
+    if not trial.facts.speaks_1_1("ipc"):
+        silent = silent_connection(trial)
+        legacy = [trial.role.legacy_init_packet()]
+        return Exchange(silent, legacy, lambda: outcome_at_the_end(trial, silent) == "lives")
+    connection = _with_open_memory(trial) if later else trial.for_init_packet()
+    if later and "frames" in trial.role.with_(connection).granted:
+        frame = trial.role.next_frame(connection)
+        awaited = [STRANGER, frame, STRANGER]
+        return Exchange(connection, awaited, lambda: trial.releases(connection, frame["seq"]))
+    init_packet = trial.role.init_packet(connection)
+    awaited = [STRANGER, init_packet, STRANGER]
+    return Exchange(connection, awaited, lambda: trial.opens(connection))
+
+
+def _with_open_memory(trial: ClientTrial) -> Connection:
+    for connection in reversed(trial.peer.connections):
+        dealings = trial.role.with_(connection)
+        if not connection.gone and dealings.generation in dealings.opened:
+            return connection
+    connection = trial.for_init_packet()
+    trial.role.offer(connection, trial.role.init_packet(connection))
+    if not trial.opens(connection):
+        trial.not_observable("the testee did not open the memory")
+    return connection
+
+
+def _replies(trial: ClientTrial) -> Exchange:
+    """To all that is asked: whoever asks for more only after a reply, or again after the size
+    [0,0], shows by that that it has read one, first where it is whole. Others must at least keep
+    the connection.
+    """
+    trial.role.width = trial.role.height = 0
+    if trial.facts.asks_on is None:
+        whole = _asked(trial)
+        for reply in whole.awaited:
+            trial.role.say(whole.connection, reply)
+        trial.facts.asks_on = whole.taken() or False
+    return _asked(trial)
+
+
+def _asked(trial: ClientTrial) -> Exchange:
+    connection = asking(trial)
+    trial.role.replies = False
+    trial.rest(REACTION_SECONDS)
+    asked = requests(trial, connection)
+    replies = [it for request in asked if (it := trial.role.answer(connection, request))]
+
+    def more() -> bool:
+        return len(requests(trial, connection)) > len(asked)
+
+    def taken() -> bool | None:
+        shows = trial.facts.asks_on is not False
+        trial.wait(
+            lambda: more() or connection.ended, EFFECT_SECONDS if shows else REACTION_SECONDS
+        )
+        return more() or (False if shows or connection.ended else None)
+
+    return Exchange(connection, replies, taken)
+
+
+def _with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange:
+    if not (later and channel == "msg"):
+        for former in trial.peer.connections:
+            former.close()
+    if channel == "ipc" and later:
+        return Exchange(trial.greeted("ipc"), [], lambda: None)
+    if channel == "ipc" and trial.facts.welcome["ipc"]:
+        connection = trial.before_hello("ipc")
+        dealings = trial.viewer.with_(connection)
+        said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
+
+        def welcomed() -> bool:
+            trial.wait(lambda: dealings.welcome or connection.ended)
+            return dealings.welcome is not None
+
+        return Exchange(connection, [said], welcomed)
+    if channel == "ipc":
+        return Exchange(trial.dial("ipc"), [], lambda: None)
+    return _requests(trial, later)
+
+
+def _requests(trial: ServerTrial, later: bool) -> Exchange:
+    connection = _served(trial) if later else trial.dial("msg")
+    before = len(trial.replies(connection))
+
+    def count() -> int:
+        return len(trial.replies(connection)) - before
+
+    def taken() -> bool:
+        in_time = trial.wait(lambda: count() >= len(ASKED) or connection.ended)
+        return in_time and trial.answers(connection) and count() == len(ASKED) + 1
+
+    return Exchange(connection, list(ASKED), taken)
+
+
+def _served(trial: ServerTrial) -> Connection:
+    """A connection on which requests were answered, of 1.1 where the server speaks that."""
+    for connection in reversed(trial.peer.connections):
+        on_it = connection.channel == "msg" and not connection.gone
+        if on_it and 0 < len(trial.replies(connection)) < MANY_REPLIES:
+            return connection
+    connection = trial.greeted("msg") if trial.facts.welcome["msg"] else trial.dial("msg")
+    trial.expect(trial.answers(connection), "no reply on the message channel")
+    return connection
