@@ -230,10 +230,6 @@ class ClientTrial(Trial):
             self.facts.took(self.peer.clock() - began)
         return came
 
-    def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
-        """Whether the testee ends this connection in time."""
-        return self.wait(lambda: connection.ended, seconds)
-
     def uses(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
         """Wait, at this testee's pace, until memory is opened or read; whether it is."""
         return self.wait(condition, memory_pace.patience(self.facts.memory_seconds, seconds))

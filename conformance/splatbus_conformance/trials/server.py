@@ -292,10 +292,6 @@ class ServerTrial(Trial):
         connection.close()
         return served
 
-    def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
-        """Whether the server ends this connection in time."""
-        return self.wait(lambda: connection.ended, seconds)
-
     def served(self, channel: Channel) -> Connection | None:
         """A new connection, on which a token was said if the server requires one; None if it
         accepts none.

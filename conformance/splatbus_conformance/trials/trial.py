@@ -16,7 +16,7 @@ from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.wire.recording import Channel, Entry
-from splatbus_conformance.wire.sockets import Peer
+from splatbus_conformance.wire.sockets import Connection, Peer
 
 T = TypeVar("T")
 JITTER_SECONDS = 0.03
@@ -219,6 +219,10 @@ class Trial:
         """Wait until the condition holds or the testee's process has ended; whether it holds."""
         self.peer.until(lambda: condition() or self.testee.ended(), seconds)
         return bool(condition())
+
+    def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
+        """Whether the testee ends this connection in time."""
+        return self.wait(lambda: connection.ended, seconds)
 
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""
