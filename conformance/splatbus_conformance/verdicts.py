@@ -64,6 +64,10 @@ class Result:
     """Cases that were delivered, each followed by a control that the testee met."""
     missed: bool = False
     """A skip, though the testee has shown all that the check needs."""
+    code: str = ""
+    """Of a failure, which of the ways to fail this check it is: by this it is told from others,
+    however the text puts it.
+    """
 
 
 def worst(results: Iterable[Result]) -> Verdict:

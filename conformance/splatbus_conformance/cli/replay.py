@@ -56,7 +56,7 @@ def replay_report(script: Script, given: Replay, traffic: Traffic, seconds: floa
         text, again = "nothing that breaks it", f"{requirement.id} is not broken again"
         verdict = Verdict.PASS
     if given.broken is not None:
-        text, again = given.broken, f"{requirement.id} is broken again"
+        text, again = given.broken.words, f"{requirement.id} is broken again"
         verdict = failing(requirement.level)
     result = Result(
         requirement.id,
@@ -67,6 +67,7 @@ def replay_report(script: Script, given: Replay, traffic: Traffic, seconds: floa
         given.transcript,
         seconds,
         tuple(given.trial.measurements),
+        code=given.broken.code if given.broken else "",
     )
     judged = {requirement.id: requirement}
     return RunReport(

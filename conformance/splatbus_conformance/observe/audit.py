@@ -43,6 +43,8 @@ class RecordedBreach:
     text: str
     excerpt: str
     """The bytes as lines of a transcript, around the member that matters; folded when long."""
+    code: str = ""
+    """Which of the ways to break it this is."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ def results(judged: Audit, peer: str) -> list[Result]:
             (str(finding.first.place), *finding.first.excerpt.splitlines())
             if finding.first
             else (),
+            code=finding.first.code if finding.first else "",
         )
         for finding in judged.of(peer)
     ]
@@ -150,6 +153,7 @@ def _finding(requirement: Requirement, peer: str, sightings: list[Sighting]) -> 
 
 
 def _breach(sighting: Sighting) -> RecordedBreach:
+    assert sighting.breach is not None
     message = sighting.message
     place = RecordingPlace(
         sighting.channel,
@@ -160,7 +164,7 @@ def _breach(sighting: Sighting) -> RecordedBreach:
         sighting.pointer,
     )
     _, *lines = guilty.shown(sighting) or [""]
-    return RecordedBreach(place, sighting.breach or "", "\n".join(lines))
+    return RecordedBreach(place, sighting.breach.words, "\n".join(lines), sighting.breach.code)
 
 
 def _in_words(finding: AuditFinding) -> str:

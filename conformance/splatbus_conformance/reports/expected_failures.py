@@ -6,10 +6,10 @@ The list is TOML: it can be written by hand, has comments, and Python reads it w
     id = "FRM-3"
     check = "check_bad_length_closes"
     reason = "the viewer drops only lengths of 0; our issue 17"
-    message = "a header that announces 1,048,577 bytes"
+    code = "hangs"
 
-`check` is `rule` where the passive rules find the breach, and `message` is part of what the
-verdict says, so a failure of another kind is not taken for the known one.
+`check` is `rule` where the passive rules find the breach, and `code` is that of the failure, so
+that one of another kind is not taken for the known one.
 """
 
 import json
@@ -21,11 +21,9 @@ from pathlib import Path
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.verdicts import Result, Verdict
 
-MEMBERS = ("id", "check", "reason", "message")
+MEMBERS = ("id", "check", "reason", "code")
 TO_LOOK_INTO = "not looked into yet"
 CONDEMNS = (Verdict.FAIL, Verdict.WARN)
-FIRST = "; first: "
-"""In the text of a rule, what stands before what does not change with the number of cases."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,8 @@ class Expectation:
     id: str
     check: str
     reason: str
-    message: str
-    """Part of what the verdict says."""
+    code: str
+    """Of the failure."""
 
     def __str__(self) -> str:
         return f"{self.id} {self.check}"
@@ -98,13 +96,13 @@ def applied(
                     f"{expectation} passes, though it is expected to fail "
                     f"({expectation.reason}): remove its entry"
                 )
-            elif result.verdict in CONDEMNS and expectation.message in result.text:
+            elif result.verdict in CONDEMNS and expectation.code == result.code:
                 text = f"{result.text} (expected: {expectation.reason})"
                 marked[place] = replace(result, verdict=Verdict.EXPECTED, text=text, script="")
             elif result.verdict in CONDEMNS:
                 stale.append(
-                    f"{expectation} fails otherwise than expected: “{expectation.message}” is not "
-                    "in what was seen: look at it anew, then correct its entry"
+                    f"{expectation} fails otherwise than expected: its code is {result.code}, not "
+                    f"{expectation.code}: look at it anew, then correct its entry"
                 )
     return marked, stale
 
@@ -121,16 +119,12 @@ def listed(results: Iterable[Result], former: Sequence[Expectation], *, strict: 
     for result in results:
         if result.verdict in verdicts:
             known = next((it for it in former if it.concerns(result)), None)
-            if known and known.message in result.text:
+            if known and known.code == result.code:
                 lines.append(_table(known))
                 continue
-            message = result.text.partition(FIRST)[2] if result.check == RULE else result.text
             reason = known.reason if known else TO_LOOK_INTO
-            lines.append(
-                _table(
-                    Expectation(result.requirement, result.check, reason, message or result.text)
-                )
-            )
+            entry = Expectation(result.requirement, result.check, reason, result.code)
+            lines.append(_table(entry))
     return "\n".join(lines)
 
 

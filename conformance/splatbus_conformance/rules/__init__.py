@@ -12,6 +12,21 @@ from splatbus_conformance.wire.conversation import Conversation, Message, conver
 from splatbus_conformance.wire.recording import Entry
 
 
+LOST = "lost-a-vital-sign"
+"""The code of what the testee could do when it was met, and can no more."""
+
+
+class Breach(NamedTuple):
+    """How a requirement was broken."""
+
+    code: str
+    """Which of the ways to break it this is, however the words put it."""
+    words: str
+
+    def __str__(self) -> str:
+        return self.words
+
+
 class Sighting(NamedTuple):
     """A requirement was exercised by a peer."""
 
@@ -21,8 +36,8 @@ class Sighting(NamedTuple):
     channel: str
     conn: int
     t: float
-    breach: str | None = None
-    """What was wrong, in words; None if it was right."""
+    breach: Breach | None = None
+    """What was wrong; None if it was right."""
     pointer: str = ""
     """JSON Pointer into the message, where the breach has a place there."""
     message: Message | None = None
@@ -36,7 +51,7 @@ class Judgement(NamedTuple):
     """What one message shows of one requirement."""
 
     requirement: str
-    breach: str | None = None
+    breach: Breach | None = None
     pointer: str = ""
 
 
@@ -64,7 +79,7 @@ def about(
     conversation: Conversation,
     message: Message,
     requirement: str,
-    breach: str | None = None,
+    breach: Breach | None = None,
     pointer: str = "",
     *,
     peer: str | None = None,

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
-from splatbus_conformance.rules import Rule, Sighting, all_rules, guilty
+from splatbus_conformance.rules import Breach, Rule, Sighting, all_rules, guilty
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 from splatbus_conformance.wire.conversation import Conversation
@@ -15,7 +15,7 @@ class Count(NamedTuple):
 
     seen: int = 0
     broken: int = 0
-    first: str = ""
+    first: Breach | None = None
     shown: tuple[str, ...] = ()
     """The bytes of the first breach, as a transcript shows them."""
 
@@ -49,7 +49,7 @@ def tally(recorded: Iterable[Conversation], side: str, rules: Iterable[Rule]) ->
                     if sighting.breach:
                         breaches.setdefault(sighting.requirement, []).append(sighting)
     return {
-        name: Count(count, len(broken), broken[0].breach or "", guilty.shown(broken[0]))
+        name: Count(count, len(broken), broken[0].breach, guilty.shown(broken[0]))
         if (broken := breaches.get(name))
         else Count(count)
         for name, count in seen.items()
@@ -68,4 +68,6 @@ def result(requirement: str, count: Count, level: str) -> Result:
         text = f"held {count.seen} times of {count.seen}"
         return Result(requirement, RULE, Level.PASSIVE, Verdict.PASS, text)
     text = f"broken {count.broken} times of {count.seen}; first: {count.first}"
-    return Result(requirement, RULE, Level.PASSIVE, failing(level), text, tuple(count.shown))
+    code = count.first.code if count.first else ""
+    verdict = failing(level)
+    return Result(requirement, RULE, Level.PASSIVE, verdict, text, tuple(count.shown), code=code)

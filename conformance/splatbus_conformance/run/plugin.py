@@ -22,7 +22,7 @@ from splatbus_conformance.checks.registry import checks_in, checks_of
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.findings import Traffic
-from splatbus_conformance.rules import guilty
+from splatbus_conformance.rules import LOST, guilty
 from splatbus_conformance.rules.tally import add, rules_on, tally
 from splatbus_conformance.run.deaths import note_deaths
 from splatbus_conformance.run.testbed import Testbed
@@ -228,6 +228,7 @@ class CheckPlugin:
             f"after this check the {self.plan.side} is not what it was: {what}{self._last_words()}",
             tuple(excerpt(deed.entries, EVIDENCE_LINES)),
             script=script,
+            code=LOST,
         )
         self.traffic.losses.append(loss)
 
@@ -287,12 +288,12 @@ class CheckPlugin:
         elif error is None and not text:
             text = f"{delivered} delivered; seen of each: {check.observable}"
         evidence: tuple[str, ...] = ()
-        script = ""
+        script = code = ""
         if error is not None:
             text = str(error.value)
             evidence = self._evidence(check.requirement)
             if isinstance(error.value, Violation):
-                verdict = failing(self.known[check.requirement].level)
+                verdict, code = failing(self.known[check.requirement].level), error.value.code
                 text += self._last_words() if self.testbed.testee.ended() else ""
                 script = self._script(check.requirement, item.name, by_rule=False)
             elif isinstance(error.value, pytest.skip.Exception):
@@ -313,6 +314,7 @@ class CheckPlugin:
             script,
             delivered=delivered,
             missed=verdict is Verdict.SKIP and self.trial_now is not None,
+            code=code,
         )
 
     def _evidence(self, requirement: str) -> tuple[str, ...]:

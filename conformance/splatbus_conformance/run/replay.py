@@ -11,7 +11,7 @@ from splatbus_schemas.requirements import requirements
 from splatbus_conformance.cases.script import Case, Script, ScriptError, flat, rows
 from splatbus_conformance.cases.shrinking import simplest, smallest
 from splatbus_conformance.checks.registry import checks_of
-from splatbus_conformance.rules import Sighting, guilty, sightings
+from splatbus_conformance.rules import LOST, Breach, Sighting, guilty, sightings
 from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.wire.transcript import excerpt
@@ -31,7 +31,7 @@ Pair = tuple[int, Case]
 class Replay(NamedTuple):
     """What came of delivering a script once."""
 
-    broken: str | None
+    broken: Breach | None
     """What the testee did that is not accepted; None if it did nothing of the kind."""
     skipped: str
     """Why nothing can be said, if nothing can."""
@@ -50,19 +50,20 @@ def replay(testbed: Testbed, script: Script) -> Replay:
     trial = testbed.trial(requirements("1.1")[check.requirement])
     trial.end_testee()
     trial.profile, trial.script, trial.seed = script.profile, script.cases, script.seed
-    broken: str | None = None
+    broken: Breach | None = None
     skipped = ""
     try:
         check.play(trial)
     except Violation as violation:
-        broken = str(violation)
+        broken = Breach(violation.code, str(violation))
     except pytest.skip.Exception as skip:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
     if script.requirement != check.requirement and not script.by_rule:
         entries = list(testbed.peer.entries)
-        lost = testbed.lost(briefly=False) or None
-        return Replay(lost, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
+        lost = testbed.lost(briefly=False)
+        broken = Breach(LOST, lost) if lost else None
+        return Replay(broken, skipped, trial, tuple(excerpt(entries, TRANSCRIPT_LINES)))
     peer = testbed.peer
     if script.by_rule:
         breach = _breach(script, trial)
@@ -95,7 +96,9 @@ def counted(script: Script, given: Replay) -> Script:
     script = replace(script, tried=script.tried + 1)
     if given.broken is None:
         return script
-    return replace(script, again=script.again + 1, seen=given.broken, transcript=given.transcript)
+    return replace(
+        script, again=script.again + 1, seen=str(given.broken), transcript=given.transcript
+    )
 
 
 def worked_out(testbed: Testbed, script: Script, seconds: float) -> Script:

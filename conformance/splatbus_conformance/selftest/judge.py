@@ -66,6 +66,7 @@ class Cell:
     check: str
     verdict: str
     text: str
+    code: str = ""
 
     @property
     def condemns(self) -> bool:
@@ -176,7 +177,7 @@ def _judge_conforming(
 def cells_of(report: dict[str, Any] | None) -> list[Cell]:
     """Every verdict in a report of the harness."""
     return [
-        Cell(requirement["id"], result["check"], result["verdict"], result["text"])
+        Cell(requirement["id"], result["check"], result["verdict"], result["text"], result["code"])
         for requirement in (report or {}).get("requirements", [])
         for result in requirement["results"]
     ]

@@ -49,6 +49,11 @@ class LostSign(NamedTuple):
 class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
     """The testee did what the requirement does not accept; the message says what."""
 
+    def __init__(self, code: str, what: str) -> None:
+        super().__init__(what)
+        self.code = code
+        """Which of the ways to break it this is, for whoever looks for this one."""
+
 
 class Trial:
     """What every check has in hand: the raw peer, the testee, and the judgement."""
@@ -253,7 +258,7 @@ class Trial:
         if beyond := self.measurements.beyond():
             others = [it for it in self.measurements if it not in beyond]
             told = [f"{it}, {it.beyond} of them beyond the budget" for it in beyond]
-            self.violated("; ".join([*told, *map(str, others)]))
+            self.violated("beyond-its-budget", "; ".join([*told, *map(str, others)]))
 
     def judge(self, outcome: str, what: str) -> None:
         """Compare an outcome with those that the specification accepts for this requirement."""
@@ -262,18 +267,20 @@ class Trial:
             self.wait(self.fate, ENDING_SECONDS)
             outcome = self.fate() or outcome
         if outcome not in acceptable:
-            self.violated(f"{what}: the testee {OUTCOME_WORDS.get(outcome, outcome)}")
+            self.violated(outcome, f"{what}: the testee {OUTCOME_WORDS.get(outcome, outcome)}")
 
-    def expect(self, holds: object, what: str) -> None:
-        """The requirement is violated unless `holds`; `what` says what was seen instead."""
+    def expect(self, holds: object, code: str, what: str) -> None:
+        """The requirement is violated unless `holds`; `what` says what was seen instead, and the
+        code which of the ways to break it that is.
+        """
         if not holds:
-            self.violated(what)
+            self.violated(code, what)
 
-    def violated(self, what: str) -> NoReturn:
-        """The requirement is violated."""
+    def violated(self, code: str, what: str) -> NoReturn:
+        """The requirement is violated, in the way that has this code."""
         if ended := self.testee.ended():
             what += f"; its process {ended}"
-        raise Violation(what)
+        raise Violation(code, what)
 
     def not_observable(self, reason: str) -> NoReturn:
         """Nothing can be said: skip, with the reason."""

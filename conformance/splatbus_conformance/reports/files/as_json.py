@@ -75,6 +75,7 @@ def _result(result: Result) -> dict[str, Any]:
         "check": result.check,
         "assurance": result.level,
         "verdict": result.verdict,
+        "code": result.code,
         "text": result.text,
         "evidence": list(result.evidence),
         "delivered": result.delivered,
