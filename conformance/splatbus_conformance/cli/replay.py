@@ -95,7 +95,7 @@ def _print(script: Script, given: Replay, out: Console) -> None:
     out.print(f"  the standard   {escape(requirement.sentence)}")
     out.print(f"  acceptable     {', '.join(requirement.acceptable)}")
     out.print(f"  seen before    {escape(script.seen)}")
-    out.print(f"  seen now       {escape(given.broken or 'nothing that breaks it')}")
+    out.print(f"  seen now       {escape(str(given.broken or 'nothing that breaks it'))}")
     if given.skipped:
         out.print(f"  not judged     {escape(given.skipped)}")
     print_evidence(out, given.transcript)

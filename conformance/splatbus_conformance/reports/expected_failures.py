@@ -18,11 +18,14 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from splatbus_conformance.selection import RULE, Item
+from splatbus_conformance.selection import Item
 from splatbus_conformance.verdicts import Result, Verdict
+from splatbus_conformance.wire.json_reading import shorten
 
 MEMBERS = ("id", "check", "reason", "code")
 TO_LOOK_INTO = "not looked into yet"
+MOST_SEEN = 200
+EXPECTED = " (expected: "
 CONDEMNS = (Verdict.FAIL, Verdict.WARN)
 
 
@@ -97,7 +100,7 @@ def applied(
                     f"({expectation.reason}): remove its entry"
                 )
             elif result.verdict in CONDEMNS and expectation.code == result.code:
-                text = f"{result.text} (expected: {expectation.reason})"
+                text = f"{result.text}{EXPECTED}{expectation.reason})"
                 marked[place] = replace(result, verdict=Verdict.EXPECTED, text=text, script="")
             elif result.verdict in CONDEMNS:
                 stale.append(
@@ -119,18 +122,15 @@ def listed(results: Iterable[Result], former: Sequence[Expectation], *, strict: 
     for result in results:
         if result.verdict in verdicts:
             known = next((it for it in former if it.concerns(result)), None)
-            if known and known.code == result.code:
-                lines.append(_table(known))
-                continue
             reason = known.reason if known else TO_LOOK_INTO
             entry = Expectation(result.requirement, result.check, reason, result.code)
-            lines.append(_table(entry))
+            lines.append(_table(entry, result.text.partition(EXPECTED)[0]))
     return "\n".join(lines)
 
 
-def _table(expectation: Expectation) -> str:
+def _table(expectation: Expectation, seen: str) -> str:
     members = (f"{name} = {_quoted(getattr(expectation, name))}\n" for name in MEMBERS)
-    return "\n[[expected]]\n" + "".join(members)
+    return f"\n[[expected]]  # {_quoted(shorten(seen, MOST_SEEN))}\n" + "".join(members)
 
 
 def _quoted(text: str) -> str:

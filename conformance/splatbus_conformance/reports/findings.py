@@ -7,7 +7,7 @@ from splatbus_schemas.requirements import Requirement, requirements
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.latencies import Latencies
-from splatbus_conformance.rules import tally
+from splatbus_conformance.rules import Breach, tally
 from splatbus_conformance.rules.tally import Tally
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.verdicts import Result, Verdict, worst
@@ -110,7 +110,7 @@ class Findings:
         counts = other.traffic.tally
         for name, count in counts.items():
             if count.broken:
-                counts[name] = count._replace(first=f"{count.first} (seed {seed})")
+                counts[name] = count._replace(first=_of_seed(count.first, seed))
         self.traffic.add(other.traffic)
 
     def results(self, plan: Plan) -> list[Result]:
@@ -137,3 +137,7 @@ def _unproven(result: Result, loss: Result | None) -> Result:
     if loss is None or result.verdict is not Verdict.PASS:
         return result
     return replace(result, verdict=Verdict.SKIP, text=f"{loss.text} ({loss.requirement})")
+
+
+def _of_seed(breach: Breach | None, seed: int) -> Breach | None:
+    return breach and breach._replace(words=f"{breach.words} (seed {seed})")

@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol, cast
 from splatbus_conformance.wire.conversation import Conversation, Message, conversations
 from splatbus_conformance.wire.recording import Entry
 
-
 LOST = "lost-a-vital-sign"
 """The code of what the testee could do when it was met, and can no more."""
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement
+from splatbus_conformance.rules import Breach, Judgement
 from splatbus_conformance.rules.v1_0.pos import typed
 from splatbus_conformance.wire.conversation import Conversation, Message, MessageInContext
 from splatbus_conformance.wire.json_values import SAFE, integer_in, is_number, show, whole
@@ -255,12 +255,13 @@ def request(message: Message) -> Iterator[Judgement]:
         numbers = dict.fromkeys(("width", "height"), (1, MAX_SIZE))
     elif message.kind == "ping" and not is_number(value.get("t")):
         has = show(value["t"]) if "t" in value else "missing"
-        yield Judgement(requirement, f"t is {has}, no number", "/t")
+        yield Judgement(requirement, Breach("not-a-number", f"t is {has}, no number"), "/t")
     for name, (low, high) in numbers.items():
         wrong = None
         if not integer_in(value.get(name), low, high):
             has = show(value[name]) if name in value else "missing"
-            wrong = f"{name} is {has}, no integer from {low} to {high}"
+            text = f"{name} is {has}, no integer from {low} to {high}"
+            wrong = Breach("out-of-range", text)
         yield Judgement(requirement, wrong, f"/{name}")
 
 

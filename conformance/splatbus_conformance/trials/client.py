@@ -205,7 +205,7 @@ class ClientTrial(Trial):
         try:
             return self._adapted().take(command)
         except ClientCrashed as crash:
-            self.violated(f"told to {command}, {crash}")
+            self.violated("dies", f"told to {command}, {crash}")
 
     def _adapted(self) -> Adapted:
         assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"

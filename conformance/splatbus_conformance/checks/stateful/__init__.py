@@ -15,9 +15,9 @@ Step = tuple[Any, ...]
 class SessionBreach(Exception):  # noqa: N818 - a finding, no error of ours
     """The testee broke a requirement."""
 
-    def __init__(self, requirement: str, what: str) -> None:
+    def __init__(self, requirement: str, code: str, what: str) -> None:
         super().__init__(what)
-        self.requirement = requirement
+        self.requirement, self.code = requirement, code
 
 
 class SessionOver(Exception):  # noqa: N818 - a finding, no error of ours
@@ -46,9 +46,9 @@ class Counterpart(Protocol):
 class BreachFound(Exception):  # noqa: N818 - a finding, no error of ours
     """A session broke the requirement that is judged."""
 
-    def __init__(self, steps: Sequence[Step], what: str) -> None:
+    def __init__(self, steps: Sequence[Step], code: str, what: str) -> None:
         super().__init__(what)
-        self.steps = tuple(steps)
+        self.steps, self.code = tuple(steps), code
 
     def __str__(self) -> str:
         return f"{self.args[0]}; the session: {in_words(self.steps)}"
@@ -100,7 +100,7 @@ class Session:
         self._part.leave()
         if found.requirement == self._judged:
             # Here alone, and outside of the handler: Hypothesis tells failures by where they are.
-            raise BreachFound(self.steps, f"{when}, {found}")
+            raise BreachFound(self.steps, found.code, f"{when}, {found}")
         self.other = found
 
 

@@ -88,7 +88,7 @@ class _Search:
     def deliver(self, steps: Sequence[Step]) -> None:
         """Take these steps with the testee."""
         if found := self._fails_by(steps):
-            self._trial.violated(str(found))
+            self._trial.violated(found.code, str(found))
 
     def begin(self) -> Session:
         """A new session, which is noted; with a new testee while a failure is made smaller."""
@@ -130,7 +130,7 @@ class _Search:
             if len(self._found) > 1:
                 # It failed with new testees too: what came before it has no part in it.
                 self._trial.went_through[-1][:] = [Case(True, list(shortest.steps))]
-            self._trial.violated(str(shortest))
+            self._trial.violated(shortest.code, str(shortest))
 
     def _fails_by(self, steps: Sequence[Step]) -> BreachFound | None:
         try:

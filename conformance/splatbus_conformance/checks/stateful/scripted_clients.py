@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from splatbus_conformance.rules import Breach
 from splatbus_conformance.wire.json_values import is_number
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
@@ -31,18 +32,19 @@ class Asker:
             return {"type": "get_viewport_size"}
         return {"type": "get_camera_pose", "cam_idx": what}
 
-    def wrong(self, replies: Sequence[Json], cameras: Sequence[Json | None]) -> str | None:
+    def wrong(self, replies: Sequence[Json], cameras: Sequence[Json | None]) -> Breach | None:
         """What is wrong with the replies so far: their number, their kinds, their order."""
         if len(replies) > len(self.asked):
             counts = f"{len(replies)} replies to {len(self.asked)} requests"
-            return f"message client {self.seat} was sent {counts}"
+            return Breach("unasked-reply", f"message client {self.seat} was sent {counts}")
         for number, (reply, what) in enumerate(zip(replies, self.asked, strict=False), 1):
             if what == VIEWPORT:
                 fits = "viewport_size" in reply
             else:
                 fits = "position" in reply and cameras[what] in (None, _pose(reply))
             if not fits:
-                return f"reply {number} to message client {self.seat} answers another request"
+                text = f"reply {number} to message client {self.seat} answers another request"
+                return Breach("out-of-order", text)
         return None
 
 

@@ -177,7 +177,7 @@ class WithClient:
         try:
             self.trial.ask("send_camera", position=list(position), rotation=list(rotation))
         except Violation as violation:
-            raise SessionBreach("CHN-19", str(violation)) from None
+            raise SessionBreach("CHN-19", violation.code, str(violation)) from None
         engine = engine_of(self.trial.greeting, "camera_pose")
         right = engine.position_to_wire(position), engine.quaternion_to_wire(rotation)
         heard = self.role.with_(self._at["msg"]).heard
@@ -190,10 +190,10 @@ class WithClient:
 
         if not self.trial.wait(lambda: came() or self._at["msg"].ended):
             any_came = any(m.get("type") == "camera_pose" for m in heard)
-            text = "the pose that its engine was given" + (
-                " became another" if any_came else " never came"
-            )
-            raise SessionBreach("CNV-1" if any_came else "CHN-19", text)
+            text = "the pose that its engine was given"
+            if any_came:
+                raise SessionBreach("CNV-1", "another-pose", f"{text} became another")
+            raise SessionBreach("CHN-19", "pose-not-sent", f"{text} never came")
 
     # What must hold
 
@@ -204,32 +204,40 @@ class WithClient:
         if fate == "exits":
             raise SessionOver
         if fate:
-            raise SessionBreach("CHN-19" if self._lost else "OPN-1", "the testee died")
+            raise SessionBreach("CHN-19" if self._lost else "OPN-1", "dies", "the testee died")
         if "ipc" in self._at:
             self._nothing_twice()
             if self._at["ipc"].ended:
                 raise SessionBreach(
-                    "CHN-10", "it closed the IPC connection, though nothing was wrong"
+                    "CHN-10",
+                    "closes",
+                    "it closed the IPC connection, though nothing was wrong",
                 )
         if "msg" in self._at and self._at["msg"].ended:
             self._return(["msg"])
 
     def _nothing_twice(self) -> None:
         dealings = self._dealings
-        for kind, (said, least, requirement) in {
-            "answers": (self._said("opened", "open_failed"), 1, "OPN-1"),
-            "closed": (self._said("closed"), 1, "OPN-5"),
+        for kind, (said, least, requirement, code) in {
+            "answers": (self._said("opened", "open_failed"), 1, "OPN-1", "answered-twice"),
+            "closed": (self._said("closed"), 1, "OPN-5", "closed-too-often"),
         }.items():
             for generation, times in said.items():
                 if times > least:
                     text = f"generation {generation} got {times} {kind}"
-                    raise SessionBreach(requirement, text)
+                    raise SessionBreach(requirement, code, text)
         if dealings.generation in self._said("closed"):
-            raise SessionBreach("OPN-5", f"it closed generation {dealings.generation}, the newest")
+            raise SessionBreach(
+                "OPN-5",
+                "closed-the-newest",
+                f"it closed generation {dealings.generation}, the newest",
+            )
         for image, times in self._releases().items():
             if times > self._lent[image]:
                 text = f"frame {image[1]} of generation {image[0]} was released {times} times"
-                raise SessionBreach("IMG-12", f"{text} and lent {self._lent[image]} times")
+                raise SessionBreach(
+                    "IMG-12", "released-too-often", f"{text} and lent {self._lent[image]} times"
+                )
 
     def _rest(self) -> None:
         """What must hold once nothing more comes."""
@@ -240,13 +248,13 @@ class WithClient:
         self._until(lambda: set(self._said("opened", "open_failed")) >= announced)
         unanswered = announced - set(self._said("opened", "open_failed"))
         if unanswered:
-            raise SessionBreach("OPN-1", f"no answer to generation {min(unanswered)}")
+            raise SessionBreach("OPN-1", "no-reply", f"no answer to generation {min(unanswered)}")
         self._released()
         former = set(self._said("opened")) - {newest}
         self._until(lambda: former <= set(self._said("closed")))
         if still := former - set(self._said("closed")):
             raise SessionBreach(
-                "OPN-5", f"generation {min(still)} was not closed after {newest} came"
+                "OPN-5", "not-closed", f"generation {min(still)} was not closed after {newest} came"
             )
 
     def _answered(self) -> None:
@@ -254,13 +262,19 @@ class WithClient:
         dealings, newest = self._dealings, self._dealings.generation
         self._until(lambda: newest in dealings.opened | dealings.failed)
         if newest not in dealings.opened | dealings.failed:
-            raise SessionBreach("OPN-1", f"no answer to generation {newest}")
+            raise SessionBreach("OPN-1", "no-reply", f"no answer to generation {newest}")
         if self._misled and newest in dealings.opened:
-            raise SessionBreach("OPN-2", "it said that it had opened memory that does not exist")
+            raise SessionBreach(
+                "OPN-2",
+                "opened-missing-memory",
+                "it said that it had opened memory that does not exist",
+            )
         if not self._misled and newest in dealings.failed:
             first = "CHN-24" if len(dealings.generations) == 1 else "OPN-5"
             raise SessionBreach(
-                first, f"good memory, generation {newest}, was answered with open_failed"
+                first,
+                "open-failed",
+                f"good memory, generation {newest}, was answered with open_failed",
             )
 
     def _released(self) -> None:
@@ -269,7 +283,7 @@ class WithClient:
         if held := self._lent - self._releases():
             generation, seq = min(held)
             raise SessionBreach(
-                "IMG-12", f"frame {seq} of generation {generation} was not released"
+                "IMG-12", "not-released", f"frame {seq} of generation {generation} was not released"
             )
 
     # Losing connections, and what comes back
@@ -281,7 +295,9 @@ class WithClient:
         if how == "end":
             connection.end_stream()
             if not self.trial.ends(connection):
-                raise SessionBreach("CHN-17", f"it kept the {channel} connection after its end")
+                raise SessionBreach(
+                    "CHN-17", "not-closed", f"it kept the {channel} connection after its end"
+                )
         if how == "cut":
             connection.send(HALF_A_PACKET)
         if how == "reset":
@@ -299,12 +315,14 @@ class WithClient:
         if fate == "exits":
             raise SessionOver
         if fate:
-            raise SessionBreach("CHN-19", "the testee died")
+            raise SessionBreach("CHN-19", "dies", "the testee died")
         if not missing:
             return
         if set(missing) == set(self._channels):
-            raise SessionBreach("CHN-19", "the testee neither reacted nor went on")
-        raise SessionBreach("CHN-20", f"it did not connect to the {missing[0]} channel again")
+            raise SessionBreach("CHN-19", "hangs", "the testee neither reacted nor went on")
+        raise SessionBreach(
+            "CHN-20", "no-reconnect", f"it did not connect to the {missing[0]} channel again"
+        )
 
     def _meet_on(self, channels: Iterable[Channel]) -> None:
         """Take connections that are new, and let the testee say what it says first."""
@@ -339,7 +357,9 @@ class WithClient:
             return
         if not came or connection.ended:
             raise SessionBreach(
-                "CHN-19", f"it came to the {channel} channel, and did not go on there"
+                "CHN-19",
+                "did-not-go-on",
+                f"it came to the {channel} channel, and did not go on there",
             )
 
     def _arrives(self, channel: Channel, before: int) -> bool:

@@ -140,14 +140,13 @@ class WithServer:
         self._look()
         self.leave()
         if self._counting and self.knowledge.crowd:
-            served = 0
+            served, before = 0, self.knowledge.crowd
             deadline = time.monotonic() + EFFECT_SECONDS
             while served < self.knowledge.crowd and time.monotonic() < deadline:
                 served = crowd(self.trial)
             if served < self.knowledge.crowd:
-                before = self.knowledge.crowd
                 text = f"once all had left, {served} clients were lent frames, {before} before"
-                raise SessionBreach("IMG-17", text)
+                raise SessionBreach("IMG-17", "leases-not-taken-back", text)
 
     def leave(self) -> None:
         """Close every connection."""
@@ -174,7 +173,7 @@ class WithServer:
                 # What has ended still takes a place, or the server greets nobody any more.
                 lost = channel == "ipc" and self.knowledge.frames
                 text = f"a new client on the {CHANNEL_WORDS[channel]} channel was not served"
-                raise SessionBreach("IMG-17" if lost else "CHN-14", text)
+                raise SessionBreach("IMG-17" if lost else "CHN-14", "not-served", text)
             connection.close()
             self.trial.rest(0.02)
             connection = self._seated(channel)[seat].connection = self._dial(channel)
@@ -284,7 +283,7 @@ class WithServer:
         """What must hold at any moment."""
         self.trial.rest(0.0)
         if self.trial.fate():
-            raise SessionBreach("CHN-14", "the server ended")
+            raise SessionBreach("CHN-14", "ended", "the server ended")
         if self._found is not None:
             raise self._found
         if self._of_another is not None:
@@ -293,11 +292,11 @@ class WithServer:
             self._excuse()
             if first in self._movers[:1]:
                 text = "an image shows the pose of a message client that was not first"
-                raise SessionBreach("POS-11", text)
+                raise SessionBreach("POS-11", "applied-without-control", text)
         for asker in self._askers.values():
             replies = self.trial.replies(asker.connection)
             if wrong := asker.wrong(replies, self.knowledge.cameras):
-                raise SessionBreach("REQ-7", wrong)
+                raise SessionBreach("REQ-7", *wrong)
 
     def _look(self) -> None:
         """What must hold everywhere once time was given: replies to all, and images of the pose."""
@@ -311,7 +310,8 @@ class WithServer:
         self._excuse()
         for reader in self._readers.values():
             if reader.connection.ended and not reader.half:
-                raise SessionBreach("CHN-14", f"IPC client {reader.seat} was disconnected")
+                text = f"IPC client {reader.seat} was disconnected"
+                raise SessionBreach("CHN-14", "closes", text)
         if self.knowledge.frames:
             self._shown()
 
@@ -326,7 +326,8 @@ class WithServer:
             return
         if len(self.trial.replies(connection)) < len(asker.asked):
             how = "disconnected" if connection.ended else "not answered"
-            raise SessionBreach("CHN-14", f"message client {asker.seat} was {how}")
+            code = "closes" if connection.ended else "no-reply"
+            raise SessionBreach("CHN-14", code, f"message client {asker.seat} was {how}")
 
     def _shown(self) -> None:
         """Every client that can take a frame has one, and it shows the pose that counts."""
@@ -350,11 +351,10 @@ class WithServer:
             return
         if any(shown(r) for r in free) or not behind[0].frames:
             text = f"IPC client {behind[0].seat} is sent no newer frame, and holds none"
-            raise SessionBreach("IMG-11" if len(behind) < len(free) else "CHN-14", text)
+            raise SessionBreach("IMG-11" if len(behind) < len(free) else "CHN-14", "no-frame", text)
         seat = mover.seat if mover else None
-        raise SessionBreach(
-            "POS-11", f"no image shows the pose of message client {seat}, first of all"
-        )
+        text = f"no image shows the pose of message client {seat}, first of all"
+        raise SessionBreach("POS-11", "pose-not-shown", text)
 
     def _on_packet(self, connection: Connection, arrived: Packet) -> None:
         dealings = self.viewer.with_(connection)
@@ -367,7 +367,7 @@ class WithServer:
     def _on_frame(self, reader: Reader, frame: Json) -> None:
         if reader.held is not None:
             text = f"IPC client {reader.seat} was sent a frame while it held another"
-            self._found = self._found or SessionBreach("IMG-2", text)
+            self._found = self._found or SessionBreach("IMG-2", "another-frame", text)
         reader.show(frame)
         if reader.camera in self._of_others:
             self._of_another = next(iter(self._movers), None)
@@ -384,7 +384,8 @@ class WithServer:
     def _dial(self, channel: Channel) -> Connection:
         connection = self.trial.reached(channel)
         if connection is None:
-            raise SessionBreach("CHN-14", f"no connection is accepted on the {channel} channel")
+            text = f"no connection is accepted on the {channel} channel"
+            raise SessionBreach("CHN-14", "not-listening", text)
         return connection
 
     def _forget(self, connection: Connection) -> None:

@@ -56,7 +56,9 @@ def check_connections_are_limited(trial: ServerTrial) -> None:
         limited = refused or trial.wait(lambda: any(c.ended for c in connections))  # noqa: B023
         if fate := trial.fate():
             trial.judge(fate, f"{len(connections)} connections on the {channel} channel")
-        trial.expect(limited, f"{MANY} connections on the {channel} channel are all kept open")
+        trial.expect(
+            limited, "not-limited", f"{MANY} connections on the {channel} channel are all kept open"
+        )
         trial.delivered += len(connections)
         for connection in connections:
             connection.close()
@@ -68,7 +70,9 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     keep, or has waited for longer than it may.
     """
     connection = trial.dial_narrowly("msg")
-    trial.expect(trial.ask(connection, CAMERA_REQUEST), "no reply on the message channel")
+    trial.expect(
+        trial.ask(connection, CAMERA_REQUEST), "no-reply", "no reply on the message channel"
+    )
     reply = 4 + len(connection.packets[-1].payload)
     began = time.monotonic()
     connection.send(PACE_REQUESTS * packet(encode(CAMERA_REQUEST)))
@@ -78,7 +82,9 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     outcome = flood(trial, connection, packet(encode(CAMERA_REQUEST)), most, pace)
     trial.judge(outcome, "a client that reads no replies")
     served = any(trial.serves() for _ in range(LOOKS))
-    trial.expect(served, "the server answers nobody after a client that read no replies")
+    trial.expect(
+        served, "not-served", "the server answers nobody after a client that read no replies"
+    )
 
 
 @check(
@@ -101,7 +107,11 @@ def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
         for channel in CHANNELS:
             port = trial.peer.ports[channel]
             reached = accepts(address, port)
-            trial.expect(not reached, f"the {channel} channel can be reached at {address}:{port}")
+            trial.expect(
+                not reached,
+                "beyond-loopback",
+                f"the {channel} channel can be reached at {address}:{port}",
+            )
             trial.delivered += 1
 
 

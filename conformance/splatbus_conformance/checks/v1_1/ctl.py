@@ -9,6 +9,7 @@ from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scale
 from splatbus_conformance.checks.v1_1.tim_png import CLOSENESS, set_time
 from splatbus_conformance.images.pinhole import placed_in, told_of
 from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_in, camera_of
+from splatbus_conformance.trials.moves.control import busy, controlling, in_control
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
@@ -52,16 +53,6 @@ def poses(trial: ServerTrial, place: float) -> dict[str, Json]:
     return found
 
 
-def controlling(trial: ServerTrial) -> Connection:
-    """A connection that has control: it was the first to pose, and was not told `busy`."""
-    found = in_control(trial)
-    if found is None:
-        alone = trial.testee.expendable and not any(it.open for it in trial.peer.connections)
-        trial.expect(not alone, "the only client that there is was told busy")
-        trial.not_observable("no connection is given control")
-    return found
-
-
 def leave(client: Connection, how: str) -> None:
     """End the connection of a client, or give the server cause to (FRM-3)."""
     if how == ENDS[0]:
@@ -71,30 +62,6 @@ def leave(client: Connection, how: str) -> None:
         client.end_stream()
     else:
         client.close()
-
-
-def in_control(trial: ServerTrial) -> Connection | None:
-    """The same; None if none is given control in time, and every one is told `busy`."""
-    found: list[Connection] = []
-
-    def given() -> bool:
-        """A server may still have to notice that whoever had control is gone."""
-        first = trial.commanding()
-        trial.move()
-        found.append(first)
-        if not answers(trial, first):
-            trial.violated("a pose, and no more answers")
-        has = busy(trial, first) == 0
-        if not has:
-            first.close()
-        return has
-
-    return found[-1] if trial.peer.until(given, EFFECT_SECONDS) else None
-
-
-def busy(trial: ServerTrial, connection: Connection) -> int:
-    """How often this connection was told `busy`."""
-    return trial.viewer.with_(connection).errors().count("busy")
 
 
 @check("CTL-1", observable="the error after the first pose of a second client", needs=SPEAKS)
@@ -110,12 +77,18 @@ def check_tells_who_has_no_control(trial: ServerTrial) -> None:
             other = other if answers(trial, other) else further(trial, first)
         trial.viewer.say(other, pose)
         answered = answers(trial, other)
-        trial.expect(answered, f"no answer to a client without control that sent {kind}")
+        trial.expect(
+            answered, "no-reply", f"no answer to a client without control that sent {kind}"
+        )
         told = trial.viewer.with_(other).errors()
-        trial.expect("busy" in told, f"{kind} of a second client: {', '.join(told) or 'no error'}")
+        trial.expect(
+            "busy" in told,
+            "not-told-busy",
+            f"{kind} of a second client: {', '.join(told) or 'no error'}",
+        )
         other.close()
         trial.delivered += 1
-    trial.expect(busy(trial, first) == 0, "the client in control was told busy")
+    trial.expect(busy(trial, first) == 0, "wrongly-busy", "the client in control was told busy")
 
 
 @check("CTL-4", observable="who has control after poses that are refused", needs=SPEAKS)
@@ -128,23 +101,31 @@ def check_refused_poses_count_for_nothing(trial: ServerTrial) -> None:
         early = trial.greeted("msg")
         trial.viewer.say(early, refused)
         goes_on = answers(trial, early)
-        trial.expect(goes_on or early.ended, f"{what}: the next request was not answered")
+        trial.expect(
+            goes_on or early.ended, "no-reply", f"{what}: the next request was not answered"
+        )
         first = in_control(trial)
         if first is None:
             early.close()
             controlling(trial)
-            trial.violated(f"{what}, refused, gave control to its connection")
+            trial.violated(
+                "refused-pose-gave-control", f"{what}, refused, gave control to its connection"
+            )
         if early.ended:
             if goes_on:
                 trial.not_observable("the server serves one connection at a time")
             continue  # it was closed for what it sent, as it may be (POS-6)
         trial.viewer.say(early, refused)
         answers(trial, early)
-        trial.expect(not busy(trial, early), f"{what}, refused, was answered busy as well")
+        trial.expect(
+            not busy(trial, early), "wrongly-busy", f"{what}, refused, was answered busy as well"
+        )
         trial.viewer.say(early, camera_pose())
         answers(trial, early)
         trial.expect(
-            busy(trial, early), f"after {what}, a good pose beside a client in control: no busy"
+            busy(trial, early),
+            "not-told-busy",
+            f"after {what}, a good pose beside a client in control: no busy",
         )
         first.close()
         trial.delivered += 1
@@ -188,7 +169,9 @@ def check_tells_it_once(trial: ServerTrial) -> None:
             for pose in poses(trial, place + number / 16).values():
                 trial.viewer.say(other, pose)
             if number == 0:
-                trial.expect(answers(trial, other) or other is old, "a pose, and no more answers")
+                trial.expect(
+                    answers(trial, other) or other is old, "no-reply", "a pose, and no more answers"
+                )
         for other in others:
             for refused in refused_poses(trial).values():
                 trial.viewer.say(other, refused)
@@ -198,7 +181,7 @@ def check_tells_it_once(trial: ServerTrial) -> None:
     for number, other in enumerate(others, 2):
         answers(trial, other)
         told = busy(trial, other)
-        trial.expect(told <= 1, f"client {number} was told busy {told} times")
+        trial.expect(told <= 1, "busy-again", f"client {number} was told busy {told} times")
     first.close()
     heir, rest = others
     for _ in range(AGAIN):
@@ -207,7 +190,11 @@ def check_tells_it_once(trial: ServerTrial) -> None:
         answers(trial, heir)
     for number, other in enumerate(others, 2):
         told = busy(trial, other)
-        trial.expect(told <= 1, f"after control had passed, client {number} has {told} times busy")
+        trial.expect(
+            told <= 1,
+            "busy-again",
+            f"after control had passed, client {number} has {told} times busy",
+        )
     trial.delivered += 1
 
 
@@ -221,7 +208,11 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     intrinsics only once (CAM-7); the first closes, then the next.
     """
     steering, first = CameraControl(trial), trial.commanding()
-    trial.expect(steering.shows(first, camera_pose((0.0, 0.0, 3.0))), "no frame shows a good pose")
+    trial.expect(
+        steering.shows(first, camera_pose((0.0, 0.0, 3.0))),
+        "not-applied",
+        "no frame shows a good pose",
+    )
     old = trial.dial("msg")
     trial.answers(old)
     third = further(trial, first, old)
@@ -245,12 +236,14 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
         what = f"control passed to a client of {'1.0' if client is old else '1.1'};"
         trial.expect(
             trial.wait(lambda: any(it.shows(wanted) for it in steering.cameras(since))),  # noqa: B023
+            "another-camera",
             f"{what} no frame shows the newest camera that it sent",
         )
         trial.wait(lambda: _depth_of_cloud(trial, steering) == place + 2.0, EFFECT_SECONDS)  # noqa: B023
         z = _depth_of_cloud(trial, steering)
         trial.expect(
             z == place + 2.0,
+            "another-placement",
             f"{what} the Gaussians are at z = {z}, and its newest pose of them has {place + 2.0}",
         )
         if client is third:
@@ -268,16 +261,19 @@ def _expect_the_rest(
 ) -> None:
     """Intrinsics, time and tag are those that the client had sent when it had no control."""
     wrong = in_force(frames[-1], scaled(lens, trial.facts.size)) if lens else ""
-    trial.expect(not wrong, f"{what} it had sent intrinsics, and {wrong}")
+    trial.expect(not wrong, "other-intrinsics", f"{what} it had sent intrinsics, and {wrong}")
     seen: Any = frames[-1].get("time")
     trial.expect(
         time is None or (is_number(seen) and math.isclose(seen, time, rel_tol=CLOSENESS)),
+        "another-time",
         f"{what} it had set the time to {time}, and a frame has {show(seen)}",
     )
     cameras = [camera for it in frames if isinstance(camera := it.get("camera"), dict)]
     tags = [camera["tag"] for camera in cameras if "tag" in camera]
     trial.expect(
-        tags == [NEWEST_TAG], f"{what} its newest tag is {NEWEST_TAG}, and {show(tags)} came"
+        tags == [NEWEST_TAG],
+        "another-tag",
+        f"{what} its newest tag is {NEWEST_TAG}, and {show(tags)} came",
     )
 
 
@@ -319,14 +315,20 @@ def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
             known = len(it.frames)
             trial.viewer.say(other, pose)
             answered = answers(trial, other)
-            trial.expect(answered, f"no answer to a client without control that sent {kind}")
+            trial.expect(
+                answered, "no-reply", f"no answer to a client without control that sent {kind}"
+            )
             if kind == "camera_pose":
                 moved = any(camera_in(frame) != camera_in(before) for frame in it.nudged(known))
             else:
                 seen = it.look().frame
                 moved = told_of(seen, DEFAULT) != told_of(before, DEFAULT)
                 moved |= bool(span) and seen["time"] != before["time"]
-            trial.expect(not moved, f"a client without control sent {kind}, and it was applied")
+            trial.expect(
+                not moved,
+                "applied-without-control",
+                f"a client without control sent {kind}, and it was applied",
+            )
             trial.delivered += 1
 
 
@@ -369,11 +371,14 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
         leave(it.poser, end)
         nudges = Nudging(trial, it.frames, it.capture.new)
         if not nudges.shown(heir):
-            trial.violated("control did not pass on: no frame shows what the next client moved")
+            trial.violated(
+                "control-not-passed-on",
+                "control did not pass on: no frame shows what the next client moved",
+            )
         seen = it.frames[-1]
         what = f"its client had {end}, and a client of {speaks} had {moment}:"
         wrong = in_force(seen, own)
-        trial.expect(not (has_lens and wrong), f"{what} of intrinsics {wrong}")
+        trial.expect(not (has_lens and wrong), "intrinsics-kept", f"{what} of intrinsics {wrong}")
         stays = span and seen.get("time") == sets.frame["time"]
-        trial.expect(not stays, f"{what} time is still {seen.get('time')}")
+        trial.expect(not stays, "time-kept", f"{what} time is still {seen.get('time')}")
         trial.delivered += 1

@@ -98,6 +98,7 @@ def check_objects_are_where_they_were_put(trial: ServerTrial) -> None:
             continue
         trial.expect(
             right.mean() >= WHOLE,
+            "other-colours",
             f"{1 - right.mean():.0%} of the colours are not those of a scene with {_words(where)}",
         )
 
@@ -116,6 +117,7 @@ def check_depth_is_in_world_units(trial: ServerTrial) -> None:
         ratio = float(np.median(depth[both] / exact.depth[both]))
         trial.expect(
             right >= WHOLE,
+            "other-depths",
             f"{1 - right:.0%} of the depths are not those of the scene with {_words(where)};"
             f" half of them are {ratio:.4g} times what they should be, or less",
         )
@@ -146,10 +148,14 @@ def _expect_listed(trial: ServerTrial, where: Moved, frame: Json) -> None:
         if told is None:
             at_rest = pose == AT_REST and scale == 1.0
             what = f"which was put to {pose} with scale {scale}"
-            trial.expect(at_rest, f"a frame does not list {name}, {what}")
+            trial.expect(at_rest, "object-not-listed", f"a frame does not list {name}, {what}")
             continue
         said = f"a frame tells of {name} that it is at {show(told)}"
-        trial.expect(_same(told, pose, scale), f"{said}; it was put to {pose} with scale {scale}")
+        trial.expect(
+            _same(told, pose, scale),
+            "another-placement",
+            f"{said}; it was put to {pose} with scale {scale}",
+        )
 
 
 def _same(told: Json, pose: Pose, scale: float) -> bool:
@@ -180,6 +186,7 @@ def check_point_cloud_pose_is_of_the_default_object(trial: ServerTrial) -> None:
             told = told_of(it.look(camera_pose(*further, kind="point_cloud_pose")).frame, DEFAULT)
             trial.expect(
                 told is not None and _same(told, further, 1.0),
+                "another-placement",
                 f"{DEFAULT} was put to {further} by point_cloud_pose after it had a scale of"
                 f" {0.5 + number}; a frame has it at {show(told)}",
             )
@@ -198,11 +205,14 @@ def check_reports_unknown_objects(trial: ServerTrial) -> None:
         heard = trial.viewer.with_(poser).heard
         before = len(heard)
         trial.viewer.say(poser, placed(name, AT_REST))
-        trial.expect(answers(trial, poser), f"after the object {show(name)} nothing was answered")
+        trial.expect(
+            answers(trial, poser), "no-reply", f"after the object {show(name)} nothing was answered"
+        )
         errors = [it for it in heard[before:] if it.get("type") == "error"]
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
         trial.expect(
             codes == [("unknown_object", "/object")],
+            "another-error" if codes else "no-error",
             f"a pose of the object {show(name)} was answered by {show(codes or 'no error')}",
         )
         trial.delivered += 1
@@ -284,7 +294,7 @@ def check_a_scale_that_is_absent_is_1(trial: ServerTrial) -> None:
             seen = told_of(it.look(placed(name, there)).frame, name)
             right = seen is not None and _same(seen, there, 1.0)
             what = f"{name} had a scale, and a pose without one came; a frame has it at"
-            trial.expect(right, f"{what} {show(seen)}")
+            trial.expect(right, "another-placement", f"{what} {show(seen)}")
             trial.delivered += 1
 
 

@@ -23,13 +23,14 @@ def check_tells_of_its_scene(trial: ServerTrial) -> None:
     connection = trial.greeted("msg")
     told = trial.ask(connection, SCENE | {"id": 2**53 - 1}) or {}
     kind, named = told.get("type"), told.get("id")
-    trial.expect(kind == "scene", f"get_scene was answered by {show(kind)}")
-    trial.expect(whole(named) == 2**53 - 1, f"the id of the reply is {show(named)}")
+    unlike = "another-answer" if told else "no-reply"
+    trial.expect(kind == "scene", unlike, f"get_scene was answered by {show(kind)}")
+    trial.expect(whole(named) == 2**53 - 1, "wrong-id", f"the id of the reply is {show(named)}")
     held: Any = told.get("objects")
-    trial.expect(isinstance(held, list), f"objects is {show(held)}")
+    trial.expect(isinstance(held, list), "not-an-array", f"objects is {show(held)}")
     ids = [it.get("id") if isinstance(it, dict) else None for it in held]
     sound = all(text_of(name, 1, 64) for name in ids) and len(set(map(str, ids))) == len(ids)
-    trial.expect(sound, f"the ids of objects are {show(ids)}")
+    trial.expect(sound, "invalid-ids", f"the ids of objects are {show(ids)}")
     if trial.facts.lacks("capability:objects") is None:
         _expect_poses_are_known(trial, ids)
     _expect_cameras(trial, told.get("cameras"))
@@ -37,6 +38,7 @@ def check_tells_of_its_scene(trial: ServerTrial) -> None:
     origin = semantics.get("origin") if isinstance(semantics, dict) else told.get("origin")
     trial.expect(
         numbers(told.get("origin"), 3) and told["origin"] == origin,
+        "another-origin",
         f"the origin of the scene is {show(told.get('origin'))}, and {show(origin)} elsewhere",
     )
     trial.delivered += 1
@@ -46,13 +48,17 @@ def _expect_poses_are_known(trial: ServerTrial, ids: list[Any]) -> None:
     poser = trial.greeted("msg")
     for name in ids:
         trial.viewer.say(poser, placed(name, AT_REST))
-    trial.expect(answers(trial, poser), "poses of its objects, then a request: no answer")
+    trial.expect(
+        answers(trial, poser), "no-reply", "poses of its objects, then a request: no answer"
+    )
     unknown = "unknown_object" in trial.viewer.with_(poser).errors()
-    trial.expect(not unknown, f"of the objects {show(ids)} one is not known to object_pose")
+    trial.expect(
+        not unknown, "unknown-object", f"of the objects {show(ids)} one is not known to object_pose"
+    )
 
 
 def _expect_cameras(trial: ServerTrial, count: Any) -> None:
-    trial.expect(integer_in(count, 0), f"cameras is {show(count)}")
+    trial.expect(integer_in(count, 0), "not-a-count", f"cameras is {show(count)}")
     connection, number = trial.dial("msg"), whole(count) or 0
     if number > MOST_CAMERAS:
         return
@@ -64,7 +70,9 @@ def _expect_cameras(trial: ServerTrial, count: Any) -> None:
     period = next(n for n in range(1, len(poses) + 1) if poses[n:] == poses[:-n] or n == len(poses))
     # Cameras that are alike make the period shorter than their number, and a divisor of it.
     sound = number % period == 0 if number else poses[0] == IDENTITY and period == 1
-    trial.expect(sound, f"there are {number} cameras, and they come again after {period}")
+    trial.expect(
+        sound, "another-count", f"there are {number} cameras, and they come again after {period}"
+    )
 
 
 @check("TIM-4", observable="timeRange of a scene whose time is granted", needs=TELLS)
@@ -74,6 +82,7 @@ def check_grants_time_to_the_animated_alone(trial: ServerTrial) -> None:
     told = trial.ask(trial.greeted("msg"), SCENE) or {}
     trial.expect(
         told.get("timeRange") is not None or not granted,
+        "no-time-range",
         "time is granted, and timeRange is null",
     )
     trial.delivered += 1

@@ -53,9 +53,13 @@ def check_renders_at_the_time_that_was_set(trial: ServerTrial) -> None:
         wanted = min(max(asked[-1], first), last)
         told = seen.frame.get("time")
         what = f"set_time was sent for {show(asked)}, of a scene from {first} to {last},"
-        trial.expect(_near(told, wanted), f"{what} and the next frame has time {show(told)}")
+        trial.expect(
+            _near(told, wanted), "another-time", f"{what} and the next frame has time {show(told)}"
+        )
         again = image_session.look().frame.get("time")
-        trial.expect(_near(again, wanted), f"{what} and then time went on to {show(again)}")
+        trial.expect(
+            _near(again, wanted), "time-goes-on", f"{what} and then time went on to {show(again)}"
+        )
         trial.delivered += 1
 
 
@@ -73,7 +77,11 @@ def check_frames_tell_the_time_of_their_image(trial: ServerTrial) -> None:
             continue
         right = (exact.color_error(seen.color) <= COLOR_BUDGET)[moves].mean()
         told = f"a frame has time {seen.frame['time']}"
-        trial.expect(right >= WHOLE, f"{told}, and what moves is not where it is at that time")
+        trial.expect(
+            right >= WHOLE,
+            "other-pixels",
+            f"{told}, and what moves is not where it is at that time",
+        )
         compared += 1
         trial.delivered += 1
     if not compared:
@@ -118,13 +126,18 @@ def read_clock(trial: ServerTrial, connection: Connection, t: float, id: int) ->
     told = trial.ask(connection, {"type": "ping", "t": t, "id": id}) or {}
     came = time.monotonic()
     what = f"a ping with t {show(t)} and id {id}"
-    trial.expect(told.get("type") == "pong", f"{what} was answered by {show(told.get('type'))}")
-    trial.expect(told.get("id") == id, f"{what}: the id of pong is {show(told.get('id'))}")
+    unlike = "another-answer" if told else "no-reply"
+    trial.expect(
+        told.get("type") == "pong", unlike, f"{what} was answered by {show(told.get('type'))}"
+    )
+    trial.expect(
+        told.get("id") == id, "wrong-id", f"{what}: the id of pong is {show(told.get('id'))}"
+    )
     same = is_number(told.get("t")) and float(told["t"]) == float(t)
-    trial.expect(same, f"{what}: t of pong is {show(told.get('t'))}")
+    trial.expect(same, "not-echoed", f"{what}: t of pong is {show(told.get('t'))}")
     clock = told.get("serverTime")
     if not isinstance(clock, int | float) or isinstance(clock, bool):
-        trial.violated(f"{what}: serverTime is {show(clock)}")
+        trial.violated("no-server-time", f"{what}: serverTime is {show(clock)}")
     return ClockReading(sent, float(clock), came, what)
 
 
@@ -166,8 +179,9 @@ def expect_one_offset(trial: ServerTrial, readings: list[ClockReading]) -> None:
         early = max(readings, key=lambda it: it.least)
         late = min(readings, key=lambda it: it.most)
         trial.violated(
+            "not-in-between",
             f"{early.what}: the server's clock is at least {early.least:.6f} s ahead, and by"
-            f" {late.what} at most {late.most:.6f} s: one of them was not read in between"
+            f" {late.what} at most {late.most:.6f} s: one of them was not read in between",
         )
 
 
@@ -181,10 +195,15 @@ def check_the_clock_goes_on(trial: ServerTrial) -> None:
         now = read_clock(trial, connections[number % 2], float(number), number)
         trial.expect(
             now.server >= last.server,
+            "server-time-goes-back",
             f"serverTime went back by {last.server - now.server:.6f} s, from {last.server!r}",
         )
         last = now
         trial.delivered += 1
     if trial.facts.lacks("frames") is None:
         told = [it.server for it in rendered(trial)]
-        trial.expect(bool(np.all(np.diff(told) >= 0)), f"renderedAt went back: {told}")
+        trial.expect(
+            bool(np.all(np.diff(told) >= 0)),
+            "rendered-at-goes-back",
+            f"renderedAt went back: {told}",
+        )

@@ -7,7 +7,7 @@ from typing import Any
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_1.ctl import controlling
+from splatbus_conformance.trials.moves.control import controlling
 from splatbus_conformance.trials.moves.image_session import answers, further
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
@@ -49,13 +49,18 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
             told = asked(trial, client, size)
             kind, what = told.get("type"), f"set_viewport to {show(size[0])}×{show(size[1])}"
             agreed = kind == "viewport_size" and told.get("viewport_size") == list(size)
-            trial.expect(kind == "error" or agreed, f"{what} was answered by {show(told)}")
-            trial.expect(kind == "error" or size not in BAD_SIZES, f"{what} was agreed to")
+            trial.expect(
+                kind == "error" or agreed, "another-answer", f"{what} was answered by {show(told)}"
+            )
+            trial.expect(
+                kind == "error" or size not in BAD_SIZES, "accepts", f"{what} was agreed to"
+            )
             in_force = list(size) if agreed else in_force
             now = trial.ask(client, {"type": "get_viewport_size"}) or {}
             told_now = now.get("viewport_size")
             trial.expect(
                 told_now in (in_force, [0, 0]),
+                "wrong-size" if agreed else "refused-yet-changed",
                 f"{what} was {'agreed to' if agreed else 'refused'}, and then the size is told as"
                 f" {show(told_now)}",
             )
@@ -65,6 +70,7 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
         size_now = told.get("viewport_size")
         trial.expect(
             size_now in (in_force, [0, 0]),
+            "size-forgotten",
             f"the size was set to {in_force}, and a client that comes is told {show(size_now)}",
         )
 
@@ -100,6 +106,7 @@ def _agreed_in_order(trial: ServerTrial, client: Connection, size: Size) -> bool
     what = f"set_viewport to {size[0]}×{size[1]} and requests behind it have the ids {first} to"
     trial.expect(
         told == [request["id"] for request in asked],
+        "out-of-order",
         f"{what} {last}, and their answers {show(told)}",
     )
     return any(answer.get("type") == "viewport_size" for answer in heard[before : before + 1])
@@ -124,14 +131,20 @@ def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
             code = asked_again(trial, client, other_sizes(trial)[number], "busy")
             trial.expect(
                 code == "unsupported",
+                "another-answer",
                 f"set_viewport beside a reader without reinit was answered by {show(code)}",
             )
             trial.rest(REACTION_SECONDS / 2)
-            trial.expect(len(packets) == had, "and then the other reader was sent an init packet")
+            trial.expect(
+                len(packets) == had,
+                "unwanted-init-packet",
+                "and then the other reader was sent an init packet",
+            )
             stiff.close()
             code = asked_again(trial, client, other_sizes(trial)[number], "busy", "unsupported")
             trial.expect(
                 code == "viewport_size",
+                "still-refused",
                 f"once the reader without reinit had gone, set_viewport was answered by {code}",
             )
             trial.wait(lambda: len(packets) > had, REINIT_SECONDS)  # noqa: B023
@@ -151,7 +164,9 @@ def check_obeys_who_has_control(trial: ServerTrial) -> None:
         for what in ("without control", "that waits for control"):
             told = asked(trial, client, one)
             code = told.get("code") or told.get("type")
-            trial.expect(code == "busy", f"a client {what} was answered by {show(code)}")
+            trial.expect(
+                code == "busy", "another-answer", f"a client {what} was answered by {show(code)}"
+            )
             trial.viewer.say(client, camera_pose())
             answers(trial, client)
         changed(trial, first, two)
@@ -172,7 +187,11 @@ def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
         trial.wait(lambda: dealings.kept or reader.ended, REINIT_SECONDS)
         told = asked(trial, client, two)
         code = told.get("code") or told.get("type")
-        trial.expect(code == "busy", f"while former memory is in use the answer is {show(code)}")
+        trial.expect(
+            code == "busy",
+            "another-answer",
+            f"while former memory is in use the answer is {show(code)}",
+        )
         trial.viewer.let_go(reader)
         changed(trial, client, two)
         trial.delivered += 1
@@ -204,10 +223,14 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
             )
             for number, (it, packets) in enumerate(told.items(), 1):
                 what = f"reader {number} of {len(told)}, when the size was set to {size}"
-                trial.expect(not it.ended, f"{what}: its connection was closed")
-                trial.expect(len(packets) > had[it], f"{what}: no init packet within 5 s")
+                trial.expect(not it.ended, "closes", f"{what}: its connection was closed")
+                trial.expect(
+                    len(packets) > had[it], "no-init-packet", f"{what}: no init packet within 5 s"
+                )
                 now = size_of(packets[-1])
-                trial.expect(now == size, f"{what}: its init packet is for {now[0]}×{now[1]}")
+                trial.expect(
+                    now == size, "wrong-size", f"{what}: its init packet is for {now[0]}×{now[1]}"
+                )
             trial.delivered += 1
 
 
@@ -236,10 +259,11 @@ def check_announces_no_other_memory_unasked(trial: ServerTrial) -> None:
         trial.rest(REACTION_SECONDS)
         trial.expect(
             len(packets) == had or not refused,
+            "unwanted-init-packet",
             f"{len(packets) - had} further init packets came of a request that was answered by an"
             " error",
         )
-        trial.expect(not reader.ended, "the reader's connection was closed")
+        trial.expect(not reader.ended, "closes", "the reader's connection was closed")
         first.close()
 
 
@@ -259,6 +283,7 @@ def _only_of(
         came = packets[had:]
     trial.expect(
         not came,
+        "unwanted-init-packet",
         f"{len(came)} further init packets came, of a size that images have or of requests that"
         " were answered by errors",
     )

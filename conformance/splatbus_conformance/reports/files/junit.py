@@ -76,7 +76,9 @@ def _case(told: ReportedResult, package: str) -> ElementTree.Element:
     )
     verdict, text = result["verdict"], printable(result["text"])
     if verdict in BROKEN:
-        broken = ElementTree.SubElement(case, BROKEN[verdict], type=verdict, message=text)
+        broken = ElementTree.SubElement(
+            case, BROKEN[verdict], type=result["code"] or verdict, message=text
+        )
         broken.text = printable("\n".join(_account(told)))
     elif verdict in SKIPPED:
         ElementTree.SubElement(case, "skipped", message=SKIPPED[verdict] + text)

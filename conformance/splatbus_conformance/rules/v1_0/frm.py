@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from splatbus_conformance.rules import Rule, Sighting, about, rule
+from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
 from splatbus_conformance.wire.conversation import SENDER, Conversation
 from splatbus_conformance.wire.first_bytes import recognised
 from splatbus_conformance.wire.json_reading import read
@@ -22,7 +22,8 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
             text = f"the header at byte {stream.refused} of the stream announces {length:,} bytes"
             if known := recognised(stream.rest):
                 text += f": {known}"
-            yield _of_stream(conversation, direction, "FRM-2", stream.began, text)
+            wrong = Breach("out-of-range", text)
+            yield _of_stream(conversation, direction, "FRM-2", stream.began, wrong)
 
 
 @rule("FRM-1")
@@ -36,7 +37,8 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
     for direction, stream in conversation.streams.items():
         if _counts_its_header(conversation, direction):
             text = "the length counts the four bytes of the header, too"
-            yield _of_stream(conversation, direction, "FRM-1", stream.began, text)
+            wrong = Breach("header-counted", text)
+            yield _of_stream(conversation, direction, "FRM-1", stream.began, wrong)
             continue
         if stream.refused is not None:
             continue
@@ -44,7 +46,8 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
         by_itself = ended.get(direction, math.inf) < ended.get(other, math.inf)
         if stream.rest and by_itself and direction not in conversation.died:
             text = f"the stream ends {len(stream.rest)} bytes into a packet"
-            yield _of_stream(conversation, direction, "FRM-1", ended[direction], text)
+            wrong = Breach("cut-short", text)
+            yield _of_stream(conversation, direction, "FRM-1", ended[direction], wrong)
         elif stream.offset:
             yield _of_stream(conversation, direction, "FRM-1", stream.began)
 
@@ -64,7 +67,7 @@ def _of_stream(
     direction: Direction,
     requirement: str,
     t: float,
-    breach: str | None = None,
+    breach: Breach | None = None,
 ) -> Sighting:
     stream = conversation.streams[direction]
     return Sighting(
@@ -90,7 +93,8 @@ def header_with_payload(conversation: Conversation) -> Iterator[Sighting]:
         apart = None
         if packet.header_apart:
             late = 1000 * (packet.ended - packet.began)
-            apart = f"the header arrived alone, its payload {late:.1f} ms later"
+            text = f"the header arrived alone, its payload {late:.1f} ms later"
+            apart = Breach("header-apart", text)
         yield about(conversation, message, "FRM-7", apart)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
 from splatbus_conformance.wire.conversation import Conversation
 from splatbus_conformance.wire.json_values import (
     SAFE,
@@ -38,14 +38,17 @@ def layout(value: Json) -> Iterator[Judgement]:
     if isinstance(meta, dict):
         for name in META:
             if name not in meta:
-                yield Judgement("INI-1", f"meta has no member {name}", f"/meta/{name}")
+                text = f"meta has no member {name}"
+                yield Judgement("INI-1", Breach("missing-member", text), f"/meta/{name}")
         yield from _meta(meta)
+    elif "meta" in value:
+        wrong = Breach("not-an-object", f"meta is {show(meta)}, no object")
+        yield Judgement("INI-1", wrong, "/meta")
     else:
-        text = f"is {show(meta)}, no object" if "meta" in value else "is missing"
-        yield Judgement("INI-1", f"meta {text}", "/meta")
+        yield Judgement("INI-1", Breach("missing-member", "meta is missing"), "/meta")
     for name in HANDLES if _in_cuda_memory(value) else ():
         if name not in value:
-            yield Judgement("INI-1", f"{name} is missing", f"/{name}")
+            yield Judgement("INI-1", Breach("missing-member", f"{name} is missing"), f"/{name}")
         else:
             yield handle(value[name], f"/{name}")
 
@@ -53,7 +56,7 @@ def layout(value: Json) -> Iterator[Judgement]:
 def handle(value: object, pointer: str) -> Judgement:
     """INI-7, of one handle."""
     text = f"{show(value)} is no base64 of {LIMITS['handle_bytes']} bytes"
-    return Judgement("INI-7", None if is_handle(value) else text, pointer)
+    return Judgement("INI-7", None if is_handle(value) else Breach("not-a-handle", text), pointer)
 
 
 def size(meta: object) -> tuple[int, int] | None:
@@ -76,28 +79,31 @@ def _meta(meta: Json) -> Iterator[Judgement]:
         if name in meta:
             text = f"{name} is {show(meta[name])}, no integer from 1 to {MAX_SIZE:,}"
             fits = integer_in(meta[name], 1, MAX_SIZE)
-            yield Judgement("INI-2", None if fits else text, f"/meta/{name}")
+            wrong = None if fits else Breach("out-of-range", text)
+            yield Judgement("INI-2", wrong, f"/meta/{name}")
     for name, expected in FORMATS.items():
         if name in meta:
             text = f'{name} is {show(meta[name])}, not "{expected}"'
-            yield Judgement("INI-3", None if meta[name] == expected else text, f"/meta/{name}")
+            wrong = None if meta[name] == expected else Breach("wrong-format", text)
+            yield Judgement("INI-3", wrong, f"/meta/{name}")
     for plane, pixel in PIXEL_BYTES.items():
         yield from _pitch(meta, f"pitch{plane}", pixel)
         yield from _offset(meta, f"offset{plane}", pixel)
     if "device" in meta:
         text = f"device is {show(meta['device'])}, no integer from 0 to {SAFE}"
-        yield Judgement("INI-6", None if integer_in(meta["device"], 0) else text, "/meta/device")
+        wrong = None if integer_in(meta["device"], 0) else Breach("out-of-range", text)
+        yield Judgement("INI-6", wrong, "/meta/device")
 
 
 def _pitch(meta: Json, name: str, pixel: int) -> Iterator[Judgement]:
     width = whole(meta.get("w"), 1, MAX_SIZE)
     if name in meta and not unspeakable(meta[name]):
         pitch = whole(meta[name], 1)
-        text = f"{name} is {show(meta[name])}, not {pixel}·w"
+        wrong = Breach("wrong-pitch", f"{name} is {show(meta[name])}, not {pixel}·w")
         if pitch is None:
-            yield Judgement("INI-4", text, f"/meta/{name}")
+            yield Judgement("INI-4", wrong, f"/meta/{name}")
         elif width is not None:
-            yield Judgement("INI-4", None if pitch == pixel * width else text, f"/meta/{name}")
+            yield Judgement("INI-4", None if pitch == pixel * width else wrong, f"/meta/{name}")
 
 
 def _offset(meta: Json, name: str, pixel: int) -> Iterator[Judgement]:
@@ -105,7 +111,8 @@ def _offset(meta: Json, name: str, pixel: int) -> Iterator[Judgement]:
         offset = whole(meta[name], 0)
         text = f"{name} is {show(meta[name])}, no multiple of {pixel} from 0 to {SAFE}"
         fits = offset is not None and offset % pixel == 0
-        yield Judgement("INI-5", None if fits else text, f"/meta/{name}")
+        wrong = None if fits else Breach("wrong-offset", text)
+        yield Judgement("INI-5", wrong, f"/meta/{name}")
 
 
 RULES: tuple[Rule, ...] = (members_of_1_0,)

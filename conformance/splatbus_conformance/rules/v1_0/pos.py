@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import is_number, number_in, show, unspeakable
 from splatbus_conformance.wire.message_kinds import CLIENT_1_0, POSES
@@ -30,8 +30,9 @@ def timestamp_is_a_number(conversation: Conversation) -> Iterator[Sighting]:
     for message in _stamped(conversation):
         assert message.value is not None
         timestamp = message.value["timestamp"]
-        wrong = None if is_number(timestamp) else f"timestamp is {show(timestamp)}, no number"
-        yield about(conversation, message, "POS-8", wrong, "/timestamp")
+        wrong = Breach("not-a-number", f"timestamp is {show(timestamp)}, no number")
+        fits = is_number(timestamp)
+        yield about(conversation, message, "POS-8", None if fits else wrong, "/timestamp")
 
 
 @rule("POS-9")
@@ -44,7 +45,8 @@ def timestamps_do_not_decrease(conversation: Conversation) -> Iterator[Sighting]
         if is_number(timestamp) and not unspeakable(timestamp):
             wrong = None
             if before is not None and timestamp < before:
-                wrong = f"timestamp is {show(timestamp)} after {show(before)}"
+                text = f"timestamp is {show(timestamp)} after {show(before)}"
+                wrong = Breach("went-back", text)
             yield about(conversation, message, "POS-9", wrong, "/timestamp")
             before = timestamp
 
@@ -60,7 +62,7 @@ def typed(value: Json, kinds: Collection[str], requirement: str, what: str) -> I
     wrong = None
     if value.get("type") not in kinds:
         has = show(value["type"]) if "type" in value else "missing"
-        wrong = f"type is {has} in what is else {what}"
+        wrong = Breach("wrong-type", f"type is {has} in what is else {what}")
     yield Judgement(requirement, wrong, "/type")
 
 
@@ -85,23 +87,28 @@ def unit_norm(
         tolerance = LIMITS["rotation_norm_tolerance"]
         off = not abs(norm - 1) <= tolerance
         text = f"the norm of rotation is {norm:.6g}, further than {tolerance} from 1"
-        yield Judgement(requirement, text if off else None, pointer)
+        yield Judgement(requirement, Breach("not-unit-norm", text) if off else None, pointer)
 
 
 def _members(part: Any, name: str) -> Iterator[Judgement]:
+    if part is None:
+        yield Judgement("POS-1", Breach("missing-member", f"{name} is missing"), f"/{name}")
+        return
     if not isinstance(part, dict):
-        text = "is missing" if part is None else f"is {show(part)}, no object"
-        yield Judgement("POS-1", f"{name} {text}", f"/{name}")
+        wrong = Breach("not-an-object", f"{name} is {show(part)}, no object")
+        yield Judgement("POS-1", wrong, f"/{name}")
         return
     for member in MEMBERS[name]:
         if member not in part:
-            yield Judgement("POS-1", f"{name} has no member {member}", f"/{name}/{member}")
+            wrong = Breach("missing-member", f"{name} has no member {member}")
+            yield Judgement("POS-1", wrong, f"/{name}/{member}")
         elif not is_number(part[member]):
             text = f"{member} of {name} is {show(part[member])}, no number"
-            yield Judgement("POS-1", text, f"/{name}/{member}")
+            yield Judgement("POS-1", Breach("not-a-number", text), f"/{name}/{member}")
     order = "".join(member for member in part if member in set(MEMBERS[name]))
     if sorted(order) == sorted(MEMBERS[name]):
-        wrong = f"the members of {name} stand in the order {', '.join(order)}"
+        text = f"the members of {name} stand in the order {', '.join(order)}"
+        wrong = Breach("wrong-order", text)
         yield Judgement("POS-4", wrong if order != MEMBERS[name] else None, f"/{name}")
 
 
@@ -112,7 +119,8 @@ def magnitudes(numbers: dict[str, Any], requirement: str) -> Iterator[Judgement]
         if is_number(value):
             wrong = None
             if not number_in(value, -limit, limit):
-                wrong = f"{show(value)} is beyond the largest single-precision number"
+                text = f"{show(value)} is beyond the largest single-precision number"
+                wrong = Breach("out-of-range", text)
             yield Judgement(requirement, wrong, pointer)
 
 

@@ -1,17 +1,17 @@
 """Rules on what a server answers (spec 1.0 section 6.2, spec 1.1 section 2.6)."""
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges, valid_request
 from splatbus_conformance.rules.v1_0.ini import size
 from splatbus_conformance.rules.v1_0.pos import magnitudes, pose, unit_norm
+from splatbus_conformance.rules.v1_0.req_blame import caused, without_reply
 from splatbus_conformance.rules.v1_1.neg_hello import hello
 from splatbus_conformance.rules.v1_1.obj import STEERING
 from splatbus_conformance.wire.conversation import Conversation, Message
@@ -30,7 +30,6 @@ from splatbus_conformance.wire.message_kinds import (
     POSES,
     REPLY_TO,
     REQUESTS,
-    REQUESTS_1_0,
 )
 
 MAX_SIZE: int = LIMITS["max_image_size"]
@@ -43,16 +42,6 @@ class Size(NamedTuple):
 
     t: float
     size: tuple[int, int]
-
-
-class Blamed(NamedTuple):
-    """A packet from the server that answers nothing."""
-
-    answer: Message
-    cause: Message | None
-    """The message of the client that it was sent for, as far as that shows."""
-    requirement: str
-    """The one that it breaks."""
 
 
 @rule("REQ-3", "REQ-5")
@@ -84,11 +73,13 @@ def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
         before, allowed = sizes_at(announced, asked)
         wrong = None
         if told == (0, 0):
-            wrong = "the size is told to be [0, 0] after a frame" if rendered < asked else None
+            text = "the size is told to be [0, 0] after a frame"
+            wrong = Breach("unknown-size", text) if rendered < asked else None
         elif 0 in told:
-            wrong = f"the size is told to be {list(told)}"
+            wrong = Breach("zero-side", f"the size is told to be {list(told)}")
         elif before and told not in allowed:
-            wrong = f"the size is told to be {list(told)}, the init packet said {list(before)}"
+            text = f"the size is told to be {list(told)}, the init packet said {list(before)}"
+            wrong = Breach("wrong-size", text)
         if wrong or before:
             yield about(conversation, answer, "REQ-4", wrong, "/viewport_size")
 
@@ -104,18 +95,21 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
     negotiated = conversation.welcome is not None
     for pair in found.pairs:
         requirement = "NEG-29" if pair.asked_after_hello and negotiated else "REQ-7"
-        late = f"this answers a request after {pair.late} that had no answer yet"
+        text = f"this answers a request after {pair.late} that had no answer yet"
+        late = Breach("out-of-order", text)
         yield about(conversation, pair.answer, requirement, late if pair.late else None)
-    for extra in _caused(conversation):
+    for extra in caused(conversation):
         if extra.requirement == "REQ-7":
-            yield about(conversation, extra.answer, "REQ-7", "a reply that nothing asked for")
+            text = "a reply that nothing asked for"
+            yield about(conversation, extra.answer, "REQ-7", Breach("unasked-reply", text))
     if found.unanswered and _left_by_the_server(conversation):
         hello = conversation.hello
         for question in found.unanswered:
             after = hello is not None and hello.packet.offset < question.packet.offset
             requirement = "NEG-29" if after and negotiated else "REQ-7"
             text = "the server ended the connection without answering this request"
-            yield about(conversation, question, requirement, text, peer="server")
+            wrong = Breach("not-answered", text)
+            yield about(conversation, question, requirement, wrong, peer="server")
 
 
 @rule("CHN-11", "JSN-8", "POS-10", "REQ-8", "REQ-9")
@@ -123,16 +117,19 @@ def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
     """CHN-11, JSN-8, POS-10, REQ-8, REQ-9: what has no reply, by what was sent before it."""
     found = exchanges(conversation)
     causes = set()
-    for answer, cause, requirement in _caused(conversation):
+    for answer, cause, requirement in caused(conversation):
         if requirement != "REQ-7":
-            what = "unasked" if cause is None else f"after a message of type {show(cause.type)}"
-            yield about(conversation, answer, requirement, f"a packet {what}")
+            wrong = Breach("unasked-packet", "a packet unasked")
+            if cause is not None:
+                text = f"a packet after a message of type {show(cause.type)}"
+                wrong = Breach("answered", text)
+            yield about(conversation, answer, requirement, wrong)
             causes.add(cause.packet.offset if cause else None)
     if conversation.hello is None:
         for pair in found.pairs:
             yield about(conversation, pair.answer, "CHN-11")
     for message in conversation.sent_by("client"):
-        left_alone = _without_reply(message)
+        left_alone = without_reply(message)
         if conversation.channel == "msg" and left_alone and message.packet.offset not in causes:
             yield about(conversation, message, left_alone, peer="server")
 
@@ -161,7 +158,8 @@ def answers_before_the_end(conversation: Conversation) -> Iterator[Sighting]:
         missing = found.unanswered
         if missing and _faultless(conversation):
             text = f"the server closed with {len(missing)} requests unanswered"
-            yield about(conversation, missing[0], "CHN-16", text, peer="server")
+            wrong = Breach("not-answered", text)
+            yield about(conversation, missing[0], "CHN-16", wrong, peer="server")
         elif found.pairs and not missing:
             yield about(conversation, found.pairs[-1].answer, "CHN-16")
 
@@ -171,16 +169,16 @@ def viewport_size(value: dict[str, Any]) -> Iterator[Judgement]:
     size = value.get("viewport_size")
     wrong = None
     if "viewport_size" not in value:
-        wrong = "the reply has no member viewport_size"
+        wrong = Breach("missing-member", "the reply has no member viewport_size")
     elif not (isinstance(size, list) and len(size) == 2):
-        wrong = f"viewport_size is {show(size)}, no array of two numbers"
+        wrong = Breach("not-an-array", f"viewport_size is {show(size)}, no array of two numbers")
     yield Judgement("REQ-3", wrong, "/viewport_size")
     if wrong is None and isinstance(size, list):
         for i, part in enumerate(size):
             plain = isinstance(part, int) and integer_in(part, 0, MAX_SIZE)
             text = f"{show(part)} is no plain integer from 0 to {MAX_SIZE:,}"
-            fine = plain or unspeakable(part)
-            yield Judgement("REQ-3", None if fine else text, f"/viewport_size/{i}")
+            wrong = None if plain or unspeakable(part) else Breach("out-of-range", text)
+            yield Judgement("REQ-3", wrong, f"/viewport_size/{i}")
 
 
 def camera(value: dict[str, Any]) -> Iterator[Judgement]:
@@ -192,9 +190,11 @@ def camera(value: dict[str, Any]) -> Iterator[Judgement]:
             yield Judgement("REQ-5")
         elif isinstance(part, list) and len(part) == count:
             i = next(i for i, each in enumerate(part) if not is_number(each))
-            yield Judgement("REQ-5", f"{show(part[i])} is no number", f"/{name}/{i}")
+            wrong = Breach("not-a-number", f"{show(part[i])} is no number")
+            yield Judgement("REQ-5", wrong, f"/{name}/{i}")
         else:
-            yield Judgement("REQ-5", f"{text}: no array of {count} numbers", f"/{name}")
+            wrong = Breach("not-an-array", f"{text}: no array of {count} numbers")
+            yield Judgement("REQ-5", wrong, f"/{name}")
     if numbers(value.get("position"), 3):
         each = {f"/position/{i}": part for i, part in enumerate(value["position"])}
         yield from magnitudes(each, "REQ-5")
@@ -207,12 +207,13 @@ def _typed(question: dict[str, Any], answer: Message) -> Iterator[Judgement]:
     kind = REPLY_TO[str(question["type"])]
     if answer.type != kind:
         has = show(value["type"]) if "type" in value else "missing"
-        yield Judgement("NEG-28", f'type is {has}, not "{kind}"', "/type")
+        yield Judgement("NEG-28", Breach("wrong-type", f'type is {has}, not "{kind}"'), "/type")
     else:
         yield Judgement("NEG-28")
     if integer_in(question.get("id"), 0) and value.get("id") != question["id"]:
         has = show(value["id"]) if "id" in value else "missing"
-        yield Judgement("NEG-28", f"id is {has}, the request's was {show(question['id'])}", "/id")
+        text = f"id is {has}, the request's was {show(question['id'])}"
+        yield Judgement("NEG-28", Breach("another-id", text), "/id")
 
 
 def size_told(answer: Message) -> tuple[int, int] | None:
@@ -265,89 +266,6 @@ def _rendered(recording: Conversation) -> float:
     conversations = recording.beside or [recording]
     frames = (message.packet.ended for each in conversations for message in each.of("frame"))
     return min(frames, default=math.inf)
-
-
-@lru_cache(maxsize=1)  # two rules ask for the same
-def _caused(conversation: Conversation) -> tuple[Blamed, ...]:
-    """What answers nothing, each with the message that it was sent for, as far as that shows.
-
-    A server answers in order. What comes when each request has its answer is about something that
-    the client had sent since it last knew that; else it is one more answer to the last. Where that
-    can be several messages, which are left alone by different sentences, or ids are not given back,
-    it is one answer too many to all of them.
-    """
-    found = exchanges(conversation)
-    negotiated = conversation.welcome is not None
-    waits = {pair.answer.packet.offset: pair.question.packet.offset for pair in found.pairs}
-    asked = {*waits.values(), *(message.packet.offset for message in found.unanswered)}
-    extra = {it.answer.packet.offset: it.cause for it in found.extra}
-    nameless = any(p.welcomed and not _is_named_as(p.answer, p.question) for p in found.pairs)
-    told: list[Blamed] = []
-    silent: defaultdict[str, list[Message]] = defaultdict(list)
-    waiting, all_answered = 0, False
-    for message in sorted(conversation.messages, key=lambda it: it.packet.ended):
-        at = message.packet.offset
-        if message.sender == "client":
-            if all_answered:
-                silent.clear()
-                all_answered = False
-            waiting += at in asked
-            if message.value is None or message.faults or _without_reply(message):
-                silent[_blame(message, negotiated=negotiated)].append(message)
-        elif at in waits:
-            waiting -= 1
-            all_answered = waiting == 0
-        elif at in extra:
-            causes = {
-                requirement: first
-                for requirement, messages in silent.items()
-                if (first := next((it for it in messages if _may_be_for(message, it)), None))
-                and (not negotiated or _is_named_as(message, first))
-            }
-            if nameless or len(causes) > 1 or (negotiated and not causes and extra[at]):
-                told.append(Blamed(message, extra[at], "REQ-7"))
-                continue
-            cause = extra[at]
-            for requirement, cause in causes.items():
-                silent[requirement].remove(cause)
-            told.append(Blamed(message, cause, _blame(cause, negotiated=negotiated)))
-    return tuple(told)
-
-
-def _is_named_as(answer: Message, message: Message) -> bool:
-    """Whether an answer has the id of a message, if that can be read: else it is for another."""
-    unread = message.value is None or bool(message.faults)
-    return unread or (answer.value or {}).get("id") == (message.value or {}).get("id")
-
-
-def _may_be_for(answer: Message, message: Message) -> bool:
-    """Whether an answer is of a kind that this message, which has none, could have been given."""
-    unread = message.value is None or bool(message.faults)
-    return unread or answer.kind is None or REPLY_TO.get(message.kind or "") == answer.kind
-
-
-def _blame(cause: Message | None, *, negotiated: bool) -> str:
-    """The requirement that an answer breaks which a message must not have had."""
-    if cause is None:
-        return "CHN-11"
-    if cause.value is None or cause.faults:
-        return "JSN-8"
-    if cause.kind in POSES:
-        return "POS-10"
-    if cause.kind in REQUESTS_1_0:
-        return "REQ-7" if valid_request(cause) else "REQ-9"
-    return "REQ-7" if negotiated else "REQ-8"
-
-
-def _without_reply(message: Message) -> str | None:
-    """The requirement by which a client's message has no reply, where there is one."""
-    if message.value is None:
-        return None
-    if message.kind in POSES:
-        return "POS-10"
-    if message.kind in REQUESTS_1_0:
-        return None if valid_request(message) or message.faults else "REQ-9"
-    return None if message.kind in CLIENT_1_1 else "REQ-8"
 
 
 def _left_by_the_server(conversation: Conversation) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges, request
 from splatbus_conformance.wire.conversation import Conversation
 from splatbus_conformance.wire.json_values import show, strings
@@ -40,7 +40,7 @@ def defined_types(conversation: Conversation) -> Iterator[Sighting]:
             wrong = None
             if message.kind not in CLIENT_1_0 and message.kind not in CLIENT_1_1:
                 kind = show(message.value["type"]) if "type" in message.value else "missing"
-                wrong = f"type is {kind}, which no version defines"
+                wrong = Breach("unknown-type", f"type is {kind}, which no version defines")
             yield about(conversation, message, "REQ-14", wrong, "/type")
 
 
@@ -68,7 +68,8 @@ def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
             waited = message.packet.began - told
             soon = waited < LIMITS["ask_again_min_seconds"]
             text = f"asked again {1000 * waited:.1f} ms after the size was told to be [0,0]"
-            yield about(conversation, message, "REQ-12", text if soon else None)
+            wrong = Breach("too-soon", text) if soon else None
+            yield about(conversation, message, "REQ-12", wrong)
             told = None
 
 
@@ -91,7 +92,7 @@ def waits_have_a_limit(conversation: Conversation) -> Iterator[Sighting]:
             continue
         if sent[-1].packet.ended >= asked + limit:
             text = f"still there {sent[-1].packet.ended - asked:.0f} s after an unanswered request"
-            yield about(conversation, sent[-1], "CHN-15", text)
+            yield about(conversation, sent[-1], "CHN-15", Breach("not-closed", text))
             return
         if conversation.ended.get("c2s", math.inf) < asked + limit:
             yield about(conversation, question, "CHN-15")

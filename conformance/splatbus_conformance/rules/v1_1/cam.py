@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
 from splatbus_conformance.rules.v1_0.req_replies import sizes, sizes_at
 from splatbus_conformance.rules.v1_1.mem import capabilities
@@ -53,8 +53,8 @@ def cameras_have_a_lens(conversation: Conversation) -> Iterator[Sighting]:
         known, allowed = sizes_at(announced, question.packet.ended)
         if "intrinsics" not in value:
             if known:
-                text = "the reply has no intrinsics"
-                yield about(conversation, answer, "CAM-8", text, "/intrinsics")
+                breach = Breach("missing-member", "the reply has no intrinsics")
+                yield about(conversation, answer, "CAM-8", breach, "/intrinsics")
             continue
         given = value["intrinsics"]
         yield from judged(conversation, answer, lens(given))
@@ -62,7 +62,8 @@ def cameras_have_a_lens(conversation: Conversation) -> Iterator[Sighting]:
         size = tuple(map(whole, told.values()))
         wrong = None
         if told and None not in size and known and size not in allowed:
-            wrong = f"the intrinsics are of {list(size)}, the init packet said {list(known)}"
+            text = f"the intrinsics are of {list(size)}, the init packet said {list(known)}"
+            wrong = Breach("wrong-size", text)
         yield about(conversation, answer, "CAM-8", wrong, "/intrinsics")
 
 
@@ -96,7 +97,7 @@ def tags_come_back(conversation: Conversation) -> Iterator[Sighting]:
             tag = (asked.value or {})["tag"]
             has = show(camera["tag"]) if "tag" in camera else "missing"
             text = f"tag is {has}; the pose of this camera has {show(tag)}"
-            wrong = None if camera.get("tag") == tag else text
+            wrong = None if camera.get("tag") == tag else Breach("another-tag", text)
             yield about(conversation, message, "CAM-2", wrong, "/camera/tag")
 
 
@@ -121,7 +122,7 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
             came[tag] += 1
             times = sum(t < message.packet.ended for t in sent[tag])
             text = f"tag {show(tag)} comes {came[tag]} times, {times} poses before it had it"
-            wrong = text if came[tag] > times else None
+            wrong = Breach("too-often", text) if came[tag] > times else None
             yield about(conversation, message, "CAM-3", wrong, "/camera/tag")
 
 
@@ -130,7 +131,7 @@ def additions(value: Json) -> Iterator[Judgement]:
     if "tag" in value:
         text = f"tag is {show(value['tag'])}, no string of 1 to {MAX_TAG} characters"
         fits = text_of(value["tag"], 1, MAX_TAG)
-        yield Judgement("CAM-1", None if fits else text, "/tag")
+        yield Judgement("CAM-1", None if fits else Breach("bad-string", text), "/tag")
     if "intrinsics" in value:
         yield from lens(value["intrinsics"])
 
@@ -139,20 +140,22 @@ def lens(given: object) -> Iterator[Judgement]:
     """What intrinsics show of CAM-4."""
     yield Judgement("CAM-4")
     if not isinstance(given, dict):
-        yield Judgement("CAM-4", f"intrinsics is {show(given)}, no object", "/intrinsics")
+        text = f"intrinsics is {show(given)}, no object"
+        yield Judgement("CAM-4", Breach("not-an-object", text), "/intrinsics")
         return
     for name in ("fx", "fy", "cx", "cy", "near", "far"):
         low = -MAX_LENS if name in ("cx", "cy") else MIN_LENS
         if not number_in(given.get(name), low, MAX_LENS):
             text = f"{name} is {_has(given, name)}, no number from {low} to {MAX_LENS}"
-            yield Judgement("CAM-4", text, f"/intrinsics/{name}")
+            yield Judgement("CAM-4", Breach("out-of-range", text), f"/intrinsics/{name}")
     for name in ("width", "height"):
         if not integer_in(given.get(name), 1, MAX_SIZE):
             text = f"{name} is {_has(given, name)}, no integer from 1 to {MAX_SIZE:,}"
-            yield Judgement("CAM-4", text, f"/intrinsics/{name}")
+            yield Judgement("CAM-4", Breach("wrong-size", text), f"/intrinsics/{name}")
     near, far = (given.get(name) for name in ("near", "far"))
     if is_number(near) and is_number(far) and not ascending([near, far], 2, strictly=True):
-        yield Judgement("CAM-4", f"far is {show(far)}, near {show(near)}", "/intrinsics/far")
+        text = f"far is {show(far)}, near {show(near)}"
+        yield Judgement("CAM-4", Breach("far-before-near", text), "/intrinsics/far")
 
 
 def _camera(message: Message) -> Json:

@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.v1_0.ini import size
 from splatbus_conformance.rules.v1_0.pos import magnitudes, unit_norm
 from splatbus_conformance.rules.v1_1.mem import announced, capabilities
@@ -76,9 +76,10 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
         elif message.kind == "frame" and hello is not None:
             wrong = None
             if generation is not None and generation not in opened:
-                wrong = f"generation {generation} has not been opened"
+                wrong = Breach("not-opened", f"generation {generation} has not been opened")
             elif lent is not None and None not in lent:
-                wrong = f"image {lent[1]} of generation {lent[0]} has not been released"
+                text = f"image {lent[1]} of generation {lent[0]} has not been released"
+                wrong = Breach("not-released", text)
             yield about(conversation, message, "IMG-2", wrong)
             lent = None if generation in given_up else (generation, whole(value.get("seq")))
 
@@ -90,7 +91,7 @@ def frames_are_agreed(conversation: Conversation) -> Iterator[Sighting]:
         granted = capabilities(welcome)
         if welcome is None or granted is not None:
             text = "frame, although no welcome lists frames"
-            wrong = None if "frames" in (granted or ()) else text
+            wrong = None if "frames" in (granted or ()) else Breach("not-granted", text)
             yield about(conversation, message, "IMG-23", wrong)
 
 
@@ -113,11 +114,13 @@ def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]
             released[image] += 1
             wrong = None
             if None in image and not any(None in other for other in lent):
-                wrong = "generation or seq is missing or no integer"
+                wrong = Breach("not-an-integer", "generation or seq is missing or no integer")
             elif not lent[image]:
-                wrong = f"no frame had generation {image[0]} and seq {image[1]}"
+                text = f"no frame had generation {image[0]} and seq {image[1]}"
+                wrong = Breach("unknown-image", text)
             elif released[image] > lent[image]:
-                wrong = f"image {image[1]} of generation {image[0]} is released a second time"
+                text = f"image {image[1]} of generation {image[0]} is released a second time"
+                wrong = Breach("released-twice", text)
             yield about(conversation, message, "IMG-12", wrong)
 
 
@@ -155,12 +158,13 @@ def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
         elif message.kind == "release":
             held.discard(image)
             if generation in closed:
-                text = f"generation {generation} has been closed before"
-                yield about(conversation, message, "IMG-12", text)
+                breach = Breach("already-closed", f"generation {generation} has been closed before")
+                yield about(conversation, message, "IMG-12", breach)
         elif message.kind == "closed":
             left = [number for of, number in held & seen if of == generation]
             text = f"generation {generation} is closed, and its image {left[:1]} is not released"
-            yield about(conversation, message, "IMG-12", text if left else None)
+            wrong = Breach("not-released", text) if left else None
+            yield about(conversation, message, "IMG-12", wrong)
             closed.add(generation)
 
 
@@ -178,7 +182,8 @@ def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
             named = isinstance(wanted, list) and all(name in CHANNELS for name in wanted)
             fits = named and wanted and len(wanted) == len(set(wanted))
             text = f"channels is {show(wanted)}, not color, depth or both"
-            yield about(conversation, message, "IMG-19", None if fits else text, "/channels")
+            wrong = None if fits else Breach("wrong-channels", text)
+            yield about(conversation, message, "IMG-19", wrong, "/channels")
 
 
 def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
@@ -190,22 +195,25 @@ def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
         if not integer_in(value.get(name), low, high):
             has = show(value[name]) if name in value else "missing"
             text = f"{name} is {has}, no integer from {low} to {high}"
-            yield Judgement("IMG-1", text, f"/{name}")
+            yield Judgement("IMG-1", Breach("out-of-range", text), f"/{name}")
     seq = whole(value.get("seq"), 0)
     if seq is not None and seq <= newest:
-        yield Judgement("IMG-1", f"seq {seq} comes after {newest}", "/seq")
+        yield Judgement("IMG-1", Breach("not-growing", f"seq {seq} comes after {newest}"), "/seq")
     for name in ("time", "renderedAt"):
         if not is_number(value.get(name)):
             has = show(value[name]) if name in value else "missing"
-            yield Judgement("IMG-1", f"{name} is {has}, no number", f"/{name}")
+            wrong = Breach("not-a-number", f"{name} is {has}, no number")
+            yield Judgement("IMG-1", wrong, f"/{name}")
     camera = value.get("camera")
     if isinstance(camera, dict):
         tag = camera.get("tag", "none")
         text = f"tag is {show(tag)}, no string of 1 to {MAX_TAG} characters"
-        yield Judgement("IMG-1", None if text_of(tag, 1, MAX_TAG) else text, "/camera/tag")
+        fits = text_of(tag, 1, MAX_TAG)
+        yield Judgement("IMG-1", None if fits else Breach("bad-string", text), "/camera/tag")
         yield from _camera(camera, size(described.get("meta")))
     else:
-        yield Judgement("IMG-1", f"camera is {show(camera)}, no object", "/camera")
+        text = f"camera is {show(camera)}, no object"
+        yield Judgement("IMG-1", Breach("not-an-object", text), "/camera")
 
 
 def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
@@ -213,7 +221,7 @@ def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
         part = camera.get(name)
         if not numbers(part, count):
             text = f"{name} is {show(part)}, no array of {count} numbers"
-            yield Judgement("IMG-1", text, f"/camera/{name}")
+            yield Judgement("IMG-1", Breach("not-an-array", text), f"/camera/{name}")
     if numbers(camera.get("position"), 3):
         each = {f"/camera/position/{i}": part for i, part in enumerate(camera["position"])}
         yield from magnitudes(each, "IMG-1")
@@ -223,18 +231,22 @@ def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
     if all(positive(plane) and not unspeakable(plane) for plane in planes):
         near, far = map(float, planes)
         text = f"far is {show(far)}, near {show(near)}"
-        yield Judgement("IMG-1", None if near < far else text, "/camera/far")
+        wrong = None if near < far else Breach("far-before-near", text)
+        yield Judgement("IMG-1", wrong, "/camera/far")
     for name, must_be_positive in CAMERA_NUMBERS.items():
         part = camera.get(name)
         if not (positive(part) if must_be_positive else is_number(part)):
             wanted = "positive number" if must_be_positive else "number"
-            yield Judgement("IMG-1", f"{name} is {show(part)}, no {wanted}", f"/camera/{name}")
+            code = "not-positive" if must_be_positive else "not-a-number"
+            text = f"{name} is {show(part)}, no {wanted}"
+            yield Judgement("IMG-1", Breach(code, text), f"/camera/{name}")
     for i, name in enumerate(("width", "height")):
         part = camera.get(name)
         fits = integer_in(part, 1, LIMITS["max_image_size"])
         if not fits or (image is not None and whole(part) not in (None, image[i])):
             expected = f", the init packet said {image[i]}" if image else ""
-            yield Judgement("IMG-1", f"{name} is {show(part)}{expected}", f"/camera/{name}")
+            text = f"{name} is {show(part)}{expected}"
+            yield Judgement("IMG-1", Breach("wrong-size", text), f"/camera/{name}")
 
 
 RULES: tuple[Rule, ...] = (

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
 from splatbus_conformance.rules.v1_0.ini import HANDLES, handle, layout, size
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
@@ -109,7 +109,8 @@ def additions(value: Json, newest: int, granted: frozenset[str]) -> Iterator[Jud
         yield Judgement("MEM-3")
         for name in HANDLES:
             if name in value:
-                yield Judgement("MEM-3", f"{name} stands beside shared memory", f"/{name}")
+                breach = Breach("stray-member", f"{name} stands beside shared memory")
+                yield Judgement("MEM-3", breach, f"/{name}")
     if "ring" in value or (versioned and (kind == "host_shm" or "frames" in granted)):
         ring = tuple(_ring(value, kind))
         yield from ring
@@ -128,47 +129,55 @@ def _identity(value: Json, newest: int) -> Iterator[Judgement]:
     yield Judgement("MEM-1")
     if version != "1.1":
         text = show(version) if "version" in value else "missing"
-        yield Judgement("MEM-1", f'version is {text}, not "1.1"', "/version")
+        breach = Breach("wrong-version", f'version is {text}, not "1.1"')
+        yield Judgement("MEM-1", breach, "/version")
     if not integer_in(generation, 1):
         text = show(generation) if "generation" in value else "missing"
         wrong = f"generation is {text}, no integer from 1 to {SAFE}"
-        yield Judgement("MEM-1", wrong, "/generation")
+        yield Judgement("MEM-1", Breach("out-of-range", wrong), "/generation")
     elif (whole(generation) or newest + 1) <= newest:
-        yield Judgement("MEM-1", f"generation {generation} follows {newest}", "/generation")
+        breach = Breach("not-growing", f"generation {generation} follows {newest}")
+        yield Judgement("MEM-1", breach, "/generation")
 
 
 def _memory(memory: object, *, with_ring: bool) -> Iterator[Judgement]:
     if not isinstance(memory, dict):
         text = "is missing" if memory is None else f"is {show(memory)}, no object"
-        yield Judgement("MEM-2", f"memory {text}", "/memory")
+        code = "missing-member" if memory is None else "not-an-object"
+        yield Judgement("MEM-2", Breach(code, f"memory {text}"), "/memory")
         return
     kind, name, uuid = memory.get("kind"), memory.get("name"), memory.get("deviceUuid")
     yield Judgement("MEM-2")
     if kind not in ("host_shm", "cuda_ipc"):
-        yield Judgement("MEM-2", f"the kind of memory is {show(kind)}", "/memory/kind")
+        breach = Breach("unknown-kind", f"the kind of memory is {show(kind)}")
+        yield Judgement("MEM-2", breach, "/memory/kind")
     if kind == "host_shm" and not (isinstance(name, str) and _NAME.fullmatch(name)):
-        yield Judgement("MEM-2", f"{show(name)} is no name for memory", "/memory/name")
+        breach = Breach("not-a-name", f"{show(name)} is no name for memory")
+        yield Judgement("MEM-2", breach, "/memory/name")
     if kind == "cuda_ipc" and not (isinstance(uuid, str) and _UUID.fullmatch(uuid)):
-        yield Judgement("MEM-2", f"deviceUuid is {show(uuid)}", "/memory/deviceUuid")
+        breach = Breach("not-a-uuid", f"deviceUuid is {show(uuid)}")
+        yield Judgement("MEM-2", breach, "/memory/deviceUuid")
     wanted = kind == "cuda_ipc" and (with_ring or "handle" in memory)
     if wanted and not is_handle(memory.get("handle")):
         text = f"handle is {show(memory.get('handle'))}, no base64 of a CUDA IPC handle"
-        yield Judgement("MEM-2", text, "/memory/handle")
+        yield Judgement("MEM-2", Breach("not-a-handle", text), "/memory/handle")
     if not integer_in(memory.get("bytes"), 1):
         text = f"bytes is {show(memory.get('bytes'))}, no integer from 1 to {SAFE}"
-        yield Judgement("MEM-2", text, "/memory/bytes")
+        yield Judgement("MEM-2", Breach("out-of-range", text), "/memory/bytes")
 
 
 def _ring(value: Json, kind: object) -> Iterator[Judgement]:
     ring = value.get("ring")
     if not isinstance(ring, dict):
         text = f"is {show(ring)}, no object" if "ring" in value else "is missing"
-        yield Judgement("MEM-8", f"ring {text}", "/ring")
+        code = "not-an-object" if "ring" in value else "missing-member"
+        yield Judgement("MEM-8", Breach(code, f"ring {text}"), "/ring")
         return
     width, height = size(value.get("meta")) or (1, 1)
     least = {"colorStride": 16 * width * height, "depthStride": 4 * width * height}
     yield Judgement("MEM-8")
     for name in RING:
+        code = "out-of-range"
         if name == "slots":
             fits, wanted = integer_in(ring.get(name), 1, MAX_SLOTS), f"1 to {MAX_SLOTS:,}"
         else:
@@ -176,12 +185,14 @@ def _ring(value: Json, kind: object) -> Iterator[Judgement]:
             number = whole(ring.get(name), low)
             fits = integer_in(ring.get(name), low) and (number or 0) % ALIGNMENT == 0
             wanted = f"{low:,} on, a multiple of {ALIGNMENT}"
+            code = "misaligned" if integer_in(ring.get(name), low) else code
         text = f"{name} is {show(ring.get(name))}, no integer from {wanted}"
-        yield Judgement("MEM-8", None if fits else text, f"/ring/{name}")
+        yield Judgement("MEM-8", None if fits else Breach(code, text), f"/ring/{name}")
     if kind == "cuda_ipc":
         events = ring.get("events")
         if not isinstance(events, list) or whole(ring.get("slots")) not in (None, len(events)):
-            yield Judgement("MEM-8", "events is no array of one handle a slot", "/ring/events")
+            breach = Breach("not-an-array", "events is no array of one handle a slot")
+            yield Judgement("MEM-8", breach, "/ring/events")
         else:
             for i, event in enumerate(events):
                 yield handle(event, f"/ring/events/{i}")
@@ -204,34 +215,37 @@ def _within_memory(value: Json) -> Iterator[Judgement]:
     end, last = max((begin + length, name) for begin, length, name in planes)
     if end > total:
         text = f"{last} ends at byte {end:,}, the memory at {total:,}"
-        yield Judgement("MEM-9", text, "/memory/bytes")
+        yield Judgement("MEM-9", Breach("beyond-memory", text), "/memory/bytes")
     for (begin, length, name), (following, _, other) in pairwise(planes):
         if following < begin + length:
-            yield Judgement("MEM-9", f"{name} and {other} overlap", "/ring")
+            breach = Breach("overlapping", f"{name} and {other} overlap")
+            yield Judgement("MEM-9", breach, "/ring")
 
 
 def _semantics(semantics: object) -> Iterator[Judgement]:
     if not isinstance(semantics, dict):
         text = "is missing" if semantics is None else f"is {show(semantics)}, no object"
-        yield Judgement("MEM-12", f"semantics {text}", "/semantics")
+        code = "missing-member" if semantics is None else "not-an-object"
+        yield Judgement("MEM-12", Breach(code, f"semantics {text}"), "/semantics")
         return
     yield Judgement("MEM-12")
     yield from _one_of(semantics, SEMANTICS, "/semantics")
     depth = semantics.get("depth")
     if not isinstance(depth, dict):
-        yield Judgement("MEM-12", f"depth is {show(depth)}, no object", "/semantics/depth")
+        breach = Breach("not-an-object", f"depth is {show(depth)}, no object")
+        yield Judgement("MEM-12", breach, "/semantics/depth")
     else:
         yield from _one_of(depth, DEPTH, "/semantics/depth")
         if not (is_number(depth.get("empty")) or depth.get("empty") == "inf"):
             text = f'empty is {show(depth.get("empty"))}, neither a number nor "inf"'
-            yield Judgement("MEM-12", text, "/semantics/depth/empty")
+            yield Judgement("MEM-12", Breach("not-a-number", text), "/semantics/depth/empty")
     unit = semantics.get("unitMetres", "missing")
     if not (unit is None or positive(unit)):
         text = f"unitMetres is {show(unit)}, no positive number or null"
-        yield Judgement("MEM-12", text, "/semantics/unitMetres")
+        yield Judgement("MEM-12", Breach("not-positive", text), "/semantics/unitMetres")
     if not numbers(semantics.get("origin"), 3):
         text = f"origin is {show(semantics.get('origin'))}, no array of 3 numbers"
-        yield Judgement("MEM-12", text, "/semantics/origin")
+        yield Judgement("MEM-12", Breach("not-an-array", text), "/semantics/origin")
 
 
 def _one_of(part: Json, table: dict[str, tuple[str, ...]], pointer: str) -> Iterator[Judgement]:
@@ -239,7 +253,7 @@ def _one_of(part: Json, table: dict[str, tuple[str, ...]], pointer: str) -> Iter
         if part.get(name) not in values:
             has = show(part[name]) if name in part else "missing"
             text = f"{name} is {has}, not one of {', '.join(values)}"
-            yield Judgement("MEM-12", text, f"{pointer}/{name}")
+            yield Judgement("MEM-12", Breach("unknown-value", text), f"{pointer}/{name}")
 
 
 RULES: tuple[Rule, ...] = (members_of_1_1,)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
 from splatbus_conformance.rules.v1_0.ini import layout
 from splatbus_conformance.rules.v1_0.req_replies import viewport_size
@@ -20,11 +20,11 @@ def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
     sent = [message for message in conversation.sent_by("client") if message.value is not None]
     hellos = [message for message in sent if message.kind == "hello"]
     if hellos:
-        text = "this came before hello"
-        yield about(conversation, sent[0], "NEG-1", None if sent[0] is hellos[0] else text)
+        breach = Breach("before-hello", "this came before hello")
+        yield about(conversation, sent[0], "NEG-1", None if sent[0] is hellos[0] else breach)
         yield about(conversation, hellos[0], "NEG-3")
         for again in hellos[1:]:
-            yield about(conversation, again, "NEG-3", "a further hello")
+            yield about(conversation, again, "NEG-3", Breach("sent-twice", "a further hello"))
 
 
 @rule("NEG-2")
@@ -56,7 +56,12 @@ def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
             return
         if welcome is None:
             if silent or (greeted is not None and not shown):
-                early = [Judgement("NEG-5", f"{a.name} before welcome", a.pointer) for a in added]
+                early = [
+                    Judgement(
+                        "NEG-5", Breach("before-welcome", f"{a.name} before welcome"), a.pointer
+                    )
+                    for a in added
+                ]
                 yield from judged(conversation, message, early)
             continue
         granted = capabilities(welcome)
@@ -85,7 +90,7 @@ def falls_back(conversation: Conversation) -> Iterator[Sighting]:
             wrong.append(message)
     for message in wrong:
         text = f"a message of type {show(message.type)} to a server that speaks 1.0"
-        yield about(conversation, message, requirement, text)
+        yield about(conversation, message, requirement, Breach("no-fallback", text))
     if not wrong:
         yield about(conversation, fallback, requirement, peer="client")
 
@@ -97,8 +102,8 @@ def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
         if welcome is not None and "id" in (message.value or {}):
             given = (message.value or {})["id"]
             text = f"id is {show(given)}, no integer from 0 to {SAFE}"
-            fits = integer_in(given, 0)
-            yield about(conversation, message, "NEG-27", None if fits else text, "/id")
+            wrong = None if integer_in(given, 0) else Breach("out-of-range", text)
+            yield about(conversation, message, "NEG-27", wrong, "/id")
 
 
 class _Addition(NamedTuple):
@@ -125,7 +130,7 @@ def _added(message: Message, *, with_members: bool = True) -> list[_Addition]:
 def _agreed(added: _Addition, granted: frozenset[str] | None) -> Judgement:
     refused = granted is not None and added.needs is not None and added.needs not in granted
     text = f"{added.name} belongs to {added.needs}, which welcome does not list"
-    return Judgement("NEG-5", text if refused else None, added.pointer)
+    return Judgement("NEG-5", Breach("not-granted", text) if refused else None, added.pointer)
 
 
 def _deaf(conversation: Conversation) -> bool:

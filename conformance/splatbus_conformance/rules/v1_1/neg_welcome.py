@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
 from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
 from splatbus_conformance.rules.v1_1.neg_hello import listing, named
@@ -31,7 +31,8 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
     offered = strings((hello.value or {}).get("versions"))
     early = _sent_too_early(conversation)
     if early is not None:
-        yield about(conversation, early, "NEG-6", "sent after hello had arrived, before welcome")
+        breach = Breach("before-welcome", "sent after hello had arrived, before welcome")
+        yield about(conversation, early, "NEG-6", breach)
         return
     for message, greeted, welcome in conversation.placed():
         if greeted is None or welcome is not None or message.sender == "client":
@@ -41,20 +42,22 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
             wrong = is_version(version) and offered is not None and version not in offered
             listed = ", ".join(map(show, offered or []))
             text = f"version is {show(version)}, hello lists {listed}"
-            yield about(conversation, message, "NEG-6", text if wrong else None, "/version")
+            breach = Breach("not-listed", text)
+            yield about(conversation, message, "NEG-6", breach if wrong else None, "/version")
         elif _code(message) == "unsupported_version":
             supported = strings((message.value or {}).get("supported")) or []
             common = [version for version in offered or [] if version in supported]
             text = f"unsupported_version, although {', '.join(common)} is both offered and spoken"
-            yield about(conversation, message, "NEG-6", text if common else None, "/supported")
+            breach = Breach("version-in-common", text)
+            yield about(conversation, message, "NEG-6", breach if common else None, "/supported")
 
 
 @rule("NEG-31")
 def one_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-31: at most one `welcome`."""
     for message, _, welcome in conversation.placed("welcome"):
-        wrong = "a second welcome on the connection" if welcome else None
-        yield about(conversation, message, "NEG-31", wrong)
+        breach = Breach("sent-twice", "a second welcome on the connection")
+        yield about(conversation, message, "NEG-31", breach if welcome else None)
 
 
 @rule("NEG-30")
@@ -82,7 +85,8 @@ def unsupported_version_ends(conversation: Conversation) -> Iterator[Sighting]:
             supported = (message.value or {}).get("supported")
             yield from judged(conversation, message, _supported(supported))
             if after:
-                yield about(conversation, after[0], "NEG-10", "sent after unsupported_version")
+                breach = Breach("after-error", "sent after unsupported_version")
+                yield about(conversation, after[0], "NEG-10", breach)
 
 
 @rule("NEG-18")
@@ -93,7 +97,8 @@ def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
         if _code(message) == "unauthorized" and len(hellos) == 1:
             others = [m for m in conversation.sent_by("server") if m is not message]
             for other in others[:1]:
-                yield about(conversation, other, "NEG-18", "sent beside unauthorized")
+                breach = Breach("beside-error", "sent beside unauthorized")
+                yield about(conversation, other, "NEG-18", breach)
             if not others:
                 yield about(conversation, message, "NEG-18")
             return
@@ -103,8 +108,8 @@ def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
 def errors_only_after_hello(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-22: `error` is sent only to who has said `hello`."""
     for message, hello, _ in conversation.placed("error"):
-        text = "error to a client that has not said hello"
-        yield about(conversation, message, "NEG-22", None if hello else text)
+        breach = Breach("before-hello", "error to a client that has not said hello")
+        yield about(conversation, message, "NEG-22", None if hello else breach)
 
 
 @rule("NEG-23")
@@ -114,7 +119,7 @@ def well_formed_error(conversation: Conversation) -> Iterator[Sighting]:
         yield from judged(conversation, message, _error(message.value or {}))
     for message in exchanges(conversation).astray:
         text = f"no request with the id {show((message.value or {}).get('id'))} waits for an answer"
-        yield about(conversation, message, "NEG-23", text, "/id")
+        yield about(conversation, message, "NEG-23", Breach("unknown-id", text), "/id")
 
 
 @rule("NEG-25")
@@ -123,7 +128,8 @@ def closing_errors_end(conversation: Conversation) -> Iterator[Sighting]:
     for message, after in _errors(conversation):
         code = _code(message)
         if code in CLOSING_ERRORS and code not in ("unsupported_version", "unauthorized"):
-            late = about(conversation, after[0], "NEG-25", f"sent after {code}") if after else None
+            breach = Breach("after-error", f"sent after {code}")
+            late = about(conversation, after[0], "NEG-25", breach) if after else None
             yield late or about(conversation, message, "NEG-25")
 
 
@@ -146,7 +152,7 @@ def _members(value: Json) -> Iterator[Judgement]:
     if not is_version(value.get("version")):
         has = show(value["version"]) if "version" in value else "missing"
         text = f"version is {has}: not two integers joined by a dot"
-        yield Judgement("NEG-30", text, "/version")
+        yield Judgement("NEG-30", Breach("not-a-version", text), "/version")
     yield from named(value.get("server"), "server", "NEG-30")
     yield from listing(value.get("capabilities"), "NEG-30")
 
@@ -156,36 +162,43 @@ def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> 
         yield Judgement("NEG-7")
         pointer = f"/capabilities/{i}"
         if offered is not None and name not in offered:
-            yield Judgement("NEG-7", f"hello does not list {show(name)}", pointer)
+            breach = Breach("not-listed", f"hello does not list {show(name)}")
+            yield Judgement("NEG-7", breach, pointer)
         if name not in CAPABILITIES[channel]:
-            yield Judgement("NEG-7", f"{show(name)} is none of this channel's", pointer)
+            breach = Breach("wrong-channel", f"{show(name)} is none of this channel's")
+            yield Judgement("NEG-7", breach, pointer)
 
 
 def _supported(supported: object) -> Iterator[Judgement]:
     yield Judgement("NEG-10")
     if not (isinstance(supported, list) and supported):
         text = f"supported is {show(supported)}, no array of versions"
-        yield Judgement("NEG-10", text, "/supported")
+        yield Judgement("NEG-10", Breach("not-an-array", text), "/supported")
         return
     for i, version in enumerate(supported):
         if not is_version(version):
-            yield Judgement("NEG-10", f"{show(version)} is no version", f"/supported/{i}")
+            breach = Breach("not-a-version", f"{show(version)} is no version")
+            yield Judgement("NEG-10", breach, f"/supported/{i}")
 
 
 def _error(value: Json) -> Iterator[Judgement]:
     code, text, pointer = value.get("code"), value.get("message"), value.get("pointer", "")
     yield Judgement("NEG-23")
     if code not in CLOSING_ERRORS and code not in OTHER_ERRORS:
-        yield Judgement("NEG-23", f"code is {show(code)}, which is not in the table", "/code")
+        breach = Breach("unknown-code", f"code is {show(code)}, which is not in the table")
+        yield Judgement("NEG-23", breach, "/code")
     if not text_of(text, 0, MAX_TEXT):
         wrong = f"message is {show(text)}, no string of up to {MAX_TEXT:,} characters"
-        yield Judgement("NEG-23", wrong, "/message")
+        yield Judgement("NEG-23", Breach("bad-string", wrong), "/message")
     if not (isinstance(pointer, str) and _POINTER.fullmatch(pointer)):
-        yield Judgement("NEG-23", f"pointer is {show(pointer)}, no JSON Pointer", "/pointer")
+        breach = Breach("not-a-pointer", f"pointer is {show(pointer)}, no JSON Pointer")
+        yield Judgement("NEG-23", breach, "/pointer")
     if "supported" in value and code != "unsupported_version":
-        yield Judgement("NEG-23", f"supported stands beside {show(code)}", "/supported")
+        breach = Breach("stray-member", f"supported stands beside {show(code)}")
+        yield Judgement("NEG-23", breach, "/supported")
     if "id" in value and not integer_in(value["id"], 0):
-        yield Judgement("NEG-23", f"id is {show(value['id'])}", "/id")
+        breach = Breach("out-of-range", f"id is {show(value['id'])}")
+        yield Judgement("NEG-23", breach, "/id")
 
 
 def _errors(conversation: Conversation) -> Iterator[tuple[Message, list[Message]]]:

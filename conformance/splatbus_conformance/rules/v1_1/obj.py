@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
 from splatbus_conformance.rules.members import each_once, named, number, vector
 from splatbus_conformance.rules.v1_0.pos import magnitudes, placement, typed, unit_norm
 from splatbus_conformance.wire.conversation import Conversation
@@ -46,7 +46,8 @@ def object_pose(value: Json) -> Iterator[Judgement]:
     yield named(value, "object", "OBJ-1", "")
     scale = value.get("scale", 1)
     text = f"scale is {show(scale)}, no number from {MIN_SCALE} to {MAX_SCALE}"
-    yield Judgement("OBJ-1", None if number_in(scale, MIN_SCALE, MAX_SCALE) else text, "/scale")
+    fits = number_in(scale, MIN_SCALE, MAX_SCALE)
+    yield Judgement("OBJ-1", None if fits else Breach("out-of-range", text), "/scale")
 
 
 def set_time(value: Json) -> Iterator[Judgement]:
@@ -58,14 +59,14 @@ def set_time(value: Json) -> Iterator[Judgement]:
 def _placements(listed: object) -> Iterator[Judgement]:
     if not (isinstance(listed, list) and len(listed) <= MAX_OBJECTS):
         text = f"objects is {show(listed)}, no array of up to {MAX_OBJECTS} objects"
-        yield Judgement("OBJ-7", text, "/objects")
+        yield Judgement("OBJ-7", Breach("not-an-array", text), "/objects")
         return
     yield Judgement("OBJ-7")
     yield from each_once(listed, "object", "OBJ-7", "/objects")
     for i, item in enumerate(listed):
         pointer = f"/objects/{i}"
         if not isinstance(item, dict):
-            yield Judgement("OBJ-7", f"{show(item)} is no object", pointer)
+            yield Judgement("OBJ-7", Breach("not-an-object", f"{show(item)} is no object"), pointer)
             continue
         yield named(item, "object", "OBJ-7", pointer)
         yield vector(item, "position", "OBJ-7", pointer)
@@ -77,7 +78,8 @@ def _placements(listed: object) -> Iterator[Judgement]:
             yield from unit_norm(item["rotation"], "OBJ-7", f"{pointer}/rotation")
         if not positive(item.get("scale")):
             has = show(item["scale"]) if "scale" in item else "missing"
-            yield Judgement("OBJ-7", f"scale is {has}, no positive number", f"{pointer}/scale")
+            breach = Breach("not-positive", f"scale is {has}, no positive number")
+            yield Judgement("OBJ-7", breach, f"{pointer}/scale")
 
 
 STEERING = {"object_pose": object_pose, "set_time": set_time}

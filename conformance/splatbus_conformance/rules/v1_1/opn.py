@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Rule, Sighting, about, rule
+from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
 from splatbus_conformance.rules.v1_1.mem import AnnouncedMemory, announced
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import SAFE, integer_in, show, text_of
@@ -41,8 +41,8 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
         for i, packet in enumerate(known):
             due = packet.breaks_no_rule and not _to_be_ignored(known, i)
             if due and not answered[i] and any(j > i for j in answered):
-                text = "never answered, unlike a later one"
-                yield about(conversation, packet.message, "OPN-1", text, peer="client")
+                breach = Breach("not-answered", "never answered, unlike a later one")
+                yield about(conversation, packet.message, "OPN-1", breach, peer="client")
 
 
 @rule("OPN-13")
@@ -59,11 +59,12 @@ def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
         elif hello is not None:
             generation, pointer, wrong = value.get("generation"), "/generation", None
             if "generation" not in value:
-                wrong = "generation is missing"
+                wrong = Breach("no-generation", "generation is missing")
             elif not integer_in(generation, 1) and not any(_same(g, generation) for g in had):
-                wrong = f"generation is {show(generation)}, no integer from 1 to {SAFE}"
+                text = f"generation is {show(generation)}, no integer from 1 to {SAFE}"
+                wrong = Breach("out-of-range", text)
             elif message.kind == "open_failed" and "reason" not in value:
-                wrong, pointer = "reason is missing", "/reason"
+                wrong, pointer = Breach("no-reason", "reason is missing"), "/reason"
             yield about(conversation, message, "OPN-13", wrong, pointer)
 
 
@@ -74,8 +75,8 @@ def reason_of_failure(conversation: Conversation) -> Iterator[Sighting]:
         if "reason" in (message.value or {}) and hello is not None:
             reason = (message.value or {})["reason"]
             text = f"reason is {show(reason)}, no string of 1 to {MAX_REASON:,} characters"
-            fits = text_of(reason, 1, MAX_REASON)
-            yield about(conversation, message, "OPN-3", None if fits else text, "/reason")
+            wrong = None if text_of(reason, 1, MAX_REASON) else Breach("bad-string", text)
+            yield about(conversation, message, "OPN-3", wrong, "/reason")
 
 
 @rule("OPN-7")
@@ -84,7 +85,7 @@ def further_init_packets_are_agreed(conversation: Conversation) -> Iterator[Sigh
     for packet in announced(conversation)[1:]:
         if packet.granted is not None:
             text = "a further init packet, although welcome does not list reinit"
-            wrong = None if "reinit" in packet.granted else text
+            wrong = None if "reinit" in packet.granted else Breach("not-granted", text)
             yield about(conversation, packet.message, "OPN-7", wrong)
 
 
@@ -100,7 +101,9 @@ def _answer(
         return
     if not named:
         text = f"no init packet on this connection had generation {show(generation)}"
-        yield about(conversation, message, "OPN-11", text, "/generation")
+        yield about(
+            conversation, message, "OPN-11", Breach("unknown-generation", text), "/generation"
+        )
         return
     yield about(conversation, message, "OPN-11")
     last = named[-1]
@@ -109,15 +112,18 @@ def _answer(
         if any(packet.breaks_no_rule for packet in known[last + 1 :]):
             text = f"generation {show(generation)} is closed before a later one is answered"
             in_order = any(i > last for i in answered)
-            yield about(conversation, message, "OPN-5", None if in_order else text)
+            wrong = None if in_order else Breach("too-early", text)
+            yield about(conversation, message, "OPN-5", wrong)
         return
     if _to_be_ignored(known, last):
         text = "a further init packet is answered, although welcome does not list reinit"
-        yield about(conversation, message, "OPN-6", text)
+        yield about(conversation, message, "OPN-6", Breach("not-ignored", text))
     elif known[last].breaks_no_rule:
         again = answered[last] >= len(named)
         text = f"generation {show(generation)} is answered a second time"
-        yield about(conversation, message, "OPN-1", text if again else None)
+        yield about(
+            conversation, message, "OPN-1", Breach("answered-twice", text) if again else None
+        )
     answered[last] += 1
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import Exchange, exchanges
 from splatbus_conformance.rules.members import count, each_once, named, number, vector
 from splatbus_conformance.rules.v1_0.req_replies import size_told
@@ -41,7 +41,8 @@ def viewports_are_as_asked(conversation: Conversation) -> Iterator[Sighting]:
         told = size_told(answer)
         kept = answer.kind == "error" or told == asked
         text = f"viewport_size is {show(told)}, {list(asked)} was asked for"
-        yield about(conversation, answer, "VPT-2", None if kept else text, "/viewport_size")
+        wrong = None if kept else Breach("wrong-size", text)
+        yield about(conversation, answer, "VPT-2", wrong, "/viewport_size")
 
 
 @rule("PNG-2")
@@ -73,7 +74,8 @@ def clocks_do_not_go_back(conversation: Conversation) -> Iterator[Sighting]:
             newest = max(newest, told.pop().time)
         time = _time(answer, "pong") or 0.0
         text = f"serverTime is {show(time)}; {show(newest)} was told before it was asked"
-        yield about(conversation, answer, "PNG-3", text if time < newest else None, "/serverTime")
+        wrong = Breach("went-back", text) if time < newest else None
+        yield about(conversation, answer, "PNG-3", wrong, "/serverTime")
 
 
 class _Told(NamedTuple):
@@ -89,7 +91,7 @@ def _frames_go_on(conversation: Conversation) -> Iterator[Sighting]:
         time = _time(message, "frame")
         if time is not None:
             text = f"renderedAt is {show(time)} after {show(newest)}"
-            wrong = text if time < newest else None
+            wrong = Breach("went-back", text) if time < newest else None
             yield about(conversation, message, "PNG-3", wrong, "/renderedAt")
             newest = time
 
@@ -133,7 +135,8 @@ def _promised(
     if pair.answer.kind != "error":
         yield from content(value, pair.question.value or {})
     elif value.get("code") != "internal":
-        yield Judgement(requirement, f"answered by error {show(value.get('code'))}", "/code")
+        text = f"answered by error {show(value.get('code'))}"
+        yield Judgement(requirement, Breach("answered-by-error", text), "/code")
 
 
 def _scene(value: Json, _: Json) -> Iterator[Judgement]:
@@ -143,21 +146,21 @@ def _scene(value: Json, _: Json) -> Iterator[Judgement]:
             yield from _object(item, f"/objects/{i}")
         yield from each_once(objects, "id", "SCN-2", "/objects")
         ids = [item.get("id") for item in objects if isinstance(item, dict)]
-        text = 'no object has the id "default"'
-        yield Judgement("SCN-2", None if "default" in ids else text, "/objects")
+        breach = Breach("no-default", 'no object has the id "default"')
+        yield Judgement("SCN-2", None if "default" in ids else breach, "/objects")
     else:
         text = f"objects is {show(objects)}, no array of 1 to {MAX_OBJECTS} objects"
-        yield Judgement("SCN-2", text, "/objects")
+        yield Judgement("SCN-2", Breach("not-an-array", text), "/objects")
     if times is not None:
-        wrong = None if ascending(times, 2) else f"timeRange is {show(times)}, no two times"
-        yield Judgement("SCN-2", wrong, "/timeRange")
+        breach = Breach("not-a-range", f"timeRange is {show(times)}, no two times")
+        yield Judgement("SCN-2", None if ascending(times, 2) else breach, "/timeRange")
     yield count(value, "cameras", "SCN-2", "")
     yield vector(value, "origin", "SCN-2", "")
 
 
 def _object(item: object, pointer: str) -> Iterator[Judgement]:
     if not isinstance(item, dict):
-        yield Judgement("SCN-2", f"{show(item)} is no object", pointer)
+        yield Judgement("SCN-2", Breach("not-an-object", f"{show(item)} is no object"), pointer)
         return
     yield named(item, "id", "SCN-2", pointer)
     yield named(item, "name", "SCN-2", pointer, least=0)
@@ -169,17 +172,19 @@ def _object(item: object, pointer: str) -> Iterator[Judgement]:
         if not any(end.breach for end in ends):
             turned = any(a > b for a, b in zip(bounds["min"], bounds["max"], strict=True))
             text = f"min {show(bounds['min'])} is beyond max {show(bounds['max'])}"
-            yield Judgement("SCN-2", text if turned else None, f"{pointer}/bounds")
+            wrong = Breach("min-beyond-max", text) if turned else None
+            yield Judgement("SCN-2", wrong, f"{pointer}/bounds")
     elif bounds is not None:
         text = f"bounds is {show(bounds)}, neither null nor an object"
-        yield Judgement("SCN-2", text, f"{pointer}/bounds")
+        yield Judgement("SCN-2", Breach("not-an-object", text), f"{pointer}/bounds")
 
 
 def _pong(value: Json, asked: Json) -> Iterator[Judgement]:
     has = show(value["t"]) if "t" in value else "missing"
     same = is_number(value.get("t")) and as_double(value["t"]) == as_double(asked["t"])
     text = f"t is {has}, the ping's was {show(asked['t'])}"
-    yield Judgement("PNG-2", None if same or unspeakable(value.get("t")) else text, "/t")
+    fine = same or unspeakable(value.get("t"))
+    yield Judgement("PNG-2", None if fine else Breach("another-time", text), "/t")
     yield number(value, "serverTime", "PNG-2", "")
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
 from splatbus_conformance.rules.members import count, each_once, named, number
 from splatbus_conformance.rules.v1_1.mem import capabilities
@@ -74,7 +74,7 @@ def only_what_was_asked_for(conversation: Conversation) -> Iterator[Sighting]:
         elif message.kind == "telemetry" and hello is not None:
             wrong = _unwanted(message, possible)
             if "telemetry" not in (capabilities(welcome) or ()):
-                wrong = "telemetry, although no welcome lists it"
+                wrong = Breach("not-granted", "telemetry, although no welcome lists it")
             yield about(conversation, message, "TEL-3", wrong, "/series")
 
 
@@ -93,19 +93,19 @@ def wish(value: Json) -> Iterator[Judgement]:
         f"names is {has}, neither null nor up to {MAX_SERIES} different strings"
         f" of 1 to {MAX_CHARS} characters"
     )
-    yield Judgement("TEL-1", None if fits else text, "/names")
+    yield Judgement("TEL-1", None if fits else Breach("wrong-names", text), "/names")
 
 
 def _telemetry(value: Json, newest: int) -> Iterator[Judgement]:
     yield count(value, "seq", "TEL-2", "")
     seq = whole(value.get("seq"), 0)
     if seq is not None and seq <= newest:
-        yield Judgement("TEL-2", f"seq {seq} comes after {newest}", "/seq")
+        yield Judgement("TEL-2", Breach("not-growing", f"seq {seq} comes after {newest}"), "/seq")
     yield number(value, "time", "TEL-2", "")
     series = value.get("series")
     if not (isinstance(series, list) and 1 <= len(series) <= MAX_SERIES):
         text = f"series is {show(series)}, no array of 1 to {MAX_SERIES} objects"
-        yield Judgement("TEL-2", text, "/series")
+        yield Judgement("TEL-2", Breach("not-an-array", text), "/series")
         return
     for i, item in enumerate(series):
         yield from _series(item, f"/series/{i}")
@@ -114,7 +114,7 @@ def _telemetry(value: Json, newest: int) -> Iterator[Judgement]:
 
 def _series(item: object, pointer: str) -> Iterator[Judgement]:
     if not isinstance(item, dict):
-        yield Judgement("TEL-2", f"{show(item)} is no object", pointer)
+        yield Judgement("TEL-2", Breach("not-an-object", f"{show(item)} is no object"), pointer)
         return
     yield named(item, "name", "TEL-2", pointer)
     kind = item.get("kind")
@@ -127,25 +127,27 @@ def _series(item: object, pointer: str) -> Iterator[Judgement]:
     elif kind == "text":
         text = f"value is {show(item.get('value'))}, no string of up to {MAX_TEXT:,} characters"
         fits = text_of(item.get("value"), 0, MAX_TEXT)
-        yield Judgement("TEL-2", None if fits else text, f"{pointer}/value")
+        wrong = None if fits else Breach("bad-string", text)
+        yield Judgement("TEL-2", wrong, f"{pointer}/value")
     else:
         has = show(kind) if "kind" in item else "missing"
-        yield Judgement("TEL-2", f"kind is {has}, which is not in the table", f"{pointer}/kind")
+        breach = Breach("unknown-kind", f"kind is {has}, which is not in the table")
+        yield Judgement("TEL-2", breach, f"{pointer}/kind")
 
 
 def _histogram(edges: object, counts: object, pointer: str) -> Iterator[Judgement]:
     if not ascending(edges, 2, MAX_EDGES, strictly=True):
         text = f"edges is {show(edges)}, no array of 2 to {MAX_EDGES:,} ascending numbers"
-        yield Judgement("TEL-2", text, f"{pointer}/edges")
+        yield Judgement("TEL-2", Breach("wrong-edges", text), f"{pointer}/edges")
         return
     assert isinstance(edges, list)
     fits = isinstance(counts, list) and len(counts) == len(edges) - 1
     if not (fits and isinstance(counts, list) and all(integer_in(each, 0) for each in counts)):
         text = f"counts is {show(counts)}, not {len(edges) - 1} integers from 0"
-        yield Judgement("TEL-2", text, f"{pointer}/counts")
+        yield Judgement("TEL-2", Breach("wrong-counts", text), f"{pointer}/counts")
 
 
-def _unwanted(message: Message, possible: list[tuple[int, Names]]) -> str | None:
+def _unwanted(message: Message, possible: list[tuple[int, Names]]) -> Breach | None:
     """What is wrong with the series, where one of these subscriptions is in force."""
     series = (message.value or {}).get("series")
     names = (
@@ -155,12 +157,15 @@ def _unwanted(message: Message, possible: list[tuple[int, Names]]) -> str | None
     )
     wanted = [asked_for for _, asked_for in possible]
     if all(asked_for == frozenset() for asked_for in wanted):
-        return "telemetry, although the client has subscribed to none"
+        return Breach("not-subscribed", "telemetry, although the client has subscribed to none")
     if None in wanted:
         return None
     allowed: frozenset[str] = frozenset().union(*(each for each in wanted if each is not None))
     stray = [name for name in names if isinstance(name, str) and name not in allowed]
-    return f"series {show(stray[0])}, which the client has not subscribed to" if stray else None
+    if not stray:
+        return None
+    text = f"series {show(stray[0])}, which the client has not subscribed to"
+    return Breach("another-series", text)
 
 
 RULES: tuple[Rule, ...] = (well_formed_wish, well_formed_telemetry, only_what_was_asked_for)

@@ -19,7 +19,7 @@ def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
     """
     if (reader.ended and gave_way(trial, reader)) or not trial.testee.expendable:
         trial.not_observable(what)
-    trial.violated(f"{what}, as it did when it was met")
+    trial.violated("no-frame", f"{what}, as it did when it was met")
 
 
 def gave_way(trial: ServerTrial, ended: Connection) -> bool:

@@ -89,7 +89,9 @@ class ImageSession:
         had an effect shows it there. Only the Gaussians are moved, a little.
         """
         moved = self._nudges.shown(self.poser)
-        self.trial.expect(moved, "the Gaussians were moved, as before, and no frame shows it")
+        self.trial.expect(
+            moved, "no-frame", "the Gaussians were moved, as before, and no frame shows it"
+        )
         return self.frames[since:]
 
     def elsewhere(self) -> Pose:
@@ -135,7 +137,11 @@ def further(trial: ServerTrial, *others: Connection) -> Connection:
     """One more message client; skips the check where the server serves fewer at a time."""
     connection = trial.greeted("msg")
     answered = answers(trial, connection)
-    trial.expect(answered or connection.ended, "a further connection is neither served nor closed")
+    trial.expect(
+        answered or connection.ended,
+        "left-waiting",
+        "a further connection is neither served nor closed",
+    )
     if not answered or any(other.ended for other in others):
         count = len(others) + 1
         trial.not_observable(f"the server serves fewer than {count} message connections at a time")

@@ -56,7 +56,9 @@ def asked(trial: ServerTrial, client: Connection, size: tuple[Any, Any]) -> Json
     trial.wait(lambda: answer() or client.ended)
     told = answer()
     if told is None:
-        trial.violated(f"set_viewport to {size[0]}×{size[1]} was not answered with its id")
+        trial.violated(
+            "no-reply", f"set_viewport to {size[0]}×{size[1]} was not answered with its id"
+        )
     return told
 
 

@@ -118,7 +118,7 @@ def judge_readings(trial: ServerTrial, wrong: Sequence[Misreading], *scales: flo
         finding = _weigh(trial, taken, wrong)
         if finding.broken:
             _expect_still(trial, taken)
-            trial.violated(finding.broken)
+            trial.violated("misrendered", finding.broken)
         if not finding.silent:
             return
         silent.append(finding.silent)

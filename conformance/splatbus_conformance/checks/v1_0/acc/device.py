@@ -111,7 +111,7 @@ class LegacyFrameCapture:
             came = self._comes(said, right)
         if came is None:
             what = f"no image in CUDA memory came of the camera at {camera}"
-            self.trial.expect(not shown, what)
+            self.trial.expect(not shown, "no-image", what)
             self.trial.not_observable(what)
         self.trial.delivered += 1
         return came

@@ -87,7 +87,7 @@ def shown(
         if not np.allclose(photograph.camera.pose.position, stage.camera.position, rtol=1e-5):
             what = f"a camera was put to {stage.camera}, and a frame names {photograph.pose}"
             near = named(photograph.camera.pose, stage.camera) is AS_SPECIFIED
-            trial.expect(not near, f"{what}: it has lost digits")
+            trial.expect(not near, "lost-digits", f"{what}: it has lost digits")
             trial.not_observable(what)
         setting = trial.facts.setting(photograph.frame, ObjectPlacement(scene))
         yield ShownView(stage, photograph, render(photograph.camera, setting), scene)
@@ -106,12 +106,13 @@ def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
         trial.measured(
             "depth", float(ulps[both].max(initial=0.0)), None, "ULP", _where(stage, ulps, both)
         )
-        for what, share in (
-            ("colour", float((color <= COLOR_BUDGET)[exact.certain].mean())),
-            ("depth", float(right[exact.certain].mean())),
+        for what, code, share in (
+            ("colour", "other-colours", float((color <= COLOR_BUDGET)[exact.certain].mean())),
+            ("depth", "other-depths", float(right[exact.certain].mean())),
         ):
             trial.expect(
                 share >= WHOLE,
+                code,
                 f"the {what} of {1 - share:.1%} of the pixels is not what the camera at"
                 f" {stage.camera} sees of the scene at {stage.scene}",
             )
@@ -155,8 +156,9 @@ def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
         if (wrong := stored < greatest).any():
             at = int(np.argmax(greatest - stored))
             trial.violated(
+                "depths-out-of-order",
                 f"the depth of {wrong.sum()} surfaces is less than that of a nearer one: at depth"
-                f" {right[at]:.6g} it is {stored[at]:.6g}, and {greatest[at]:.6g} nearer by"
+                f" {right[at]:.6g} it is {stored[at]:.6g}, and {greatest[at]:.6g} nearer by",
             )
     if not compared:
         trial.not_observable("no image showed surfaces at two depths")
@@ -176,6 +178,7 @@ def check_colour_is_red_green_blue_alpha(trial: ServerTrial) -> None:
             fits = np.isclose(given[:, order], wanted, rtol=0, atol=COLOR_BUDGET).all(axis=-1)
             trial.expect(
                 not len(fits) or fits.mean() < 0.5,
+                "another-order",
                 f"its colours are stored as {words}: seen by the camera at {stage.camera}",
             )
 
@@ -196,6 +199,7 @@ def registered(
             due = float(((it.exact.what != NOTHING) & it.exact.certain).sum())
             trial.expect(
                 seen >= due / 2.0,
+                "missing-pixels",
                 f"{due:g} pixels have to show the scene from the camera at {it.stage.camera},"
                 f" and {seen:g} show anything",
             )
@@ -203,6 +207,7 @@ def registered(
             off = np.abs(it.photograph.planar()[both] / it.exact.depth[both] - 1.0)
             trial.expect(
                 not both.any() or np.median(off) <= ASTRAY,
+                "other-depths",
                 f"the depths of half of the pixels are off by {np.median(off):.0%} and more from"
                 f" the camera at {it.stage.camera}",
             )
@@ -229,11 +234,12 @@ def check_numbers_are_read_to_the_last_bit(trial: ServerTrial) -> None:
         )
         if outcome != "accepts":
             missed = f"no frame shows a camera at {', '.join(texts)}; it is at {steering.now()}"
-            trial.expect(not trial.delivered, missed)
+            trial.expect(not trial.delivered, "not-applied", missed)
             trial.not_observable(missed)
         for text, right, told in zip(texts, position, steering.now().position, strict=True):
             trial.expect(
                 told in (right, float(np.float32(right))),
+                "misrounded",
                 f"{text} was taken for {told!r}, and {right!r} is nearest to it",
             )
 

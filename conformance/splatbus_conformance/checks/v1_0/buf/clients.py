@@ -65,7 +65,11 @@ def check_shows_no_image_before_its_event(trial: ClientTrial) -> None:
                 plane.memory.poison()
             trial.rest(PENDING_SECONDS)
             kept = _is(trial.ask("digest"), before)
-            trial.expect(kept, "it shows what the memory held while the event was pending")
+            trial.expect(
+                kept,
+                "read-before-event",
+                "it shows what the memory held while the event was pending",
+            )
             image.draw(number)
             image.event.complete()
             before = image.painting()
@@ -105,7 +109,9 @@ def check_shows_the_new_memory(trial: ClientTrial) -> None:
         old.draw(3)
         trial.rest(REACTION_SECONDS)
         shown = _is(trial.ask("digest"), old.painting())
-        trial.expect(not shown, "it shows an image in memory of a connection that has ended")
+        trial.expect(
+            not shown, "stale-memory", "it shows an image in memory of a connection that has ended"
+        )
         trial.delivered += 1
 
 
@@ -126,9 +132,17 @@ def check_opens_nothing_on_another_device(trial: ClientTrial) -> None:
         elsewhere.draw(7)
         show(trial, changed(elsewhere.init_packet(), {"meta/device": NOWHERE}))
         shown = shows(trial, elsewhere.painting(), 5 * REACTION_SECONDS)
-        trial.expect(not shown, f"it shows an image that is said to lie on device {NOWHERE}")
+        trial.expect(
+            not shown,
+            "another-device",
+            f"it shows an image that is said to lie on device {NOWHERE}",
+        )
         if trial.device.ordinal == 0:
             show(trial, changed(elsewhere.init_packet(), {"meta/device": ABSENT}))
             outcome = "accepts" if shows(trial, elsewhere.painting()) else trial.fate() or "ignores"
-            trial.expect(outcome == "accepts", "it does not take an absent meta.device for 0")
+            trial.expect(
+                outcome == "accepts",
+                "default-not-applied",
+                "it does not take an absent meta.device for 0",
+            )
         trial.delivered += 1

@@ -118,7 +118,9 @@ def shows_splats(trial: ClientTrial, lender: FrameLender) -> None:
             trial.not_observable("the client shows no splat that lies before its own geometry")
 
 
-def judge_unchanged(trial: ClientTrial, lender: FrameLender, image: Painting, what: str) -> None:
+def judge_unchanged(
+    trial: ClientTrial, lender: FrameLender, image: Painting, code: str, what: str
+) -> None:
     """The plane has to be seen as if there were no image, near and infinitely far."""
     lender.show(image)
     places = places_of(lender)
@@ -126,7 +128,7 @@ def judge_unchanged(trial: ClientTrial, lender: FrameLender, image: Painting, wh
         for place, colour in zip(places, seen(trial, lender, places, plane=plane), strict=True):
             if singles(*colour) != BACKGROUND:
                 told = f"{what}, depth {image.depth[place[1], place[0]]} before a plane at {plane}"
-                trial.violated(f"{told}: it shows {colour}, not {BACKGROUND}")
+                trial.violated(code, f"{told}: it shows {colour}, not {BACKGROUND}")
 
 
 @check("BUF-8", observable=OBSERVABLE, needs=COMPOSES)
@@ -135,12 +137,14 @@ def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> Non
     for announced, lender in lent_by_alpha(trial):
         for alpha in (1.0, 0.5, 2.0**-24):
             image = flat(lender, singles(0.9, 0.1, 0.6, alpha), math.inf)
-            judge_unchanged(trial, lender, image, f"an empty pixel of alpha {alpha:g}")
+            judge_unchanged(
+                trial, lender, image, "empty-pixel-shown", f"an empty pixel of alpha {alpha:g}"
+            )
         for depth in (1e-6, 1.0, PLANE - MARGIN):
             # Section 3.4 of 1.1 adds premultiplied colour whatever its alpha is.
             colour = (0.9, 0.1, 0.6, 0.0) if announced == "straight" else (0.0, 0.0, 0.0, 0.0)
             image = flat(lender, singles(*colour), depth)
-            judge_unchanged(trial, lender, image, "a pixel of alpha 0")
+            judge_unchanged(trial, lender, image, "transparent-pixel-shown", "a pixel of alpha 0")
 
 
 @check("BUF-9", observable=OBSERVABLE, needs=COMPOSES)
@@ -149,7 +153,7 @@ def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
     for _, lender in lent_by_alpha(trial):
         for depth in (math.nan, 0.0, -0.0, -1.0, -1e-30, -PLANE, -3e38, -math.inf):
             image = flat(lender, singles(0.9, 0.1, 0.6, 1.0), depth)
-            judge_unchanged(trial, lender, image, "an opaque pixel")
+            judge_unchanged(trial, lender, image, "odd-depth-shown", "an opaque pixel")
 
 
 @check(
@@ -177,7 +181,8 @@ def check_shows_rows_from_the_bottom_up(trial: ClientTrial) -> None:
         if not (near and _is(colour, right)):
             flipped = " (rows top-down)" if _is(colour, color[height - 1 - y, x]) else ""
             shown = f"at column {x}, row {y} it shows {colour} at depth {depth}"
-            trial.violated(f"{shown}, not {right} at {image.depth[y, x]}{flipped}")
+            code = "rows-top-down" if flipped else "other-pixels"
+            trial.violated(code, f"{shown}, not {right} at {image.depth[y, x]}{flipped}")
 
 
 def _is(colour: list[float], other: NDArray[Any]) -> bool:
@@ -228,11 +233,12 @@ def _judge_semantics(
                 continue
             right = [float(n) for n in expected(image, place, depth, BACKGROUND, plane, semantics)]
             if not math.dist(colour, right) <= EVIDENT:  # NaN is off, too
+                code, reason = _misunderstood(lender, image, semantics, place, plane, colour)
                 trial.violated(
+                    code,
                     f"with {semantics}, {image.color[place[1], place[0]]} at depth"
                     f" {image.depth[place[1], place[0]]} before a plane at {plane}, column"
-                    f" {place[0]}, row {place[1]}: it shows {colour}, not {right}"
-                    + _misunderstood(lender, image, semantics, place, plane, colour)
+                    f" {place[0]}, row {place[1]}: it shows {colour}, not {right}" + reason,
                 )
 
 
@@ -243,27 +249,35 @@ def _misunderstood(
     place: Place,
     plane: float,
     colour: Colour,
-) -> str:
-    """Which other semantics, or which other row, the colour that is shown goes by, if any."""
+) -> tuple[str, str]:
+    """Which other semantics, or which other row, the colour that is shown goes by, if any: the
+    code of that, and the words.
+    """
     x, y = place
     kinds = {"planar_z": "ray_distance", "ray_distance": "planar_z"}
     alphas = {"straight": "premultiplied", "premultiplied": "straight"}
     depth = semantics["depth"]
-    others: list[tuple[str, Json, Place]] = [
-        (f" (as {alphas[semantics['alpha']]})", {"alpha": alphas[semantics["alpha"]]}, place),
-        (f" (as {kinds[depth['kind']]})", {"depth": depth | {"kind": kinds[depth["kind"]]}}, place),
-        (" (as if inf alone were empty)", {"depth": depth | {"empty": "inf"}}, place),
-        (" (rows top-down)", {}, (x, image.depth.shape[0] - 1 - y)),
+    alpha, kind = alphas[semantics["alpha"]], kinds[depth["kind"]]
+    others: list[tuple[str, str, Json, Place]] = [
+        ("another-alpha", f" (as {alpha})", {"alpha": alpha}, place),
+        ("another-depth-kind", f" (as {kind})", {"depth": depth | {"kind": kind}}, place),
+        (
+            "empty-value-ignored",
+            " (as if inf alone were empty)",
+            {"depth": depth | {"empty": "inf"}},
+            place,
+        ),
+        ("rows-top-down", " (rows top-down)", {}, (x, image.depth.shape[0] - 1 - y)),
     ]
-    for words, changes, where in others:
+    for code, words, changes, where in others:
         means = semantics | changes
         told = float(image.depth[where[1], where[0]])
         shown = expected(
             image, where, _planar(told, where, lender, means), BACKGROUND, plane, means
         )
         if math.dist(colour, [float(n) for n in shown]) <= EVIDENT:
-            return words
-    return ""
+            return code, words
+    return "other-colours", ""
 
 
 def _planar(depth: float, place: Place, lender: FrameLender, semantics: Json) -> float:
@@ -290,14 +304,18 @@ def _judge_what_was_understood(trial: ClientTrial, offered: Json, changes: Json)
         return
     images = trial.ask("init_packet")["images"]
     if images is None:
-        trial.violated(f"it opened an init packet with {changes}, and knows of no images")
+        trial.violated(
+            "images-unknown", f"it opened an init packet with {changes}, and knows of no images"
+        )
     told, right = images.get("semantics", {}), offered["semantics"]
     for name, value in told.items():
         if name in right and value != right[name]:
-            trial.violated(f"it took the {name} {right[name]} for {value}")
+            trial.violated("misread-semantics", f"it took the {name} {right[name]} for {value}")
     size = offered["meta"]["w"], offered["meta"]["h"]
     if (images["width"], images["height"]) != size:
-        trial.violated(f"it took images of {size} for {images['width'], images['height']}")
+        trial.violated(
+            "wrong-size", f"it took images of {size} for {images['width'], images['height']}"
+        )
 
 
 @check("ACC-10", observable=OBSERVABLE, needs=COMPOSES)

@@ -77,6 +77,7 @@ def check_numbers_are_little_endian(trial: ServerTrial) -> None:
         swapped = image.color.byteswap()
         trial.expect(
             _is_colour(image.color) or not _is_colour(swapped) or not swapped.any(),
+            "big-endian",
             f"image {image.frame['seq']} holds colours from 0 to 1 if they are read as big-endian",
         )
 
@@ -91,8 +92,9 @@ def check_colours_are_from_0_to_1(trial: ServerTrial) -> None:
             row, column, channel = np.argwhere(wrong)[0]
             name, value = "red green blue alpha".split()[channel], image.color[wrong][0]
             trial.violated(
+                "out-of-range",
                 f"{wrong.sum()} numbers of image {image.frame['seq']} are not from 0 to 1:"
-                f" {name} of row {row}, column {column} is {value}"
+                f" {name} of row {row}, column {column} is {value}",
             )
 
 
@@ -103,8 +105,9 @@ def check_alpha_is_1_where_there_is_none(trial: ServerTrial) -> None:
     alphas = {float(alpha) for image in images for alpha in np.unique(image.color[..., 3])[:2]}
     if len(alphas) == 1 and alphas != {1.0}:
         trial.violated(
+            "wrong-alpha",
             f"alpha is {alphas.pop()} in every pixel of {len(images)} images, empty or not: a"
-            " renderer that gives none has to store 1"
+            " renderer that gives none has to store 1",
         )
 
 
@@ -119,12 +122,16 @@ def check_empty_pixels_are_infinitely_far(trial: ServerTrial) -> None:
         if senseless.any():
             row, column = np.argwhere(senseless)[0]
             trial.violated(
+                "not-a-depth",
                 f"{senseless.sum()} depths of image {seq} are neither positive nor what is empty:"
-                f" {depth[row, column]} at row {row}, column {column}"
+                f" {depth[row, column]} at row {row}, column {column}",
             )
         transparent += int(clear.sum())
         if value := _sentinel(image, clear):
-            trial.violated(f"image {seq} stores {value} where nothing is seen, not +∞ or 100.0")
+            trial.violated(
+                "wrong-empty-value",
+                f"image {seq} stores {value} where nothing is seen, not +∞ or 100.0",
+            )
     if not transparent:
         trial.not_observable("no pixel of these images is transparent")
 
@@ -140,9 +147,10 @@ def check_transparent_pixels_are_empty(trial: ServerTrial) -> None:
         if wrong.any() and not _sentinel(image, clear):
             row, column = np.argwhere(wrong)[0]
             trial.violated(
+                "transparent-with-depth",
                 f"{wrong.sum()} pixels of image {image.frame['seq']} have an alpha below 1/255 and"
                 f" yet a depth: {image.color[row, column, 3]} and {image.depth[row, column]} at row"
-                f" {row}, column {column}"
+                f" {row}, column {column}",
             )
     if not transparent:
         trial.not_observable("no pixel of these images is transparent")
@@ -189,7 +197,11 @@ def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
             trial.rest(STEP_SECONDS)
         changed = _changed(held, capture.again(held))
         capture.give_back(held)
-        trial.expect(not changed, f"image {held.frame['seq']} was lent, and {changed} meanwhile")
+        trial.expect(
+            not changed,
+            "written-while-held",
+            f"image {held.frame['seq']} was lent, and {changed} meanwhile",
+        )
         following = capture.hold()
         capture.give_back(following)
         if following.frame["seq"] - held.frame["seq"] > capture.slots:
@@ -212,7 +224,11 @@ def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
         changed = _changed(held, capture.again(held))
         capture.give_back(held)
         trial.delivered += 1
-        trial.expect(not changed, f"after the frame of image {held.frame['seq']} came, {changed}")
+        trial.expect(
+            not changed,
+            "lent-unfinished",
+            f"after the frame of image {held.frame['seq']} came, {changed}",
+        )
 
 
 @check(
@@ -279,11 +295,14 @@ def _expect_right(
     """These channels are what the camera of the image sees: by the scene, where that is known, or
     by a further image of a camera that is put there.
     """
-    for channel, right in zip(("color", "depth"), _right(trial, capture, image), strict=True):
+    codes = ("other-colours", "other-depths")
+    shares = _right(trial, capture, image)
+    for channel, code, right in zip(("color", "depth"), codes, shares, strict=True):
         if channel not in channels or right >= WHOLE:
             continue
         _expect_still(trial, capture, image)
         trial.violated(
+            code,
             f"{1 - right:.0%} of the {channel} of image {image.frame['seq']}, rendered {when}, is"
             f" not of the camera that its frame names, {image.pose}",
         )

@@ -123,7 +123,9 @@ def check_numbers_in_device_memory_are_little_endian(trial: ServerTrial) -> None
     for color, _ in stored(trial):
         right, swapped = sensible(color), sensible(color.byteswap())
         reversed_ = swapped == 1.0 and right < MOST and color.any()
-        trial.expect(not reversed_, "colours are from 0 to 1 if they are read as big-endian")
+        trial.expect(
+            not reversed_, "big-endian", "colours are from 0 to 1 if they are read as big-endian"
+        )
 
 
 def sensible(color: Pixels) -> float:
@@ -139,7 +141,9 @@ def check_colours_in_device_memory_are_from_0_to_1(trial: ServerTrial) -> None:
     for color, _ in stored(trial):
         wrong = ~in_range(color)
         if wrong.any():
-            trial.violated(f"colours that are not from 0 to 1: {first_of(wrong, color)}")
+            trial.violated(
+                "out-of-range", f"colours that are not from 0 to 1: {first_of(wrong, color)}"
+            )
 
 
 @check("BUF-5", observable="alpha where something is seen", needs=SHOWN)
@@ -150,7 +154,11 @@ def check_alpha_in_device_memory_is_1_where_there_is_none(trial: ServerTrial) ->
     if not any((np.isfinite(depth) & (depth != LEGACY_EMPTY)).any() for _, depth in images):
         trial.not_observable("nothing is seen in its images")
     if len(alphas) == 1:
-        trial.expect(alphas == {1.0}, f"alpha is {alphas.pop()} in every pixel of {IMAGES} images")
+        trial.expect(
+            alphas == {1.0},
+            "wrong-alpha",
+            f"alpha is {alphas.pop()} in every pixel of {IMAGES} images",
+        )
 
 
 @check("BUF-7", observable="depths that are no depth, and those where alpha is 0", needs=SHOWN)
@@ -162,7 +170,9 @@ def check_depths_in_device_memory_are_positive(trial: ServerTrial) -> None:
         with np.errstate(invalid="ignore"):
             wrong = ~(depth > 0)
         if wrong.any():
-            trial.violated(f"depths that are neither positive nor +∞: {first_of(wrong, depth)}")
+            trial.violated(
+                "not-a-depth", f"depths that are neither positive nor +∞: {first_of(wrong, depth)}"
+            )
 
 
 def in_range(color: Pixels) -> NDArray[np.bool_]:

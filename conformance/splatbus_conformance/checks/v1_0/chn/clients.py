@@ -67,6 +67,7 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
             elsewhere.until(lambda: elsewhere.connections, LIMITS["reconnect_max_seconds"])  # noqa: B023
             trial.expect(
                 not elsewhere.connections,
+                "another-port",
                 f"it connects to the {channel} channel on port {usual[channel]} although another "
                 "was named",
             )
@@ -168,7 +169,9 @@ def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     if not trial.opens(connection):
         trial.not_observable("the testee did not open the memory")
     trial.expect(
-        not trial.ends(connection, 0.5), "it closed the IPC connection while it used the buffers"
+        not trial.ends(connection, 0.5),
+        "closes",
+        "it closed the IPC connection while it used the buffers",
     )
     trial.delivered += 1
 
@@ -318,7 +321,11 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
         trial.rest(0.05)
         if kept.ended and trial.facts.leaves:
             continue
-        trial.expect(not kept.ended, f"it closed the {other} channel when {lost} was lost ({how})")
+        trial.expect(
+            not kept.ended,
+            "closes",
+            f"it closed the {other} channel when {lost} was lost ({how})",
+        )
         trial.delivered += 1
 
 
@@ -344,9 +351,10 @@ def check_uses_the_new_memory(trial: ClientTrial) -> None:
             again = trial.greeted("ipc")
             trial.expect(
                 trial.opens(again),
+                "not-opened",
                 f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
             )
             dealings = trial.role.with_(again)
             released = trial.wait(lambda: dealings.released or not dealings.frames)  # noqa: B023
-            trial.expect(released, "no frame of the new memory was released")
+            trial.expect(released, "not-released", "no frame of the new memory was released")
             trial.delivered += 1

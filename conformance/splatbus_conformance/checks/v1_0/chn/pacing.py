@@ -120,6 +120,7 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
         apart = after(trial, connection.channel, once_more).opened - begun
         trial.expect(
             apart >= LEAST,
+            "too-soon",
             f"{what}, on the {connection.channel} channel: two attempts began at most "
             f"{1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
         )
@@ -166,6 +167,7 @@ def check_paces_attempts_without_images(trial: ClientTrial) -> None:
             within = connection.opened - first  # they began after what was sent first
             trial.expect(
                 within >= (attempts - 1) * LEAST,
+                "too-soon",
                 f"given memory that it cannot open, it made {attempts} attempts within "
                 f"{1000 * within:.0f} ms; {1000 * LEAST:.0f} are asked for between two",
             )
@@ -216,8 +218,9 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
                 break
         else:
             trial.violated(
+                "too-soon",
                 f"each of {TIMES} times that the {channel} channel accepted again, an attempt came "
-                f"within {1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused"
+                f"within {1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused",
             )
         trial.delivered += 1
 
@@ -244,6 +247,7 @@ def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
         apart = again.opened - listening
         trial.expect(
             apart >= LEAST,
+            "too-soon",
             f"after {LONG_SECONDS:g} s in which the {channel} channel refused, two attempts began "
             f"at most {1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
         )
@@ -327,7 +331,9 @@ def _kept(trial: ClientTrial, channel: Channel) -> Connection:
 
 def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:
     came = trial.arrives(channel, MOST + LATE_SECONDS, before)
-    trial.expect(came, f"no attempt on the {channel} channel within {MOST} s after {when}")
+    trial.expect(
+        came, "too-late", f"no attempt on the {channel} channel within {MOST} s after {when}"
+    )
     trial.delivered += 1
 
 

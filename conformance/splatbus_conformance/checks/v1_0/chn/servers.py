@@ -48,11 +48,12 @@ def check_offers_both_channels(trial: ServerTrial) -> None:
     for channel in CHANNELS:
         trial.expect(
             trial.facts.listens[channel],
+            "not-listening",
             f"nothing listens on port {trial.peer.ports[channel]}, the {channel} channel",
         )
     ipc, msg = trial.dial("ipc"), trial.dial("msg")
-    trial.expect(trial.answers(msg), "no reply on the message channel")
-    trial.expect(not ipc.ended, "the IPC connection was ended")
+    trial.expect(trial.answers(msg), "no-reply", "no reply on the message channel")
+    trial.expect(not ipc.ended, "closes", "the IPC connection was ended")
 
 
 @check(
@@ -66,7 +67,11 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
         connection = trial.dial("ipc")
         dealings = trial.viewer.with_(connection)
         trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
-        trial.expect(dealings.init_packets, f"the IPC client number {number} got no init packet")
+        trial.expect(
+            dealings.init_packets,
+            "no-init-packet",
+            f"the IPC client number {number} got no init packet",
+        )
         connection.close()
         trial.delivered += 1
 
@@ -121,17 +126,21 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
         open_on = {"msg": trial.dial, "ipc": trial.before_hello}
         connections = {channel: open_on[channel](channel) for channel in (first, second)}
         what = f"beside a client on the {second} channel that came after one on the {first} channel"
-        trial.expect(trial.answers(connections["msg"]), f"no reply {what}")
+        trial.expect(trial.answers(connections["msg"]), "no-reply", f"no reply {what}")
         if trial.facts.welcome["ipc"] is not None:
             trial.viewer.greet(connections["ipc"])
             dealings = trial.viewer.with_(connections["ipc"])
             trial.wait(lambda: dealings.welcome or connections["ipc"].ended)  # noqa: B023
-            trial.expect(dealings.welcome, f"no welcome on the IPC channel {what}")
+            trial.expect(dealings.welcome, "no-welcome", f"no welcome on the IPC channel {what}")
             if trial.facts.init_packet is not None:
                 trial.wait(lambda: dealings.init_packets or connections["ipc"].ended)  # noqa: B023
-            trial.expect(trial.answers(connections["msg"]), f"no further reply {what}")
+            trial.expect(trial.answers(connections["msg"]), "no-reply", f"no further reply {what}")
         for channel, connection in connections.items():
-            trial.expect(not connection.ended, f"the {channel} connection was ended {what}")
+            trial.expect(
+                not connection.ended,
+                "closes",
+                f"the {channel} connection was ended {what}",
+            )
 
 
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
@@ -202,15 +211,18 @@ def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
     """Eight clients on a channel that say nothing, and forty that come and go at once."""
     for channel in CHANNELS:
         witness = trial.dial("msg")
-        trial.expect(trial.answers(witness), "no reply on the message channel")
+        trial.expect(trial.answers(witness), "no-reply", "no reply on the message channel")
         crowd(trial, channel)
         trial.expect(
             witness.ended or trial.answers(witness),
+            "no-reply",
             f"no reply beside {CROWD} idle clients on the {channel} channel",
         )
         trial.peer.close_all()
         trial.expect(
-            trial.serves(), f"no reply after {CROWD} idle clients on the {channel} channel"
+            trial.serves(),
+            "not-served",
+            f"no reply after {CROWD} idle clients on the {channel} channel",
         )
 
 
@@ -224,7 +236,7 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
     for agreed, earlier, count in trial.each([it for it in cases if speaks or not it[0]]):
         connection = trial.greeted("msg") if agreed else trial.dial("msg")
         if earlier:
-            trial.expect(trial.answers(connection), "no reply on the message channel")
+            trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
         heard = trial.viewer.with_(connection).heard
         before = len(heard)
         asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
@@ -234,9 +246,13 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
         replies = len(heard) - before
         what = f"{count} requests and the end of the stream"
         what += " after hello" * agreed + " after one that was answered" * earlier
-        trial.expect(replies == count, f"{replies} replies to {what}")
-        trial.expect(closed, f"the server kept the connection open after {what}")
-        trial.expect(connection.ended == "eof", f"the server reset the connection after {what}")
+        trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
+        trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
+        trial.expect(
+            connection.ended == "eof",
+            "reset",
+            f"the server reset the connection after {what}",
+        )
         connection.close()
         trial.delivered += 1
 
@@ -260,7 +276,7 @@ def judge_neighbours(
             others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
             if others.can_stay:
                 stayed = any(others.stay(neighbour, what) for _ in range(AGAIN))
-                trial.expect(stayed, f"the connection of another is ended beside {what}")
+                trial.expect(stayed, "closes", f"the connection of another is ended beside {what}")
         if not others.can_stay:
             trial.peer.close_all()
             commit(trial, channel, neighbour).close()
@@ -268,10 +284,14 @@ def judge_neighbours(
             trial.peer.close_all()
         if not trial.serves():
             trial.wait(trial.fate, ENDING_SECONDS)
-            trial.violated(f"no reply after {what}")
+            trial.violated("not-served", f"no reply after {what}")
         trial.delivered += 1
     trial.peer.close_all()
-    trial.expect(trial.serves(), f"no reply to the next client, after all on the {channel} channel")
+    trial.expect(
+        trial.serves(),
+        "not-served",
+        f"no reply to the next client, after all on the {channel} channel",
+    )
 
 
 def commit(trial: ServerTrial, channel: Channel, neighbour: BadNeighbour) -> Connection:
@@ -298,12 +318,12 @@ class Bystanders:
         witness = self._asking(steering)
         culprit = commit(trial, self._channel, neighbour)
         answered = trial.answers(witness)
-        trial.expect(not trial.fate(), f"no reply beside {what}")
-        trial.expect(answered or witness.ended, f"no reply beside {what}")
+        trial.expect(not trial.fate(), "no-reply", f"no reply beside {what}")
+        trial.expect(answered or witness.ended, "no-reply", f"no reply beside {what}")
         if answered and steering is not None:
             seen = steering.renders_for(witness)
             ended = witness.ended or steering.reader.ended
-            trial.expect(seen or ended, f"no new image beside {what}")
+            trial.expect(seen or ended, "no-image", f"no new image beside {what}")
             answered = seen
         culprit.close()
         return answered
@@ -315,10 +335,10 @@ class Bystanders:
             self._trial.rest(GONE_SECONDS)
             self._witness = self._trial.dial("msg")
             answered = self._trial.answers(self._witness)
-            self._trial.expect(answered, "no reply on the message channel")
+            self._trial.expect(answered, "no-reply", "no reply on the message channel")
             if steering is not None:  # it is to have control, whoever poses after it
                 seen = steering.renders_for(self._witness) or steering.reader.ended
-                self._trial.expect(seen, "no new image after a pose")
+                self._trial.expect(seen, "no-image", "no new image after a pose")
         return self._witness
 
     def _reading(self) -> CameraControl | None:

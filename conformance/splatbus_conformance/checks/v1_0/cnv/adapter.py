@@ -127,7 +127,9 @@ def _arriving(
     if nothing and connection.ended:
         trial.not_observable("the testee closed the connection")
     if nothing and before:
-        trial.violated(f"{COMMANDS[kind]} of {pose}: no {kind} came, though others did before")
+        trial.violated(
+            "not-sent", f"{COMMANDS[kind]} of {pose}: no {kind} came, though others did before"
+        )
     if nothing:
         raise AdapterBroken(f"it said that {pose} was taken, and no {kind} came")
 
@@ -143,7 +145,10 @@ def _read(trial: ClientTrial, kind: Kind, message: Json) -> Pose:
     if (pose := read_pose(message)) is None:
         trial.not_observable(f"the {kind} that came has no pose that can be read (POS-1)")
     if message.get("type") == "object_pose" and message.get("scale", 1) != 1:
-        trial.violated(f"{COMMANDS[kind]} has no scale, and came with that of {message['scale']}")
+        trial.violated(
+            "unasked-scale",
+            f"{COMMANDS[kind]} has no scale, and came with that of {message['scale']}",
+        )
     return pose
 
 
@@ -156,7 +161,7 @@ def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None
     for pose, came, found, known in sent(trial, kind, quick, full):
         if found.far:
             reason = known or f"it is {found.away_by} away"
-            trial.violated(f"{COMMANDS[kind]} of {pose} became {came}: {reason}")
+            trial.violated("another-pose", f"{COMMANDS[kind]} of {pose} became {came}: {reason}")
 
 
 @check("CNV-1", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
@@ -201,7 +206,10 @@ def judge_what_is_said_again(trial: ClientTrial, kind: Kind) -> None:
     again, size = _read(trial, kind, said), (trial.role.width, trial.role.height)
     if off(again, *map(exact, before), single=trial.greeting.single, size=size).far:
         reason = why(sent_last, again, engine_of(trial.greeting, kind))
-        trial.violated(f"{before} was said again as {again}" + (f": {reason}" if reason else ""))
+        trial.violated(
+            "another-pose",
+            f"{before} was said again as {again}" + (f": {reason}" if reason else ""),
+        )
     trial.delivered += 1
 
 
@@ -220,7 +228,7 @@ def check_quaternions_are_hamilton_with_w_last(trial: ClientTrial) -> None:
     for pose, came, found, reason in sent(trial, "camera_pose", 20, 200):
         if found.far:
             if reason == ORDER:
-                trial.violated(f"send_camera of {pose} became {came}: {reason}")
+                trial.violated("another-order", f"send_camera of {pose} became {came}: {reason}")
             trial.not_observable(f"the pose that came is wrong in another way: {reason or came}")
 
 

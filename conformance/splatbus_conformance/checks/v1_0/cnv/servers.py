@@ -61,7 +61,11 @@ def check_depth_is_planar(trial: ServerTrial) -> None:
     opaque = alpha >= OPAQUE
     if opaque.any() and (alpha == 0.0).any():  # else it may be of a background alone
         deep = first.covered()[opaque].any()
-        trial.expect(deep, f"none of {opaque.sum()} pixels with an alpha from {OPAQUE} has a depth")
+        trial.expect(
+            deep,
+            "no-depth",
+            f"none of {opaque.sum()} pixels with an alpha from {OPAQUE} has a depth",
+        )
     judge_readings(trial, DEPTHS, 1.0, 0.01, 100.0)
 
 
@@ -102,7 +106,8 @@ def check_the_newest_camera_is_shown(trial: ServerTrial) -> None:
         shown = capture.take(wanted, insists=False)
         if named(shown.camera.pose, wanted) is None:
             trial.violated(
-                f"after a camera at {wanted} the newest frame names one at {shown.pose}, 5 s later"
+                "another-pose",
+                f"after a camera at {wanted} the newest frame names one at {shown.pose}, 5 s later",
             )
 
 
@@ -136,7 +141,10 @@ def check_the_newest_scene_is_shown(trial: ServerTrial) -> None:
     if not alike(capture.take(Pose(*first.pose)), first):
         trial.not_observable("the scene moves by itself, or had been moved before")
     words = SCENES[int(shares[1:].argmax())].words
-    trial.violated(f"the images fit {words}: {best:.0%} of the points, and {right:.0%} if it was")
+    trial.violated(
+        "misrendered",
+        f"the images fit {words}: {best:.0%} of the points, and {right:.0%} if it was",
+    )
 
 
 @check("POS-13", observable="whether an identity pose changes the first image", needs=PIXELS)
@@ -156,8 +164,9 @@ def check_the_scene_is_at_rest_at_first(trial: ServerTrial) -> None:
     if not alike(capture.take(Pose(*first.pose)), told):
         trial.not_observable("the scene moves by itself")
     trial.violated(
+        "not-at-rest",
         f"{1 - likeness(told, first):.0%} of the pixels changed when the Gaussians were given the"
-        " identity pose, which they had to have before"
+        " identity pose, which they had to have before",
     )
 
 
@@ -178,7 +187,8 @@ def _judge_names(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
     meant = named(shown.camera.pose, wanted)
     if meant in wrong:
         trial.violated(
-            f"a camera was sent to {wanted}; its frame names {shown.pose}: {meant.words}"
+            "misnamed-pose",
+            f"a camera was sent to {wanted}; its frame names {shown.pose}: {meant.words}",
         )
     if meant is not AS_SPECIFIED:
         trial.not_observable(f"a camera was sent to {wanted}, and a frame names {shown.pose}")
@@ -195,8 +205,9 @@ def _judge_reply(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
             return
         if meant in wrong:
             trial.violated(
+                "misreported-pose",
                 f"camera {index} is told as {pose}; the first frame was rendered at {first.pose}:"
-                f" {meant.words}"
+                f" {meant.words}",
             )
 
 

@@ -74,7 +74,7 @@ def check_waits_for_the_event(trial: ClientTrial) -> None:
         trial.uses(lambda: image.opened(trial.calls()))
         trial.rest(PENDING_SECONDS)
         for call in image.copies(trial.calls()):
-            trial.violated(f"while the event was pending it called {call}")
+            trial.violated("read-before-event", f"while the event was pending it called {call}")
         image.draw(2)
         image.event.complete()
         expect_read(trial, image)
@@ -82,7 +82,7 @@ def check_waits_for_the_event(trial: ClientTrial) -> None:
         assert trial.stand_in is not None
         for call in usage.unwaited(trial.stand_in.calls()):
             if call.memory in image.names:
-                trial.violated(f"its stream did not wait for the event before {call}")
+                trial.violated("not-waited", f"its stream did not wait for the event before {call}")
         trial.delivered += 1
 
 
@@ -100,7 +100,7 @@ def check_opens_each_handle_once(trial: ClientTrial) -> None:
             show(trial, shown.init_packet())
             expect_read(trial, shown)
             for call in usage.opened_again(trial.calls()):
-                trial.violated(f"it had the memory open when it called {call}")
+                trial.violated("opened-again", f"it had the memory open when it called {call}")
             trial.delivered += 1
 
 
@@ -117,9 +117,16 @@ def check_gives_memory_back(trial: ClientTrial) -> None:
             if trial.fate():
                 trial.not_observable("its process ended with the connection")
             left = ", ".join(held(trial, image))
-            trial.expect(not left, f"{EFFECT_SECONDS:g} s after its connection it holds {left}")
+            trial.expect(
+                not left,
+                "memory-left-behind",
+                f"{EFFECT_SECONDS:g} s after its connection it holds {left}",
+            )
             for call in usage.closed_while_reading(trial.calls()):
-                trial.violated(f"it had not seen its copies finish when it called {call}")
+                trial.violated(
+                    "closed-while-reading",
+                    f"it had not seen its copies finish when it called {call}",
+                )
             trial.delivered += 1
 
 
@@ -139,7 +146,11 @@ def check_opens_on_the_device_named(trial: ClientTrial) -> None:
             opening = [c for c in trial.calls() if _opens(c, image)]
             for call in opening:
                 what = "absent" if named is ABSENT else named
-                trial.expect(call.device == device, f"meta.device is {what}; it called {call}")
+                trial.expect(
+                    call.device == device,
+                    "another-device",
+                    f"meta.device is {what}; it called {call}",
+                )
             trial.delivered += 1
 
 
@@ -160,7 +171,11 @@ def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
         before = len(image.copies(trial.calls()))
         if not trial.uses(lambda: len(image.copies(trial.calls())) > before):
             trial.not_observable("the testee reads the image once, and not again")
-        trial.expect(not connection.ended, "it reads on after it closed the IPC connection")
+        trial.expect(
+            not connection.ended,
+            "closes",
+            "it reads on after it closed the IPC connection",
+        )
         trial.delivered += 1
 
 
@@ -178,7 +193,9 @@ def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
         before = len(image.copies(trial.calls()))
         trial.rest(REACTION_SECONDS)
         for call in image.copies(trial.calls())[before:]:
-            trial.violated(f"{EFFECT_SECONDS:g} s after its connection ended it called {call}")
+            trial.violated(
+                "stale-memory", f"{EFFECT_SECONDS:g} s after its connection ended it called {call}"
+            )
         trial.delivered += 1
 
 
@@ -196,7 +213,9 @@ def check_reads_the_new_memory(trial: ClientTrial) -> None:
         before = len(old.copies(trial.calls()))
         trial.rest(REACTION_SECONDS)
         for call in old.copies(trial.calls())[before:]:
-            trial.violated(f"on the new connection it called {call} on the memory of before")
+            trial.violated(
+                "stale-memory", f"on the new connection it called {call} on the memory of before"
+            )
         trial.delivered += 1
 
 
@@ -221,5 +240,9 @@ def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
             outcome = "accepts" if reads(trial, image) else trial.fate() or "ignores"
             trial.judge(outcome, f"an init packet with {what}: reading the colour whole")
             for call in image.copies(trial.calls()):
-                trial.expect(image.shows(call), f"with {what} it copied what is no image: {call}")
+                trial.expect(
+                    image.shows(call),
+                    "outside-the-image",
+                    f"with {what} it copied what is no image: {call}",
+                )
             trial.delivered += 1

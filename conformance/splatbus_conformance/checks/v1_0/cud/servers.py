@@ -87,20 +87,24 @@ def check_records_the_event_after_the_image(trial: ServerTrial) -> None:
     first = next((moment for moment in seen if moment.recorded and moment.written), None)
     if first and first.written != planes.keys():
         what = " and ".join(sorted(first.written))
-        trial.violated(f"it called {first.call} when it had written the {what} only")
+        trial.violated(
+            "recorded-too-early", f"it called {first.call} when it had written the {what} only"
+        )
     share = publishing.share_left_open(seen, planes)
     if share >= LEFT_OPEN and len(seen) >= SURE:
         trial.violated(
+            "recorded-too-late",
             f"for {share:.0%} of the time an image lay there without the event recorded behind it;"
-            f" {last_record(seen)}"
+            f" {last_record(seen)}",
         )
     known = len(seen) - 1
     if not trial.wait(lambda: any(not moment.open for moment in found()[known:])):
         seen = found()
         last = next(moment.call for moment in reversed(seen) if not moment.recorded)
         trial.violated(
+            "event-not-recorded",
             f"in {EFFECT_SECONDS:g} s the event was not once seen recorded behind the last write of"
-            f" the {' and '.join(sorted(seen[-1].open))}, {last}; {last_record(seen)}"
+            f" the {' and '.join(sorted(seen[-1].open))}, {last}; {last_record(seen)}",
         )
     trial.delivered += 1
 
@@ -122,7 +126,9 @@ def check_exports_nothing_but_buffers(trial: ServerTrial) -> None:
         refuse(trial, "cudaIpcGetMemHandle", "memory that cannot be exported")
     calls = calls_of(trial, shown.process)
     for call in publishing.beside(calls, publishing.planes_of(shown.packet)):
-        trial.violated(f"the memory that it shows holds something else than images: {call}")
+        trial.violated(
+            "more-than-images", f"the memory that it shows holds something else than images: {call}"
+        )
     trial.delivered += 1
 
 
@@ -136,12 +142,14 @@ def check_creates_the_event_with_its_flags(trial: ServerTrial) -> None:
             flags[call.event] = call.flags
             for bit, name in EVENT_FLAGS.items():
                 if not call.ok and call.flags & 4:
-                    trial.expect(call.flags & bit, f"without {name} it called {call}")
+                    trial.expect(
+                        call.flags & bit, "missing-flag", f"without {name} it called {call}"
+                    )
         elif call.function == "cudaIpcGetEventHandle":
             for bit, name in EVENT_FLAGS.items():
                 known = call.event in flags
                 told = f"without {name} it created the event of {call}"
-                trial.expect(not known or flags[call.event] & bit, told)
+                trial.expect(not known or flags[call.event] & bit, "missing-flag", told)
             trial.delivered += call.ok
     if "evt_done" not in shown.names:
         refuse(trial, "cudaIpcGetEventHandle", "an event that cannot be exported")
@@ -151,7 +159,7 @@ def refuse(trial: ServerTrial, function: str, what: str) -> None:
     """The handle is not the runtime's: violated if it refused one, else nothing can be said."""
     for call in calls_of(trial):
         if call.function == function and not call.ok:
-            trial.violated(f"it asked for the handle of {what}: {call}")
+            trial.violated("not-exportable", f"it asked for the handle of {what}: {call}")
     trial.not_observable("its handles are none of the stand-in")
 
 
@@ -221,4 +229,7 @@ def expect_kept(trial: ServerTrial, shown: AnnouncedConnection, places: Iterable
     trial.rest(JITTER_SECONDS)
     if shown.connection.ended and not trial.fate():
         trial.not_observable("the server ends a connection in favour of a later one")
-    trial.violated(f"while an IPC connection was open that was sent the handles it called {call}")
+    trial.violated(
+        "freed-too-early",
+        f"while an IPC connection was open that was sent the handles it called {call}",
+    )

@@ -30,6 +30,7 @@ def check_the_longest_packet(trial: ServerTrial) -> None:
         answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)  # noqa: B023
         trial.expect(
             answered and not connection.ended,
+            "no-reply",
             f"a request of {MOST:,} bytes and another one, cut at {place}, were not answered",
         )
         trial.delivered += 1
@@ -45,7 +46,9 @@ def check_the_longest_hello(trial: ServerTrial) -> None:
         dealings = trial.viewer.with_(connection)
         connection.send(packet(said.ljust(MOST)))
         trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        trial.expect(dealings.welcome, f"{channel}: a hello of {MOST:,} bytes has no welcome")
+        trial.expect(
+            dealings.welcome, "no-welcome", f"{channel}: a hello of {MOST:,} bytes has no welcome"
+        )
         trial.delivered += 1
         connection.close()
 
@@ -55,7 +58,7 @@ def check_the_longest_pose(trial: ServerTrial) -> None:
     """The same of poses, of a client of 1.0 and of one of 1.1."""
     steering = CameraControl(trial)
     poser = trial.dial("msg")
-    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    trial.expect(steering.shows(poser, camera_pose()), "not-applied", "no frame shows a good pose")
     for x, greets in enumerate((False, True) if trial.facts.welcome["msg"] else (False,), 2):
         poser.close()
         poser = trial.greeted("msg") if greets else trial.dial("msg")

@@ -109,7 +109,7 @@ def check_any_segmentation(trial: ClientTrial | ServerTrial, channel: Channel, c
     send_cut(trial, it.connection, data, cuts)
     taken = it.taken()
     what = f"{len(it.awaited)} packets of {len(data)} bytes, {cuts}, on the {channel} channel"
-    trial.expect(taken is not False, f"{what}: they were not taken, each once")
+    trial.expect(taken is not False, "not-taken", f"{what}: they were not taken, each once")
     trial.delivered += bool(taken)
 
 

@@ -51,7 +51,7 @@ def check_incomplete_packet_is_given_up(trial: ServerTrial) -> None:
         trial.judge(outcome, what)
         trial.delivered += 1
         connection.close()
-    trial.expect(trial.serves(), "the server answers nobody after half a packet")
+    trial.expect(trial.serves(), "not-served", "the server answers nobody after half a packet")
 
 
 @check(
@@ -158,6 +158,9 @@ def check_cut_request_is_not_answered(trial: ServerTrial) -> None:
         replies = len(trial.replies(connection))
         trial.expect(
             replies <= number,
+            "unasked-reply",
             f"{replies} replies to {number} whole requests and one that was cut short",
         )
-        trial.expect(trial.serves(), "the server answers nobody after a request was cut short")
+        trial.expect(
+            trial.serves(), "not-served", "the server answers nobody after a request was cut short"
+        )

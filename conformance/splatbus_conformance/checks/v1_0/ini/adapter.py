@@ -50,7 +50,7 @@ def check_shows_what_any_ring_holds(trial: ClientTrial) -> None:
             offered = changed(role.init_packet(connection), OFFSETS)
             role.offer(connection, offered)
             ring = f"the ring {offered['ring']} of images of {size[0]}x{size[1]}"
-            trial.expect(trial.opens(connection), f"{ring} was not opened")
+            trial.expect(trial.opens(connection), "not-opened", f"{ring} was not opened")
             lender = FrameLender(trial, connection)
             for number in range(role.slots):
                 lender.show(coordinates(number, *lender.size))
@@ -76,5 +76,7 @@ def _judge(trial: ClientTrial, lender: FrameLender, where: str) -> None:
     if answer["seq"] not in lender.shown:
         trial.not_observable("the client shows no image that was lent")
     if wrong := parts(answer, lender.shown[answer["seq"]]):
-        trial.violated(f"image {answer['seq']} {where}: {described(answer, wrong, lender)}")
+        trial.violated(
+            "other-pixels", f"image {answer['seq']} {where}: {described(answer, wrong, lender)}"
+        )
     trial.delivered += 1

@@ -105,13 +105,15 @@ def check_accepts_good_init_packets(trial: ClientTrial) -> None:
     with HostMemory(ROOM, long_name) as memory:
         for what, case in trial.each(unusual_packets(), drawn, quick=25, full=400):
             opened, _ = offer(trial, changed(case, {"memory/name": memory.name}))
-            trial.expect(opened, f"an init packet with {what} was not opened")
+            trial.expect(opened, "not-opened", f"an init packet with {what} was not opened")
             trial.delivered += 1
     connection = trial.greeted("ipc")
     dealings = trial.role.with_(connection)
     dealings.generations.append(LIMITS["max_safe_integer"] - 1)
     trial.role.offer(connection, trial.role.init_packet(connection))
-    trial.expect(trial.opens(connection), f"generation {dealings.generation} was not opened")
+    trial.expect(
+        trial.opens(connection), "not-opened", f"generation {dealings.generation} was not opened"
+    )
 
 
 @check(

@@ -82,7 +82,7 @@ def check_does_not_answer_broken_text(trial: ServerTrial) -> None:
 def check_does_not_move_by_broken_text(trial: ServerTrial) -> None:
     """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
     steering, poser = CameraControl(trial), trial.dial("msg")
-    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    trial.expect(steering.shows(poser, camera_pose()), "not-applied", "no frame shows a good pose")
     for text in trial.each(broken_texts(FAR), kind=kind_of, spare=SPARE):
         poser = trial.dial("msg") if poser.ended else poser
         outcome = steering.outcome_of(poser, text.payload)
@@ -181,7 +181,9 @@ def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     connection.close()
     if trial.facts.welcome["ipc"] is not None:
         trial.expect(
-            trial.viewer.with_(trial.greeted("ipc")).welcome, "the next IPC client has no welcome"
+            trial.viewer.with_(trial.greeted("ipc")).welcome,
+            "no-welcome",
+            "the next IPC client has no welcome",
         )
 
 
@@ -199,7 +201,7 @@ def _expect_alive(trial: ServerTrial, payload: bytes) -> None:
 def check_takes_strings_for_numbers_or_not(trial: ServerTrial) -> None:
     """A pose of a 1.0 client, with every number as a string: taken, or not."""
     steering, poser = CameraControl(trial), trial.dial("msg")
-    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    trial.expect(steering.shows(poser, camera_pose()), "not-applied", "no frame shows a good pose")
     for pose in trial.each(
         (FAR, camera_pose((-1.0153546333312988, 0.0, 2.5e-7), (0, 0.6, 0, 0.8)))
     ):

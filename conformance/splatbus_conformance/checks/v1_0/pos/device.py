@@ -67,10 +67,10 @@ def turned(pose: Pose, rng: random.Random) -> Pose:
     return Pose(pose.position, turned_about(pose.rotation, axis, TURN))
 
 
-def expect_shown(it: PoseFrameCapture, camera: Pose, what: str, *spelled: Json) -> None:
+def expect_shown(it: PoseFrameCapture, camera: Pose, code: str, what: str, *spelled: Json) -> None:
     """The image that comes of this shows the scene from that camera."""
     shown = it.comes_to_show(camera, AT_REST, *spelled)
-    it.trial.expect(shown, f"{what}: the image is none of the camera at {camera}")
+    it.trial.expect(shown, code, f"{what}: the image is none of the camera at {camera}")
 
 
 @check("BUF-1", observable="which way up images of a known scene lie", needs=SHOWN)
@@ -81,7 +81,7 @@ def check_rows_in_device_memory_are_bottom_up(trial: ServerTrial) -> None:
     if lens_of(stored) is None:
         for words, over in OVER.items():
             turned_over = BufferContents(stored.color[over], stored.depth[over])
-            trial.expect(lens_of(turned_over) is None, f"the images fit {words}")
+            trial.expect(lens_of(turned_over) is None, "turned-over", f"the images fit {words}")
         trial.not_observable(UNKNOWN_SCENE)
 
 
@@ -93,7 +93,9 @@ def check_depth_in_device_memory_is_planar(trial: ServerTrial) -> None:
     if lens_of(stored) is None:
         for words, depth in other_depths(stored.depth):
             trial.expect(
-                lens_of(BufferContents(stored.color, depth)) is None, f"the images fit {words}"
+                lens_of(BufferContents(stored.color, depth)) is None,
+                "other-depths",
+                f"the images fit {words}",
             )
         trial.not_observable(UNKNOWN_SCENE)
 
@@ -134,7 +136,7 @@ def judge_readings(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
             read = photograph._replace(camera=it.lens._replace(pose=each.pose(view)))
             for scene in (STILL, ObjectPlacement(each.pose(rest))):
                 fits = shows_the_scene(read, SceneState(scene))
-                trial.expect(not fits, f"the images fit {each.words}")
+                trial.expect(not fits, "misrendered", f"the images fit {each.words}")
         trial.not_observable(f"the image of a camera at {ASKEW} is none of it, and fits nothing")
 
 
@@ -155,7 +157,7 @@ def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
             if swapped:
                 written["position"] = written.pop("position")
             names = f"position {', '.join(places)} and rotation {', '.join(turns)}"
-            expect_shown(it, camera, f"a pose with {names}", written)
+            expect_shown(it, camera, "pose-not-shown", f"a pose with {names}", written)
 
 
 @check("POS-6", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
@@ -167,7 +169,7 @@ def check_keeps_the_former_pose_in_device_memory(trial: ServerTrial) -> None:
         it.learn(HardView(it.left, MOVED))
         broken = broken_poses(camera_pose(*it.askew))
         for each in trial.each(broken, kind=lambda it: it.kind, spare=0):
-            expect_shown(it, it.left, "a good pose")
+            expect_shown(it, it.left, "not-applied", "a good pose")
             outcome = trial.outcome_on_msg(trial.mover(), packet(each.payload))
             what = f"a pose with {each.what} ({each.requirement})"
             if outcome in ("ignores", "reports", "replies"):
@@ -187,7 +189,7 @@ def check_the_newest_camera_is_shown_in_device_memory(trial: ServerTrial) -> Non
             others = [turned(rng.choice(around), rng) for _ in range(rng.randrange(1, 6))]
             last = turned(around[number % 2], rng)
             row = [camera_pose(*each) for each in (*others, last)]
-            expect_shown(it, last, f"{len(row)} poses at once", *row)
+            expect_shown(it, last, "not-the-newest", f"{len(row)} poses at once", *row)
 
 
 @check("POS-11", observable=BY_LIKENESS, needs=SHOWN)
@@ -197,7 +199,7 @@ def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> Non
         trial.not_observable("the server serves one connection at a time on the message channel")
     with comparing(trial) as it:
         it.learn(HardView(it.right, AT_REST), HardView(it.left, MOVED))
-        expect_shown(it, it.left, "a good pose")
+        expect_shown(it, it.left, "not-applied", "a good pose")
         second = trial.dial("msg")
         first = trial.mover()
         trial.answers(second)
@@ -205,9 +207,18 @@ def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> Non
         trial.viewer.say(second, camera_pose(*it.right))
         trial.answers(second)
         kept = it.comes_to_show(it.left, MOVED, NUDGE)
-        trial.expect(kept, "the camera went where a connection has put it that has no control")
+        trial.expect(
+            kept,
+            "applied-without-control",
+            "the camera went where a connection has put it that has no control",
+        )
         trial.pass_control(second)
-        expect_shown(it, it.right, "a pose of the next, once the connection in control has closed")
+        expect_shown(
+            it,
+            it.right,
+            "control-not-passed-on",
+            "a pose of the next, once the connection in control has closed",
+        )
 
 
 @check("POS-13", observable=BY_LIKENESS, needs=SHOWN)
@@ -223,8 +234,10 @@ def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> 
         trial.pass_control(trial.dial("msg"))
         if it.comes_to_show(it.left, AT_REST, camera_pose(*it.left)):
             return
-        expect_shown(it, it.right, "with the Gaussians at rest")
-        trial.violated("the Gaussians were not at rest before any pose of theirs had come")
+        expect_shown(it, it.right, "pose-not-shown", "with the Gaussians at rest")
+        trial.violated(
+            "not-at-rest", "the Gaussians were not at rest before any pose of theirs had come"
+        )
 
 
 @check("JSN-11", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
@@ -241,7 +254,7 @@ def check_takes_strings_for_numbers_or_not_in_device_memory(trial: ServerTrial) 
         }
         it.learn(there, here)
         for written in trial.each([pose | texts]):
-            expect_shown(it, it.left, "a good pose")
+            expect_shown(it, it.left, "not-applied", "a good pose")
             outcome = trial.outcome_on_msg(trial.mover(), packet(encode(written)))
             if outcome in ("ignores", "replies", "reports"):
                 shown = it.comes_to_show_one(here, there, by=NUDGE)

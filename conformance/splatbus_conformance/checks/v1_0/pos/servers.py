@@ -65,11 +65,11 @@ def check_keeps_the_former_pose(trial: ServerTrial) -> None:
     """
     steering, poser = CameraControl(trial), trial.dial("msg")
     home = camera_pose((0.25, 0.5, -0.75), ROTATION)
-    trial.expect(steering.shows(poser, home), "no frame shows a good pose")
+    trial.expect(steering.shows(poser, home), "not-applied", "no frame shows a good pose")
     for each in trial.each(broken_poses(FAR), kind=lambda it: it.kind, spare=SPARE):
         if poser.ended:
             poser = trial.dial("msg")
-            trial.expect(steering.shows(poser, home), "no frame shows a good pose")
+            trial.expect(steering.shows(poser, home), "not-applied", "no frame shows a good pose")
         outcome = steering.outcome_of(poser, each.payload)
         what = f"a pose with {each.what} ({each.requirement})"
         trial.judge(outcome, f"{what}; the camera is at {steering.now()}")
@@ -121,9 +121,13 @@ def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
     steering, poser = CameraControl(trial), trial.dial("msg")
     home = camera_pose((0.25, 0.5, -0.75), ROTATION)
     for pose in trial.each(LIMITS_OF_POSES):
-        trial.expect(steering.shows(poser, home), "no frame shows a good pose")
+        trial.expect(steering.shows(poser, home), "not-applied", "no frame shows a good pose")
         shown = steering.shows(poser, pose)
-        trial.expect(shown, f"the valid pose {show(pose)}; the camera is at {steering.now()}")
+        trial.expect(
+            shown,
+            "pose-not-shown",
+            f"the valid pose {show(pose)}; the camera is at {steering.now()}",
+        )
         trial.delivered += 1
 
 
@@ -140,7 +144,9 @@ def check_poses_of_any_time_are_poses(trial: ServerTrial) -> None:
         told: Json = {} if moment is None else {"timestamp": moment}
         pose = camera_pose((0.5 + number, -0.5, -3.0), ROTATION) | told
         shown = steering.shows(poser, pose)
-        trial.expect(shown, f"no frame shows a pose with the timestamp {show(moment)}")
+        trial.expect(
+            shown, "pose-not-shown", f"no frame shows a pose with the timestamp {show(moment)}"
+        )
         trial.delivered += 1
 
 
@@ -154,13 +160,14 @@ MOMENTS = (1.7e12, 5.0, None, -3, 0, 1e308, 12.5, -1e308, 3.0, 5e-324)
 def check_the_last_of_one_piece_is_shown(trial: ServerTrial) -> None:
     """Several poses that arrive together; nothing but the Gaussians is moved after them."""
     steering, poser = CameraControl(trial), trial.dial("msg")
-    trial.expect(steering.shows(poser, camera_pose()), "no frame shows a good pose")
+    trial.expect(steering.shows(poser, camera_pose()), "not-applied", "no frame shows a good pose")
     for number in trial.each(range(1, 40 if trial.thorough else 6)):
         row = [camera_pose((float(number), 0.5 * place, -1.0)) for place in range(1 + number)]
         poser.send(b"".join(packet(encode(each)) for each in row))
         last = steering.nudged(poser)[-1]
         trial.expect(
             last.shows(camera_of(row[-1])),
+            "not-the-newest",
             f"{len(row)} poses came in one piece, and then the Gaussians were moved: the camera is"
             f" at {last}, and not at {camera_of(row[-1])}",
         )
@@ -193,6 +200,7 @@ def check_one_connection_has_control(trial: ServerTrial) -> None:
             trial.outcome_on_msg(early, packet(wrong))
         trial.expect(
             steering.shows(first, here),
+            "control-not-given",
             "no frame shows the pose of the connection that was first to send a valid one",
         )
         wanted, since = camera_of(here), steering.count
@@ -200,11 +208,13 @@ def check_one_connection_has_control(trial: ServerTrial) -> None:
         seen = steering.nudged(first, since)
         trial.expect(
             all(camera.shows(wanted) for camera in seen),
+            "applied-without-control",
             f"the camera went to {seen[-1]} with a pose of a connection that has no control",
         )
         first.close()
         trial.expect(
             steering.shows(second, there),
+            "control-not-passed-on",
             "no frame shows the pose of the next connection once that in control has closed",
         )
         trial.delivered += 1

@@ -70,7 +70,7 @@ def made_of_replies(trial: ClientTrial, answering: OddReplies, requests: list[An
             f"its requests were answered, and it waited for a reply until it closed: {problem}"
         )
         if trial.requirement.id == "REQ-11":
-            trial.violated(untaken)
+            trial.violated("reply-not-taken", untaken)
         trial.not_observable(f"{untaken} (REQ-11)")
     if len(replies) != len(requests):
         raise AdapterBroken(f"asked for {len(requests)} replies, it told {len(replies)}")
@@ -81,7 +81,7 @@ def understood(trial: ClientTrial, reply: Json, wire: Pose) -> PoseError:
     """How far the pose that the client made of a reply is off."""
     engine = engine_of(trial.greeting, "camera_pose")
     if "position" not in reply:
-        trial.violated(f"the reply to get_camera_pose was taken for {reply}")
+        trial.violated("not-a-pose", f"the reply to get_camera_pose was taken for {reply}")
     return off(
         Pose(tuple(reply["position"]), tuple(reply["rotation"])),
         engine.position_from_wire(wire.position),
@@ -109,7 +109,7 @@ def check_matches_replies_by_their_order(trial: ClientTrial) -> None:
         for number, (request, reply) in enumerate(zip(requests, replies, strict=True), 1):
             if not _answers(trial, request, reply):
                 told = f"of {requests} number {number}, {request}, was given {reply}"
-                trial.violated(f"{told}: the reply to another")
+                trial.violated("another-reply", f"{told}: the reply to another")
         trial.delivered += 1
 
 
@@ -154,7 +154,7 @@ def check_understands_cameras(trial: ClientTrial) -> None:
             taken = Pose(tuple(reply["position"]), tuple(reply["rotation"]))
             engine = engine_of(trial.greeting, "camera_pose")
             reason = why(wire, taken, engine, "in") or f"it is {found.away_by} away"
-            trial.violated(f"the camera {wire} was taken for {reply}: {reason}")
+            trial.violated("another-pose", f"the camera {wire} was taken for {reply}: {reason}")
 
 
 @check("ACC-7", observable=OBSERVABLE, needs=("msg", "adapter:ask"))

@@ -150,7 +150,7 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
         trial.not_observable("the testee does not ask for the size when it connects again")
     told = connection.packets[-1].ended
     if not trial.wait(lambda: dealings.count("get_viewport_size") > 1):
-        trial.expect(not trial.fate(), "told [0,0], it did not go on")
+        trial.expect(not trial.fate(), "ended", "told [0,0], it did not go on")
         trial.not_observable("the testee does not ask again: it may not need the size")
     asked = next(
         p.ended
@@ -160,6 +160,7 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     least = LIMITS["ask_again_min_seconds"]
     trial.expect(
         asked - told >= least - JITTER_SECONDS,
+        "too-soon",
         f"it asked again {1000 * (asked - told):.0f} ms later; {1000 * least:.0f} are asked for",
     )
     trial.delivered += 1

@@ -52,13 +52,17 @@ def check_camera_index_is_taken_modulo(trial: ServerTrial) -> None:
         half = first[ASKED // 2 :]
         alike = all(each == half[0] for each in half)
         trial.expect(
-            not alike, f"every camera from index {_last_change(first)} to {ASKED - 1} is the same"
+            not alike,
+            "cameras-alike",
+            f"every camera from index {_last_change(first)} to {ASKED - 1} is the same",
         )
         trial.not_observable(f"the scene comes with more than {ASKED // 2} cameras")
     for index in trial.each(FAR_INDICES):
         (told,) = cameras(trial, [index])
         of = f"camera {index % period} of {period}"
-        trial.expect(told == first[index % period], f"camera {index} is {told}, not {of}")
+        trial.expect(
+            told == first[index % period], "another-camera", f"camera {index} is {told}, not {of}"
+        )
 
 
 @check("REQ-7", observable="one reply to each request that was sent in one write, in their order")
@@ -77,6 +81,7 @@ def check_one_reply_each_in_order(trial: ServerTrial) -> None:
         told = ["size" if "viewport_size" in each else "camera" for each in replies]
         trial.expect(
             told == asked,
+            "other-replies",
             f"{len(told)} replies ({_few(told)}) to {len(asked)} requests ({_few(asked)})",
         )
         trial.delivered += 1
@@ -96,7 +101,7 @@ def check_answers_what_came_before_a_broken_request(trial: ServerTrial) -> None:
         connection.send(b"".join(packet(encode(each)) for each in (*good, broken)))
         told = replies_after(trial, connection, 0, count)
         what = f"{count} requests and a broken one behind them"
-        trial.expect(len(told) == count, f"{len(told)} replies to {what}")
+        trial.expect(len(told) == count, "wrong-count", f"{len(told)} replies to {what}")
         connection.close()
         trial.delivered += 1
 
@@ -166,7 +171,9 @@ def check_replies_do_not_wait_for_an_image(trial: ServerTrial) -> None:
         for request in every_request(trial, connection):
             if request["type"] != "set_viewport":  # a size is had when there is memory of it
                 told = trial.ask(connection, request)
-                trial.expect(told is not None, f"no reply to {request} without an image")
+                trial.expect(
+                    told is not None, "no-reply", f"no reply to {request} without an image"
+                )
                 trial.delivered += (told or {}).get("type") != "error"
 
 
@@ -203,9 +210,13 @@ def cameras(trial: ServerTrial, indices: range | list[int]) -> list[Json]:
     connection.send(b"".join(requests))
     told = replies_after(trial, connection, 0, len(requests))
     asked = f"{len(requests)} requests for a camera, from {indices[0]} to {indices[-1]}"
-    trial.expect(len(told) >= len(requests), f"{len(told)} replies to {asked}")
+    trial.expect(len(told) >= len(requests), "no-reply", f"{len(told)} replies to {asked}")
     other = [each for each in told if "position" not in each]
-    trial.expect(not other, f"the reply to one of {asked} tells of no camera: {show(other[:1])}")
+    trial.expect(
+        not other,
+        "another-answer",
+        f"the reply to one of {asked} tells of no camera: {show(other[:1])}",
+    )
     connection.close()
     trial.delivered += len(requests)
     return told

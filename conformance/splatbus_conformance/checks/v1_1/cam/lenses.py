@@ -130,10 +130,10 @@ def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
         image_session.capture.go(elsewhere(trial), intrinsics=lens)
         image_session.answers()
         errors = [it for it in image_session.heard[before_it:] if it.get("type") == "error"]
-        trial.expect(not errors, f"{told} were answered by {show(errors)}")
+        trial.expect(not errors, "refused", f"{told} were answered by {show(errors)}")
         seen, wanted = image_session.look(intrinsics=lens), scaled(lens, size)
         wrong = in_force(seen.frame, wanted)
-        trial.expect(not wrong, f"{told}: of the frame's camera {wrong}")
+        trial.expect(not wrong, "other-intrinsics", f"{told}: of the frame's camera {wrong}")
         _expect_seen_so(trial, before, seen, seen.camera._replace(**wanted), told)
         trial.delivered += 1
 
@@ -153,7 +153,11 @@ def _expect_seen_so(
     if trial.facts.scene_known:
         exact = render(camera, trial.facts.setting(seen.frame))
         share = exact.agreement(seen.color, seen.planar())
-        trial.expect(share >= WHOLE, f"{told}: {1 - share:.0%} of the pixels are not as seen so")
+        trial.expect(
+            share >= WHOLE,
+            "other-pixels",
+            f"{told}: {1 - share:.0%} of the pixels are not as seen so",
+        )
         return
     unchanged = before.camera._replace(pose=camera.pose)
     by_lens, by_former = (
@@ -162,6 +166,7 @@ def _expect_seen_so(
     )
     trial.expect(
         by_lens >= FITS or by_former < FITS or by_former - by_lens < APART,
+        "former-intrinsics",
         f"{told}: the image fits the intrinsics before them, at {by_former:.0%} of the points",
     )
 
@@ -192,18 +197,27 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
         before, known = len(image_session.heard), len(image_session.frames)
         bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
         image_session.capture.go(_elsewhere(trial), intrinsics=bad, tag="refused")
-        trial.expect(image_session.answers(), f"{told}: the next request was not answered")
+        trial.expect(
+            image_session.answers(), "no-reply", f"{told}: the next request was not answered"
+        )
         errors = [it for it in image_session.heard[before:] if it.get("type") == "error"]
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
         trial.expect(
             codes == [("invalid_message", "/intrinsics")],
+            "another-error" if codes else "no-error",
             f"{told}, were answered by {show(codes) if codes else 'no error'}",
         )
         former, *frames = image_session.nudged(known - 1)
         applied = _applied(former, frames)
-        trial.expect(not applied, f"{told}, were refused, and the pose was applied: {applied}")
+        trial.expect(
+            not applied, "applies", f"{told}, were refused, and the pose was applied: {applied}"
+        )
         wrong = in_force(frames[-1], scaled(good, size))
-        trial.expect(not wrong, f"{told}, were refused, and then of the frame's camera {wrong}")
+        trial.expect(
+            not wrong,
+            "other-intrinsics",
+            f"{told}, were refused, and then of the frame's camera {wrong}",
+        )
         trial.delivered += 1
 
 
@@ -216,7 +230,9 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     size = first.camera.width, first.camera.height
     own = {name: first.frame["camera"][name] for name in LENS}
     wrong = in_force(image_session.look().frame, own)
-    trial.expect(not wrong, f"nobody sent intrinsics, and of the frame's camera {wrong}")
+    trial.expect(
+        not wrong, "other-intrinsics", f"nobody sent intrinsics, and of the frame's camera {wrong}"
+    )
     other = further(trial, image_session.poser)
     lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
     foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
@@ -239,7 +255,9 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
                 image_session.look()
             elif not _goes_on(trial, sender or image_session.poser, message):
                 trial.expect(
-                    image_session.end() == "closes", f"{moment}, and then: {image_session.end()}"
+                    image_session.end() == "closes",
+                    "no-reply",
+                    f"{moment}, and then: {image_session.end()}",
                 )
                 trial.peer.close_all()
                 image_session = ImageSession(trial)
@@ -247,7 +265,11 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
                 break
             for frame in image_session.nudged(known):
                 wrong = in_force(frame, wanted)
-                trial.expect(not wrong, f"intrinsics were sent, {moment}, and now {wrong}")
+                trial.expect(
+                    not wrong,
+                    "other-intrinsics",
+                    f"intrinsics were sent, {moment}, and now {wrong}",
+                )
         trial.delivered += 1
 
 
@@ -275,14 +297,16 @@ def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
         reply = trial.ask(connection, {"type": "get_camera_pose", "cam_idx": index, "id": 7}) or {}
         told: Any = reply.get("intrinsics")
         of = f"the intrinsics of camera {index}"
-        trial.expect(isinstance(told, dict), f"{of} are {show(told)}")
+        trial.expect(isinstance(told, dict), "no-intrinsics", f"{of} are {show(told)}")
         size = whole(told.get("width"), 1), whole(told.get("height"), 1)
         trial.expect(
             size == (across, down),
+            "wrong-size",
             f"{of} are for {size[0]}×{size[1]}, and images have {across}×{down}",
         )
         trial.expect(
             former.setdefault(index, told) == told,
+            "intrinsics-changed",
             f"{of} were {show(former[index])}, and after those of a client {show(told)}",
         )
         if len(former) == len(ASKED):

@@ -46,10 +46,13 @@ def check_compares_shapes_with_the_size_now(trial: ServerTrial) -> None:
                 before = len(heard)
                 lens = lens_of(first, *shape, 1.25, 1.25, 0.0, 0.0)
                 trial.viewer.say(client, camera_pose(*elsewhere(trial)) | {"intrinsics": lens})
-                trial.expect(answers(trial, client), "the request behind a pose was not answered")
+                trial.expect(
+                    answers(trial, client), "no-reply", "the request behind a pose was not answered"
+                )
                 codes = [it.get("code") for it in heard[before:] if it.get("type") == "error"]
                 trial.expect(
                     codes == ([code] if code else []),
+                    ("another-error" if code else "refused") if codes else "no-error",
                     f"images became {size[0]}×{size[1]}, and intrinsics for {shape[0]}×{shape[1]}"
                     f" were answered by {show(codes) if codes else 'no error'}",
                 )
@@ -66,6 +69,7 @@ def check_tells_lenses_for_the_size_now(trial: ServerTrial) -> None:
             told = tuple(within(reply, "intrinsics", name) for name in ("width", "height"))
             trial.expect(
                 told == size,
+                "wrong-size",
                 f"images became {size[0]}×{size[1]}, and a camera is told with intrinsics for"
                 f" {show(told[0])}×{show(told[1])}",
             )
@@ -92,6 +96,7 @@ def check_no_tag_comes_again_in_another_size(trial: ServerTrial) -> None:
             tags = [within(frame, "camera", "tag") for frame in frames]
             trial.expect(
                 tags.count(tag) <= 1,
+                "tag-twice",
                 f"the tag {tag!r} came {tags.count(tag)} times, since images became of another"
                 " size",
             )
@@ -117,6 +122,7 @@ def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
             shown = camera and camera.shows(camera_of(camera_pose(*wanted)))
             trial.expect(
                 shown,
+                "another-camera",
                 f"the camera was put at {wanted}; then images became {size[0]}×{size[1]}, and the"
                 f" first of them is of one at {camera}",
             )
@@ -136,7 +142,7 @@ def check_tells_everybody_of_the_newest_size(trial: ServerTrial) -> None:
                 told: Json = trial.ask(other, VIEWPORT_REQUEST) or {}
                 now = told.get("viewport_size")
                 what = f"images have {size[0]}×{size[1]} now, and who asked before is told"
-                trial.expect(now in (list(size), [0, 0]), f"{what} {show(now)}")
+                trial.expect(now in (list(size), [0, 0]), "wrong-size", f"{what} {show(now)}")
             trial.delivered += 1
 
 
@@ -158,8 +164,10 @@ def check_answers_behind_another_size_before_the_end(trial: ServerTrial) -> None
             closed = trial.ends(client, 2 * REINIT_SECONDS)
             told = [it["id"] for it in heard[before:] if "id" in it]
             what = f"{BEHIND} requests, of which the first is for another size, and the end"
-            trial.expect(told == list(range(BEHIND)), f"{len(told)} answers to {what}")
-            trial.expect(closed, f"the server kept the connection open after {what}")
+            trial.expect(
+                told == list(range(BEHIND)), "wrong-count", f"{len(told)} answers to {what}"
+            )
+            trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
             trial.delivered += 1
 
 

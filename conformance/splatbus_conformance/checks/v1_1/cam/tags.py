@@ -44,7 +44,7 @@ class TagSession:
         self.readers = [self.steering.reader]
         self.sent: list[TaggedPose] = []
         shown = self.steering.shows(self.poser, _pose(0))
-        trial.expect(shown, "no frame shows a good pose")
+        trial.expect(shown, "not-applied", "no frame shows a good pose")
         self._begun = {self.steering.reader: self.steering.count}
 
     def go_through(self, actions: Iterable[str]) -> None:
@@ -91,7 +91,9 @@ class TagSession:
         """Every reader has a frame of the newest camera, and the newest of all frames."""
         if ended := [reader for reader in self.readers if reader.ended]:
             later = all(gave_way(self.trial, reader) for reader in ended)
-            self.trial.expect(later, "a reader was closed, and no other had come after it")
+            self.trial.expect(
+                later, "closes", "a reader was closed, and no other had come after it"
+            )
             self.trial.not_observable("the server ends a connection in favour of a later one")
         place = self.sent[-1].place if self.sent else 0
 
@@ -106,7 +108,9 @@ class TagSession:
         if not self.trial.wait(lambda: all(map(shown, self.readers))):
             last = [frames_of(self.trial, reader)[-1:] for reader in self.readers]
             late = any(_place(frame) != place for frames in last for frame in frames)
-            self.trial.expect(not late, "a reader is shown no image of the newest camera")
+            self.trial.expect(
+                not late, "not-the-newest", "a reader is shown no image of the newest camera"
+            )
             self.trial.not_observable("its readers are never shown the same image")
 
 
@@ -138,10 +142,12 @@ def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
                 if len(poses) == 1:
                     trial.expect(
                         tags[0] == poses[0].tag,
+                        "another-tag",
                         f"the first frame to reader {number} of {what} has {_named(tags[0])}",
                     )
                 trial.expect(
                     poses[-1].tag in tags,
+                    "no-tag",
                     f"no frame to reader {number} has the tag of {what} which has the values of the"
                     " pose before it",
                 )
@@ -156,11 +162,12 @@ def check_a_tag_that_was_used_comes_again(trial: ServerTrial) -> None:
         before, pose = len(frames), _pose(place) | {"tag": tag}
         trial.viewer.say(story.poser, pose)
         shown = trial.wait(lambda: any(_place(it) == place for it in frames[before:]))  # noqa: B023
-        trial.expect(shown, "no frame shows a good pose")
+        trial.expect(shown, "not-applied", "no frame shows a good pose")
         first = next(it for it in frames[before:] if _place(it) == place)
         came = within(first, "camera", "tag")
         trial.expect(
             came == tag,
+            "another-tag",
             f"pose {place} has the tag of the pose before, and the first "
             f"frame of it has {_named(came)}",
         )
@@ -178,10 +185,17 @@ def check_no_other_tags_come(trial: ServerTrial) -> None:
                 if tag is None:
                     continue
                 what = f"a frame to reader {number} has {_named(tag)}, which"
-                trial.expect(tag in places if isinstance(tag, str) else 0, f"{what} no pose had")
-                trial.expect(tag not in came, f"{what} had come on that connection already")
+                trial.expect(
+                    tag in places if isinstance(tag, str) else 0,
+                    "unknown-tag",
+                    f"{what} no pose had",
+                )
+                trial.expect(
+                    tag not in came, "tag-twice", f"{what} had come on that connection already"
+                )
                 trial.expect(
                     place == places[tag],
+                    "tag-of-another-pose",
                     f"{what} belongs to pose {places[tag]}, and the image is of pose {place}",
                 )
                 came.append(tag)

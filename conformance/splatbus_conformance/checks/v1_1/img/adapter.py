@@ -72,7 +72,7 @@ def check_releases_when_it_has_read(trial: ClientTrial) -> None:
     many = trial.thorough and trial.role.width * trial.role.height <= SMALL
     for number in range(400 if many else 30):
         lender.show(coordinates(number, *lender.size))
-        _judge(trial, lender, "was released before it was read")
+        _judge(trial, lender, "released-too-early", "was released before it was read")
 
 
 @check(
@@ -92,10 +92,20 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
         for slot in range(trial.role.slots):
             lender.paint(coordinates(1000 + number, *lender.size), slot)
         trial.rest(linger)
-        _judge(trial, lender, f"was shown after the client had given image {seq} back")
+        _judge(
+            trial,
+            lender,
+            "read-without-lease",
+            f"was shown after the client had given image {seq} back",
+        )
         lender.spoil_everything()
         trial.rest(linger)
-        _judge(trial, lender, f"was shown after the client had given image {seq} back")
+        _judge(
+            trial,
+            lender,
+            "read-without-lease",
+            f"was shown after the client had given image {seq} back",
+        )
 
 
 @check(
@@ -132,18 +142,22 @@ def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
         shown = lender.newest()["seq"]
         lender.show(coordinates(0, *lender.size))
         what = f"frame {shorten(said[0])}: its slot was given back, and it was not read"
-        trial.expect(not given_back or shown == seq, what)
+        trial.expect(not given_back or shown == seq, "not-read", what)
         trial.delivered += 1
 
 
-def _judge(trial: ClientTrial, lender: FrameLender, otherwise: str) -> None:
+def _judge(trial: ClientTrial, lender: FrameLender, code: str, otherwise: str) -> None:
     answer = trial.ask("digest")
     if answer["seq"] is None:
         return
     if answer["seq"] not in lender.shown:
-        trial.violated(f"the client shows image {answer['seq']}, which was never lent")
+        trial.violated(
+            "never-lent", f"the client shows image {answer['seq']}, which was never lent"
+        )
     if wrong := parts(answer, lender.shown[answer["seq"]]):
-        trial.violated(f"image {answer['seq']} {otherwise}: {described(answer, wrong, lender)}")
+        trial.violated(
+            code, f"image {answer['seq']} {otherwise}: {described(answer, wrong, lender)}"
+        )
     trial.delivered += 1
 
 
@@ -174,7 +188,10 @@ def _judge_subscriptions(trial: ClientTrial, lender: FrameLender) -> None:
             answer = trial.ask("digest")
             for name in bad.keys() - written:
                 if answer[name] == sha256(bad[name]):
-                    trial.violated(f"it read {name} with {', '.join(written)} subscribed to")
+                    trial.violated(
+                        "read-unsubscribed",
+                        f"it read {name} with {', '.join(written)} subscribed to",
+                    )
             written = {channel}
         if answer[channel] is None:
             trial.not_observable(f"subscribed to {channel} alone, the client did not read it")
@@ -197,7 +214,10 @@ def _judge_what_is_subscribed_again(trial: ClientTrial) -> None:
     answer = trial.ask("digest")
     for name in unwritten:
         if answer[name] == sha256(bad[name]):
-            trial.violated(f"on a new connection it read {name} with {wanted} subscribed to")
+            trial.violated(
+                "read-unsubscribed",
+                f"on a new connection it read {name} with {wanted} subscribed to",
+            )
 
 
 def _subscribe(trial: ClientTrial, lender: FrameLender, channels: list[str]) -> None:
@@ -229,6 +249,8 @@ def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> Non
         trial.rest(REACTION_SECONDS)
         lender.spoil_everything()
         trial.rest(linger)
-        _judge(trial, lender, "is not what the client read while it was connected")
+        _judge(
+            trial, lender, "read-after-end", "is not what the client read while it was connected"
+        )
         trial.peer.listen("ipc")
         lender = FrameLender(trial)

@@ -29,13 +29,19 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
             seq = LAST_NUMBER if number else 0
             dealings.coming = trial.role.coming(connection)._replace(seq=seq)
         seq = trial.role.lend(connection, time=(number - 5) / 4)
-        trial.expect(trial.releases(connection, seq), f"frame {seq} was not released within 5 s")
+        trial.expect(
+            trial.releases(connection, seq),
+            "not-released",
+            f"frame {seq} was not released within 5 s",
+        )
         trial.delivered += 1
     trial.rest(0.1)
     twice = {seq for seq in dealings.released if dealings.released.count(seq) > 1}
-    trial.expect(not twice, f"frame {min(twice, default=0)} was released more than once")
+    trial.expect(
+        not twice, "released-twice", f"frame {min(twice, default=0)} was released more than once"
+    )
     unknown = set(dealings.released) - set(dealings.frames)
-    trial.expect(not unknown, f"it released {unknown}, which were never lent")
+    trial.expect(not unknown, "never-lent", f"it released {unknown}, which were never lent")
 
 
 @check(
@@ -59,15 +65,23 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
         what = f"a frame with {broken}"
         expect_alive(trial, connection, what)
         if not connection.ended:
-            trial.expect(given_back, f"{what}: its slot was not released within 5 s")
+            trial.expect(
+                given_back, "not-released", f"{what}: its slot was not released within 5 s"
+            )
             once = released.count(frame["seq"]) == 1
-            trial.expect(once, f"{what}: its slot was released more than once")
+            trial.expect(once, "released-twice", f"{what}: its slot was released more than once")
         elif not given_back:
-            trial.expect(trial.comes_back("ipc"), f"{what}: the testee closed, for good")
+            trial.expect(
+                trial.comes_back("ipc"), "closed-for-good", f"{what}: the testee closed, for good"
+            )
         trial.delivered += 1
     if not connection.ended:
         seq = trial.role.lend(connection)
-        trial.expect(trial.releases(connection, seq), "the good frame after them was not released")
+        trial.expect(
+            trial.releases(connection, seq),
+            "good-frame-not-released",
+            "the good frame after them was not released",
+        )
 
 
 @check(
@@ -91,9 +105,9 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
         said = [(m.get("type"), m.get("generation"), m.get("seq")) for m in dealings.heard]
         before = said[: said.index(("closed", former, None))]
         what = f"it closed generation {former}, and had not released its frame {seq}"
-        trial.expect(("release", former, seq) in before, what)
+        trial.expect(("release", former, seq) in before, "closed-before-release", what)
         trial.delivered += 1
-    trial.expect(trial.opens(connection), "the last memory was not opened")
+    trial.expect(trial.opens(connection), "not-opened", "the last memory was not opened")
 
 
 @check(

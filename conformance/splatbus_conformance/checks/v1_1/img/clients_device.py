@@ -65,11 +65,17 @@ def check_releases_each_frame_of_the_device(trial: ClientTrial) -> None:
         for _ in range(FRAMES):
             _, seq = lend(trial, ring, connection)
             trial.expect(
-                trial.releases(connection, seq), f"frame {seq} was not released within 5 s"
+                trial.releases(connection, seq),
+                "not-released",
+                f"frame {seq} was not released within 5 s",
             )
             trial.delivered += 1
         trial.rest(REACTION_SECONDS / 2)
-        trial.expect(len(released) == FRAMES, f"it released {len(released)} of {FRAMES} frames")
+        trial.expect(
+            len(released) == FRAMES,
+            "released-too-often",
+            f"it released {len(released)} of {FRAMES} frames",
+        )
 
 
 @check("IMG-8", observable="the calls that copy, and those that wait", needs=LENDING)
@@ -85,7 +91,10 @@ def check_waits_for_the_event_of_the_slot(trial: ClientTrial) -> None:
             seq = trial.role.lend(connection)
             trial.rest(PENDING_SECONDS)
             for call in ring.copies(trial.calls()[before:], slot):
-                trial.violated(f"the event of slot {slot} was pending when it called {call}")
+                trial.violated(
+                    "read-before-event",
+                    f"the event of slot {slot} was pending when it called {call}",
+                )
             ring.fill(slot, b"\0")
             ring.events[slot].complete()
             released_at(trial, connection, seq)
@@ -107,7 +116,10 @@ def check_releases_after_its_copies_have_finished(trial: ClientTrial) -> None:
             if not ring.copies(calls, slot):
                 trial.not_observable("the testee releases frames, and does not read them")
             for call in usage.under_way(calls, ring.memory.name):
-                trial.violated(f"frame {seq} was released before the host saw the end of {call}")
+                trial.violated(
+                    "released-too-early",
+                    f"frame {seq} was released before the host saw the end of {call}",
+                )
             trial.delivered += 1
 
 
@@ -123,5 +135,8 @@ def check_reads_no_slot_without_a_lease(trial: ClientTrial) -> None:
             for other in range(trial.role.slots):
                 for call in ring.copies(trial.calls()[before:], other):
                     if other != slot or call.time > at:
-                        trial.violated(f"without a lease of slot {other} it called {call}")
+                        trial.violated(
+                            "read-without-lease",
+                            f"without a lease of slot {other} it called {call}",
+                        )
             trial.delivered += 1

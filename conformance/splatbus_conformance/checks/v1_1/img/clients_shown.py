@@ -69,8 +69,9 @@ def check_shows_a_frame_after_its_event(trial: ClientTrial) -> None:
             if wrong := adapter_images.parts(answer, image):
                 told = " and was released" if early else ""
                 trial.violated(
+                    "read-before-event",
                     f"image {seq} was read{told} before the event of slot {slot} was complete: "
-                    + adapter_images.described(answer, wrong, lender)
+                    + adapter_images.described(answer, wrong, lender),
                 )
             trial.delivered += 1
 
@@ -126,7 +127,11 @@ def check_opens_device_memory(trial: ClientTrial) -> None:
             trial.opens(connection)
             heard = [message for message in dealings.heard if message.get("type") == "open_failed"]
             reason = heard[0].get("reason") if heard else "it did not answer"
-            trial.expect(dealings.opened, f"it did not open good device memory: {reason}")
+            trial.expect(
+                dealings.opened,
+                "open-failed" if heard else "no-reply",
+                f"it did not open good device memory: {reason}",
+            )
             trial.delivered += 1
 
 

@@ -52,10 +52,16 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
     for place in trial.each(range(20)):
         pose = trial.move()
         seen = trial.sees(reader, pose)
-        trial.expect(seen, f"move {place + 1} was not seen while {len(others)} others stalled")
+        trial.expect(
+            seen, "no-frame", f"move {place + 1} was not seen while {len(others)} others stalled"
+        )
         trial.delivered += 1
     trial.viewer.release(first, held)
-    trial.expect(trial.sees(first, pose), "a reader that goes on after a pause is sent nothing")
+    trial.expect(
+        trial.sees(first, pose),
+        "no-frame-after-pause",
+        "a reader that goes on after a pause is sent nothing",
+    )
 
 
 @check(
@@ -78,7 +84,11 @@ def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
         trial.delivered += 1
     for number, it in enumerate(holders):
         told = f"two readers hold an image each, and that of the {('first', 'second')[number]}"
-        trial.expect(_held(trial, it) == before[number], f"{told} was written meanwhile")
+        trial.expect(
+            _held(trial, it) == before[number],
+            "written-while-held",
+            f"{told} was written meanwhile",
+        )
 
 
 @check("IMG-5", observable="images of one pose, in every slot", needs=(*LENDS, "pixels"))
@@ -107,6 +117,7 @@ def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
         slots = other.frame["slot"], first.frame["slot"]
         trial.expect(
             alike(first, other),
+            "other-pixels",
             f"{1 - likeness(first, other):.0%} of the pixels in slot {slots[0]} are others than in"
             f" slot {slots[1]}, though both show a camera at {here}",
         )
@@ -136,7 +147,9 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
             pose = trial.move()
             trial.rest(pause)
             trial.viewer.release(connection, held)
-            held = following(trial, connection, pose) or trial.violated("no frame after release")
+            held = following(trial, connection, pose) or trial.violated(
+                "no-frame", "no frame after release"
+            )
         elif number != held[kind]:
             wrong[kind] = number
         else:
@@ -147,7 +160,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
         trial.viewer.release(connection, wrong)
         pose = trial.move()
         trial.rest(pause)
-        trial.expect(len(frames) == before, f"{told}: another frame came")
+        trial.expect(len(frames) == before, "another-frame", f"{told}: another frame came")
         trial.viewer.release(connection, held)
         seen = following(trial, connection, pose)
         if seen is None:
@@ -169,7 +182,7 @@ def check_ends_leases_with_the_connection(trial: ServerTrial) -> None:
     for number in trial.each(range(min(slots, MOST_LEASES) + 2)):
         reader = patient_reader(trial, number)
         seen = pinning(trial, reader)
-        trial.expect(seen, f"{number} readers left with a lease; the next saw no move")
+        trial.expect(seen, "no-frame", f"{number} readers left with a lease; the next saw no move")
         leave(trial, reader, number)
         trial.delivered += 1
 
@@ -186,7 +199,7 @@ def patient_reader(trial: ServerTrial, former: int) -> Connection:
         return dealings.memory is not None
 
     welcomed = trial.peer.until(welcome, EFFECT_SECONDS)
-    trial.expect(welcomed, f"{former} readers left with a lease; the next was refused")
+    trial.expect(welcomed, "refused", f"{former} readers left with a lease; the next was refused")
     return readers[-1]
 
 
@@ -212,22 +225,28 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
         if any(reader.ended for reader in readers):
             trial.not_observable("the server ends a connection in favour of a later one")
         if answer is None:
-            trial.expect(connection.ended, f"beside {number} readers a hello is not answered")
+            trial.expect(
+                connection.ended, "no-reply", f"beside {number} readers a hello is not answered"
+            )
             trial.not_observable(f"it takes no connection beside {number} readers")
         trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)  # noqa: B023
         told = f"reader {number + 1}, while {number} hold an image each,"
         if dealings.frames:
-            trial.expect(pinning(trial, connection), f"{told} was lent none of its own")
+            trial.expect(pinning(trial, connection), "no-frame", f"{told} was lent none of its own")
             readers.append(connection)
             continue
-        trial.expect(dealings.welcome, f"{told} was given no welcome")
+        trial.expect(dealings.welcome, "no-welcome", f"{told} was given no welcome")
         codes = dealings.errors()
         trial.expect(
-            "too_many_clients" in codes, f"{told} was told {', '.join(codes) or 'nothing'}"
+            "too_many_clients" in codes,
+            "another-error" if codes else "no-error",
+            f"{told} was told {', '.join(codes) or 'nothing'}",
         )
         trial.judge("closes" if trial.ends(connection) else "waits", told)
         seen = following(trial, readers[-1], trial.move())
-        trial.expect(seen, f"after {told[:-1]} was refused, another saw no move")
+        trial.expect(
+            seen, "no-frame-after-refusal", f"after {told[:-1]} was refused, another saw no move"
+        )
         trial.delivered += 1
         return
     trial.not_observable(f"it serves {MOST_READERS} readers at a time")
@@ -251,7 +270,7 @@ def check_does_not_release_by_broken_text(trial: ServerTrial) -> None:
         connection.send(packet(text.payload))
         trial.rest(GLANCE_SECONDS + 2 * pace)
         told = f"a release with {text.what} ({text.requirement})"
-        trial.expect(len(frames) == before, f"{told}: another frame came")
+        trial.expect(len(frames) == before, "another-frame", f"{told}: another frame came")
         if connection.ended:
             continue  # as it may be
         trial.viewer.release(connection, held)

@@ -49,17 +49,19 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
         trial.not_observable("the server announced no memory")
     trial.move()
     trial.rest(pause)
-    trial.expect(not dealings.frames, "a frame came before opened")
+    trial.expect(not dealings.frames, "before-opened", "a frame came before opened")
     trial.viewer.open(connection, dealings.init_packets[0])
     for count in (1, 2, 3):
         came = trial.wait(lambda: len(dealings.frames) >= count)  # noqa: B023
-        trial.expect(came, f"frame {count} did not come after {count - 1} were released")
+        trial.expect(
+            came, "no-frame", f"frame {count} did not come after {count - 1} were released"
+        )
         for _ in range(3):
             trial.move()
             trial.rest(REACTION_SECONDS / 3)
         trial.rest(pause)
         more = len(dealings.frames) - count
-        trial.expect(not more, f"{more} frames came while one was held")
+        trial.expect(not more, "another-frame", f"{more} frames came while one was held")
         trial.viewer.release(connection, dealings.frames[-1])
         trial.delivered += 1
 
@@ -80,7 +82,9 @@ def check_lends_nothing_after_closed(trial: ServerTrial) -> None:
             if not trial.sees(other, trial.move()):
                 fell_silent(trial, other, "the server sent no frame of the newest pose")
         came = len(frames) - before
-        trial.expect(not came, f"{came} frames came after {answer['type']}, and no opened")
+        trial.expect(
+            not came, "after-closed", f"{came} frames came after {answer['type']}, and no opened"
+        )
         trial.delivered += 1
         holder.close()
         other.close()
@@ -96,10 +100,12 @@ def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
         trial.rest(REACTION_SECONDS / 3)
     trial.rest(pause)
     frames = frames_of(trial, connection)
-    trial.expect(not frames, f"{len(frames)} frames came, although welcome lists no frames")
+    trial.expect(
+        not frames, "not-granted", f"{len(frames)} frames came, although welcome lists no frames"
+    )
     connection.close()
     seen = trial.sees(trial.reading(), trial.move())
-    trial.expect(seen, "a reader that declares frames is sent none")
+    trial.expect(seen, "no-frame", "a reader that declares frames is sent none")
     trial.delivered += 1
 
 
@@ -119,10 +125,13 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
         before = len(frames)
         trial.viewer.release(holder, held)
         came = trial.wait(lambda: len(frames) > before)  # noqa: B023
-        trial.expect(came, "no frame came after release, although there was a newer image")
+        trial.expect(
+            came, "no-frame", "no frame came after release, although there was a newer image"
+        )
         held = frames[before]
         trial.expect(
             shows(held, pose),
+            "not-the-newest",
             f"after release came the image of a camera at {held['camera']['position']}, although "
             f"that of {list(pose['position'].values())} was whole: another reader had it",
         )
@@ -135,7 +144,7 @@ def check_publishes_what_changed_only(trial: ServerTrial) -> None:
     connection = trial.reading()
     frames = frames_of(trial, connection)
     pose, began = trial.move(), trial.peer.clock()
-    trial.expect(trial.sees(connection, pose), "a pose gave no new image")
+    trial.expect(trial.sees(connection, pose), "no-frame", "a pose gave no new image")
     pace = trial.peer.clock() - began
     if not quiet(trial, frames):
         expect_different_images(trial)
@@ -148,8 +157,12 @@ def check_publishes_what_changed_only(trial: ServerTrial) -> None:
     trial.rest(max(QUIET_SECONDS, PACES * pace))
     another = trial.sees(connection, trial.move())
     came = (frames.index(another) if another else len(frames)) - before
-    trial.expect(not came, f"{came} images were published after a pose that changed nothing")
-    trial.expect(another, "another pose gave no new image")
+    trial.expect(
+        not came,
+        "published-unchanged",
+        f"{came} images were published after a pose that changed nothing",
+    )
+    trial.expect(another, "no-frame", "another pose gave no new image")
     trial.delivered += RESENT + 1
 
 
@@ -171,7 +184,7 @@ def check_publishes_nothing_for_what_changes_nothing(trial: ServerTrial) -> None
         same.append(at_rest | {"type": "object_pose", "object": "default", "scale": 1.0})
     for message in (*same, pose):
         trial.viewer.say(client, message)
-    trial.expect(trial.sees(connection, pose), "a pose gave no new image")
+    trial.expect(trial.sees(connection, pose), "no-frame", "a pose gave no new image")
     if not quiet(trial, frames):
         trial.not_observable("the scene moves by itself")
     for message in trial.each([*refused_poses(trial), *same, pose]):
@@ -182,9 +195,13 @@ def check_publishes_nothing_for_what_changes_nothing(trial: ServerTrial) -> None
             trial.not_observable("the server ends the connection of who sends a broken pose")
         trial.rest(QUIET_SECONDS)
         came = len(frames) - before
-        trial.expect(not came, f"{came} images came of {show(message)}, which changes nothing")
+        trial.expect(
+            not came,
+            "published-unchanged",
+            f"{came} images came of {show(message)}, which changes nothing",
+        )
     trial.viewer.say(client, moved := camera_pose((1.0, 0.125, -1.0)))
-    trial.expect(trial.sees(connection, moved), "another pose gave no new image")
+    trial.expect(trial.sees(connection, moved), "no-frame", "another pose gave no new image")
 
 
 def round_numbers(value: Json) -> Json:
@@ -206,6 +223,7 @@ def expect_different_images(trial: ServerTrial) -> None:
     images = [image_of(trial, watcher, after) for after in range(SAME_IMAGES)]
     trial.expect(
         any(not alike(images[0], image) for image in images[1:]),
+        "published-unprompted",
         f"nothing moved, and {SAME_IMAGES} images were published that show the same",
     )
 
@@ -254,7 +272,9 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
             dealings = trial.viewer.with_(connection)
             if moment == "holding":
                 held = pinning(trial, connection)
-                trial.expect(held, "no frame came when the camera moved, to a reader that waits")
+                trial.expect(
+                    held, "no-frame", "no frame came when the camera moved, to a reader that waits"
+                )
             pose = trial.move()
             if moment == "holding":
                 trial.rest(RENDER_SECONDS)
@@ -264,7 +284,9 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
                 connection.close()
                 connection = trial.reading()
             seen = trial.sees(connection, pose, FRAME_SECONDS)
-            trial.expect(seen, f"no frame came when the camera had moved while {moment}")
+            trial.expect(
+                seen, "no-frame", f"no frame came when the camera had moved while {moment}"
+            )
         trial.delivered += 1
 
 
@@ -288,7 +310,9 @@ def check_writes_only_what_is_wanted(trial: ServerTrial) -> None:
             trial.sees(connection, trial.move())
         same = all(map(same_bits, before, unwanted(memory, wanted)))
         other = "depth" if wanted == "color" else "color"
-        trial.expect(same, f"{other} was written, which no open connection wants")
+        trial.expect(
+            same, "written-unwanted", f"{other} was written, which no open connection wants"
+        )
         trial.delivered += 1
 
 

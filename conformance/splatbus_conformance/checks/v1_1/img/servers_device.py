@@ -42,7 +42,7 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> None:
             if found := publishing.moments(calls, event, planes):
                 told = f"when frame {frame.get('seq')} came, the event of slot {slot} was not"
                 told += f" recorded behind the last write to it, {found[-1].call}"
-                trial.expect(not found[-1].open, told)
+                trial.expect(not found[-1].open, "event-not-recorded", told)
                 trial.delivered += 1
     if not trial.delivered:
         trial.not_observable("no call of the runtime wrote to the slots")

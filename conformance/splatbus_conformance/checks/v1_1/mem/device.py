@@ -20,5 +20,7 @@ def check_announces_device_memory_that_is_there(trial: ServerTrial) -> None:
                 f"{dealings.refusal}; of a server that the harness did not launch it is not known "
                 "whether anybody here could open it"
             )
-        trial.expect(not dealings.refusal, f"its memory cannot be opened: {dealings.refusal}")
+        trial.expect(
+            not dealings.refusal, "not-openable", f"its memory cannot be opened: {dealings.refusal}"
+        )
         trial.delivered += dealings.memory is not None

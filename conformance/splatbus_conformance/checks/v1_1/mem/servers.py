@@ -23,7 +23,9 @@ def opened(trial: ServerTrial, connection: Connection) -> Opened:
 def check_lets_only_its_user_in(trial: ServerTrial) -> None:
     """Reads the permissions of the memory that is announced."""
     mode = opened(trial, trial.reading()).mode() or 0
-    trial.expect(mode & OTHERS == 0, f"others may open the memory: its mode is {mode:04o}")
+    trial.expect(
+        mode & OTHERS == 0, "others-may-open", f"others may open the memory: its mode is {mode:04o}"
+    )
     trial.delivered += 1
 
 
@@ -42,7 +44,7 @@ def check_creates_memory_of_its_own(trial: ServerTrial) -> None:
         try:
             found = file_of(trial)
             same = found == os.fstat(planted.fileno()).st_ino
-            trial.expect(not same, f"{path.name} was there before, and is used")
+            trial.expect(not same, "not-its-own", f"{path.name} was there before, and is used")
             trial.delivered += 1
         finally:
             trial.peer.close_all()
@@ -74,9 +76,17 @@ def check_keeps_the_size(trial: ServerTrial) -> None:
         trial.move()
         trial.rest(0.02)
         other.close()
-        trial.expect(memory.size() == size, f"its size was {size:,}, and is {memory.size():,}")
+        trial.expect(
+            memory.size() == size,
+            "size-changed",
+            f"its size was {size:,}, and is {memory.size():,}",
+        )
     if trial.testee.expendable:
         trial.testee.stop()
         now = memory.size()
-        trial.expect(now == size, f"its size was {size:,}, and {now:,} after the server ended")
+        trial.expect(
+            now == size,
+            "size-changed",
+            f"its size was {size:,}, and {now:,} after the server ended",
+        )
     trial.delivered += 1

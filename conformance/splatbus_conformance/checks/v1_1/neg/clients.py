@@ -72,14 +72,18 @@ def check_can_do_what_it_declares(trial: ClientTrial) -> None:
         trial.not_observable("the testee does not declare host_shm; its memory is not of this host")
     connection = trial.greeted("ipc")
     dealings = trial.role.with_(connection)
-    trial.expect(trial.opens(connection), "host_shm: the memory was not opened")
+    trial.expect(trial.opens(connection), "not-opened", "host_shm: the memory was not opened")
     if "frames" in declared:
-        trial.expect(trial.wait(lambda: dealings.released), "frames: no frame was released")
+        trial.expect(
+            trial.wait(lambda: dealings.released), "not-released", "frames: no frame was released"
+        )
     if "reinit" in declared:
         former = dealings.generation
         trial.role.offer(connection, trial.role.init_packet(connection))
         closed = trial.wait(lambda: former in dealings.closed)
-        trial.expect(closed, "reinit: the first generation was not closed for the second")
+        trial.expect(
+            closed, "not-closed", "reinit: the first generation was not closed for the second"
+        )
     trial.delivered += 1
 
 
@@ -99,14 +103,18 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
         allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
         early = heard(trial, connection) - allowed
         early |= set().union(*map(added, trial.role.with_(connection).heard))
-        trial.expect(not early, f"it sent {', '.join(sorted(early))} before welcome")
+        trial.expect(
+            not early, "before-welcome", f"it sent {', '.join(sorted(early))} before welcome"
+        )
     connection = next(c for c in connections if c.channel == "ipc")
     dealings = trial.role.with_(connection)
     trial.role.welcome(connection, capabilities=["host_shm"])
     answered = trial.wait(lambda: dealings.opened | dealings.failed)
     listen(trial, connection)
     more = heard(trial, connection) - {"hello", "opened", "open_failed"}
-    trial.expect(not more, f"it sent {', '.join(sorted(more))}, which welcome did not grant")
+    trial.expect(
+        not more, "not-granted", f"it sent {', '.join(sorted(more))}, which welcome did not grant"
+    )
     trial.delivered += answered
 
 
@@ -129,7 +137,7 @@ def check_sends_only_what_was_granted_on_the_message_channel(trial: ClientTrial)
             needed = NEEDS.get(str(message.get("type")))
             needed = "intrinsics" if "intrinsics" in added(message) else needed
             what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
-            trial.expect(needed in (None, *granted), f"{what} lists {granted}")
+            trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
         trial.delivered += len(connection.packets) > said
 
 
@@ -149,6 +157,7 @@ def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
         trial.role.welcome(connection, capabilities=among(unknown, real))
         trial.expect(
             trial.opens(connection),
+            "not-opened",
             f"after a welcome that lists {unknown} the memory was not opened",
         )
         trial.delivered += 1
@@ -248,11 +257,15 @@ def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
             known = len(dealings.heard)
             trial.wait(lambda: len(dealings.heard) > known + 1 or connection.ended)  # noqa: B023
         listen(trial, connection)
-        trial.expect(not connection.ended, f"it closed the connection to a 1.0 server{moment}")
+        trial.expect(
+            not connection.ended, "closes", f"it closed the connection to a 1.0 server{moment}"
+        )
         said = dealings.heard[before:]
         more = {str(it.get("type")) for it in said} - LEGACY - {"hello"}
         more = more.union(*map(added, said))
-        trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}")
+        trial.expect(
+            not more, "newer-version", f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}"
+        )
     trial.delivered += 1
 
 
@@ -274,13 +287,19 @@ def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
             trial.role.offer(connection, trial.role.init_packet(connection))
         listen(trial, connection)
         more = heard(trial, connection) - {"hello"}
-        trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}")
+        trial.expect(
+            not more, "newer-version", f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}"
+        )
         if connection.ended:
             trial.not_observable("the testee closed the connection to a 1.0 server")
     connection.end_stream()
     read_all = trial.ends(connection)
     more = heard(trial, connection) - {"hello"}
-    trial.expect(not more, f"it sent {', '.join(sorted(more))} to a 1.0 server that has gone")
+    trial.expect(
+        not more,
+        "newer-version",
+        f"it sent {', '.join(sorted(more))} to a 1.0 server that has gone",
+    )
     trial.delivered += said_hello and read_all
 
 
@@ -305,7 +324,7 @@ def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
         outcome = "closes" if trial.ends(connection) else "accepts"
         role.welcomes = role.offers_memory = role.replies = True
         trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
-        trial.expect(trial.comes_back(channel), "it did not come back afterwards")
+        trial.expect(trial.comes_back(channel), "no-reconnect", "it did not come back afterwards")
 
 
 def wordy_error(trial: ClientTrial, code: str, pointer: str, **members: object) -> bytes:

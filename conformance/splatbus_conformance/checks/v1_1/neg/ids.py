@@ -1,7 +1,8 @@
 """Checks on the `id` that answers and errors have after `hello` (spec 1.1 sections 2.5 and 2.6)."""
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_1.neg.errors import GOOD, IN_MESSAGES, IN_TEXT
+from splatbus_conformance.checks.v1_1.neg.answers import GOOD
+from splatbus_conformance.checks.v1_1.neg.errors import IN_MESSAGES, IN_TEXT
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import SAFE, show, whole
@@ -28,7 +29,7 @@ def check_errors_about_no_request_name_none(trial: ServerTrial) -> None:
         trial.answers(connection)
         for error in (it for it in heard[before:] if it.get("type") == "error"):
             told = f"{shorten(repr(payload))} was answered by the error {show(error)}"
-            trial.expect("id" not in error, f"{told}, which has the id of a request")
+            trial.expect("id" not in error, "has-an-id", f"{told}, which has the id of a request")
             errors += 1
     if not errors:
         trial.not_observable("the server sends no error about what is no request")
@@ -53,5 +54,5 @@ def check_answers_repeat_an_id_that_was_used(trial: ServerTrial) -> None:
         trial.wait(lambda: len(heard) - before >= len(asked) or connection.ended)  # noqa: B023
         for reply in (it for it in heard[before:] if it.get("type") in REPLY_TO.values()):
             told = f"one of several requests with the id {id} was answered by {show(reply)}"
-            trial.expect(whole(reply.get("id")) == id, told)
+            trial.expect(whole(reply.get("id")) == id, "wrong-id", told)
             trial.delivered += 1

@@ -78,8 +78,8 @@ def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
         found = named(trial, channel, versions, client=client)
         what = f"{channel}: of {', '.join(versions)[:80]} it speaks {first} first"
         what += f" to {show(client)}"
-        trial.expect(found is not None, f"{what}, and it sent no welcome")
-        trial.expect(found == first, f"{what}, and welcome names {found}")
+        trial.expect(found is not None, "no-welcome", f"{what}, and it sent no welcome")
+        trial.expect(found == first, "another-version", f"{what}, and welcome names {found}")
         trial.delivered += 1
 
 
@@ -96,7 +96,7 @@ def check_answers_a_hello_that_comes_late(trial: ServerTrial) -> None:
         trial.viewer.greet(connection)
         trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
         what = f"{channel}: a hello behind a message of type {message['type']}"
-        trial.expect(dealings.welcome, f"{what} had no welcome")
+        trial.expect(dealings.welcome, "no-welcome", f"{what} had no welcome")
         connection.close()
         trial.delivered += 1
 
@@ -109,6 +109,7 @@ def check_grants_what_both_have(trial: ServerTrial) -> None:
         found, both = granted(trial, channel, offer), has[channel] & set(offer)
         trial.expect(
             found == both,
+            "other-capabilities",
             f"{channel}: it has {listing(has[channel])}, was offered {listing(offer)}, and "
             f"granted {listing(found)}",
         )
@@ -127,10 +128,16 @@ def check_has_what_it_grants(trial: ServerTrial) -> None:
         before = len(heard)
         trial.viewer.say(client, messages[name])
         answered = trial.answers(client)
-        trial.expect(answered, f"it grants {name}, and after {show(messages[name])} came no reply")
+        trial.expect(
+            answered,
+            "no-reply",
+            f"it grants {name}, and after {show(messages[name])} came no reply",
+        )
         codes = {str(it.get("code")) for it in heard[before:] if it.get("type") == "error"}
         denied = codes & (DENIALS - {"unsupported"} if name == "viewport" else DENIALS)
-        trial.expect(not denied, f"it grants {name}, and says {listing(denied)} of its message")
+        trial.expect(
+            not denied, "denied", f"it grants {name}, and says {listing(denied)} of its message"
+        )
     if "subscribe" not in trial.facts.capabilities() or not trial.facts.opens:
         return
     reader = trial.reading()
@@ -138,8 +145,10 @@ def check_has_what_it_grants(trial: ServerTrial) -> None:
     script = packet(encode({"type": "subscribe", "channels": ["color", "depth"]}))
     outcome = trial.outcome_on_ipc(reader, script)
     denied = DENIALS & set(errors())
-    trial.expect(not denied, f"it grants subscribe, and says {listing(denied)} of that")
-    trial.expect(outcome == "ignores", f"it grants subscribe, and of that it {outcome}")
+    trial.expect(not denied, "denied", f"it grants subscribe, and says {listing(denied)} of that")
+    trial.expect(
+        outcome == "ignores", "not-ignored", f"it grants subscribe, and of that it {outcome}"
+    )
 
 
 def _belonging(trial: ServerTrial) -> dict[str, Json]:
@@ -161,7 +170,9 @@ def granted(trial: ServerTrial, channel: Channel, offer: tuple[str, ...]) -> set
     """The capabilities of `welcome` after a hello that lists these."""
     connection, answer = trial.answered(channel, capabilities=list(offer))
     welcomed = answer is not None and answer["type"] == "welcome"
-    trial.expect(welcomed, f"{channel}: a hello that offers {listing(offer)} got no welcome")
+    trial.expect(
+        welcomed, "no-welcome", f"{channel}: a hello that offers {listing(offer)} got no welcome"
+    )
     connection.close()
     return set(trial.viewer.with_(connection).granted)
 
@@ -183,9 +194,15 @@ def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
     for capabilities in trial.each([all_there_may_be], orders, quick=10, full=500):
         what = f"a hello that lists {len(capabilities) - len(offered)} unknown capabilities"
         connection, answer = trial.answered("ipc", capabilities=capabilities)
-        trial.expect(answer and answer["type"] == "welcome", f"{what} was given no welcome")
+        trial.expect(
+            answer and answer["type"] == "welcome", "no-welcome", f"{what} was given no welcome"
+        )
         found = set(trial.viewer.with_(connection).granted)
-        trial.expect(found == set(trial.facts.capabilities()), f"{what} was given {listing(found)}")
+        trial.expect(
+            found == set(trial.facts.capabilities()),
+            "other-capabilities",
+            f"{what} was given {listing(found)}",
+        )
         connection.close()
         connection = trial.ready("ipc", capabilities=capabilities)
         outcome = trial.outcome(connection)
@@ -242,12 +259,19 @@ def check_refuses_unknown_versions(trial: ServerTrial) -> None:
         connection, answer = trial.answered(channel, versions=versions)
         what = f"{channel}: a hello that lists {', '.join(versions)[:60]}"
         code = (answer or {}).get("code", "welcome" if answer else "no error")
-        trial.expect(code == "unsupported_version", f"{what} got {code}, not unsupported_version")
+        unlike = "another-answer" if answer else "no-reply"
+        trial.expect(
+            code == "unsupported_version", unlike, f"{what} got {code}, not unsupported_version"
+        )
         listed = strings((answer or {}).get("supported")) or []
-        trial.expect(listed, f"{what} was not told what is supported")
+        trial.expect(listed, "no-versions", f"{what} was not told what is supported")
         unlisted = speaks - set(listed)
-        trial.expect(not unlisted, f"{what} was not told of {listing(unlisted)}, which it speaks")
-        trial.expect(trial.ends(connection), f"{what} was refused, and not closed")
+        trial.expect(
+            not unlisted,
+            "version-left-out",
+            f"{what} was not told of {listing(unlisted)}, which it speaks",
+        )
+        trial.expect(trial.ends(connection), "not-closed", f"{what} was refused, and not closed")
         connection.close()
         trial.delivered += 1
 
@@ -261,9 +285,17 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
         if (answer or {}).get("code") == "unsupported_version":
             trial.not_observable("the server does not speak 1.0")
         welcomed = answer is not None and answer["type"] == "welcome"
-        trial.expect(welcomed, f"{channel}: a hello that lists 1.0 was answered by {show(answer)}")
+        trial.expect(
+            welcomed,
+            "no-welcome",
+            f"{channel}: a hello that lists 1.0 was answered by {show(answer)}",
+        )
         listed = (answer or {}).get("capabilities")
-        trial.expect(listed == [], f"{channel}: welcome names 1.0 and lists {show(listed)}")
+        trial.expect(
+            listed == [],
+            "other-capabilities",
+            f"{channel}: welcome names 1.0 and lists {show(listed)}",
+        )
         heard = trial.viewer.with_(connection).heard
         if channel == "msg":
             if not trial.facts.alone["msg"]:
@@ -273,19 +305,25 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
             for message in (*asked, camera_pose() | {"tag": ""}):
                 trial.viewer.say(connection, message)
             answered = trial.answers(connection)
-            trial.expect(answered, "msg: a client that speaks 1.0 is not answered")
+            trial.expect(answered, "no-reply", "msg: a client that speaks 1.0 is not answered")
             trial.viewer.say(connection, camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)))
             trial.answers(connection)  # or it is closed, as it may be (POS-6)
             of_1_1 = {"type", "id"}  # other members may be there, which nobody knows (JSN-7)
             odd = [it for it in heard[1:] if "viewport_size" not in it or of_1_1 & set(it)]
-            trial.expect(not odd, f"msg: a client that speaks 1.0 was sent {show(odd[:1])}")
+            trial.expect(
+                not odd, "newer-version", f"msg: a client that speaks 1.0 was sent {show(odd[:1])}"
+            )
         else:
             trial.rest(REACTION_SECONDS)
             if not trial.facts.alone[channel]:
                 other = trial.viewer.with_(trial.answered(channel)[0])
                 trial.wait(lambda: other.init_packets or other.errors())  # noqa: B023 - the pace
             told = [it for it in heard if it != answer and "mem_color" not in it]
-            trial.expect(not told, f"ipc: a client that speaks 1.0 was sent {show(told[:1])}")
+            trial.expect(
+                not told,
+                "newer-version",
+                f"ipc: a client that speaks 1.0 was sent {show(told[:1])}",
+            )
         connection.close()
         trial.delivered += 1
 
@@ -306,7 +344,7 @@ def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> None:
     told = trial.viewer.with_(trial.ready("ipc")).init_packets  # it has had the time for it
     for moment, connection in waiting:
         packets = trial.viewer.with_(connection).init_packets
-        trial.expect(not packets, f"an init packet {moment}")
+        trial.expect(not packets, "unwanted-init-packet", f"an init packet {moment}")
     trial.judge("waits", "connections that cannot open memory of the host")
     trial.delivered += len(waiting) if told else 0
 
@@ -321,7 +359,9 @@ def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
         trial.not_observable("the server announces no CUDA memory")
     silent = trial.viewer.with_(trial.before_hello("ipc"))
     trial.wait(lambda: silent.heard)
-    trial.expect(silent.init_packets, "no init packet came before hello")
+    trial.expect(silent.init_packets, "no-init-packet", "no init packet came before hello")
     version = silent.heard[0].get("version")
-    trial.expect(version == "1.1", f"the version of its init packet is {show(version)}")
+    trial.expect(
+        version == "1.1", "another-version", f"the version of its init packet is {show(version)}"
+    )
     trial.delivered += 1

@@ -109,7 +109,9 @@ def check_listens_on_loopback_without_a_token(trial: ServerTrial) -> None:
         trial.testee.ensure_running()
         trial.peer.until(lambda: trial.fate() or listens(), trial.patience)
         where = reached()
-        trial.expect(not where, f"it listens on {', '.join(where)} and requires no token")
+        trial.expect(
+            not where, "beyond-loopback", f"it listens on {', '.join(where)} and requires no token"
+        )
         if fate := trial.fate():
             trial.judge(fate, f"told to listen on {EVERYWHERE} without a token")
         elif not listens():
@@ -148,10 +150,15 @@ def expect_refusal(trial: ServerTrial, channel: Channel, token: str | None) -> N
     connection, answer = trial.answered(channel, token=token)
     what = f"{channel}: a hello with " + ("no token" if token is None else f"the token {token!r}")
     code = (answer or {}).get("code", "welcome" if answer else "no error")
-    trial.expect(code == "unauthorized", f"{what} got {code}, not unauthorized")
-    trial.expect(trial.ends(connection), f"{what} was refused, and not closed")
+    unlike = "another-answer" if answer else "no-reply"
+    trial.expect(code == "unauthorized", unlike, f"{what} got {code}, not unauthorized")
+    trial.expect(trial.ends(connection), "not-closed", f"{what} was refused, and not closed")
     packets = len(connection.packets)
-    trial.expect(packets == 1, f"{what} was sent {packets} packets, not unauthorized alone")
+    trial.expect(
+        packets == 1,
+        "further-packet",
+        f"{what} was sent {packets} packets, not unauthorized alone",
+    )
     connection.close()
 
 
@@ -164,7 +171,9 @@ def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
             connection = trial.before_hello("msg")
             connection.send(packet(encode(request)))
             trial.wait(lambda: connection.packets or connection.ended, GLANCE_SECONDS)  # noqa: B023
-            trial.expect(not connection.packets, f"{request['type']} without hello got a reply")
+            trial.expect(
+                not connection.packets, "replies", f"{request['type']} without hello got a reply"
+            )
             outcome = trial.fate() or ("closes" if connection.ended else "ignores")
             trial.judge(outcome, f"{request['type']} without hello")
             trial.delivered += 1
@@ -172,4 +181,8 @@ def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
                 connection.close()
         if trial.facts.renders:
             seen = trial.sees(trial.reading(), trial.move())
-            trial.expect(seen, "after a pose without hello, that of a client with the token failed")
+            trial.expect(
+                seen,
+                "no-frame",
+                "after a pose without hello, that of a client with the token failed",
+            )

@@ -81,12 +81,14 @@ def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
             connection.send(b"".join(packet(encode(offer)) for offer in row))
             for offer in row:
                 answered = awaits_answer(trial, connection, offer["generation"])
-                trial.expect(answered, f"no answer to {encode(offer).decode()}")
+                trial.expect(answered, "no-reply", f"no answer to {encode(offer).decode()}")
                 trial.delivered += 1
         trial.rest(REACTION_SECONDS)
         for connection in used:
             twice = {g: n for g, n in said(trial, connection, *ANSWERS).items() if n > 1}
-            trial.expect(not twice, f"answers more than one, by generation: {twice}")
+            trial.expect(
+                not twice, "answered-twice", f"answers more than one, by generation: {twice}"
+            )
 
 
 @check(
@@ -111,14 +113,18 @@ def check_maps_before_it_says_so(trial: ClientTrial) -> None:
         process = owner(connection.testee_port, trial.peer.ports["ipc"])
         if held or process:
             what = f"it said opened, and its process {process} had not mapped the memory"
-            trial.expect(held, what)
+            trial.expect(held, "not-mapped", what)
             seen = True
             trial.delivered += 1
     connection = trial.for_init_packet()
     generation = trial.role.init_packet(connection)["generation"]
     absent = packet(encode(init_packet_1_1(NOWHERE, generation)))
     outcome = trial.outcome_on_ipc(connection, absent)
-    trial.expect(outcome != "accepts", "it said that it had opened memory that does not exist")
+    trial.expect(
+        outcome != "accepts",
+        "opened-missing-memory",
+        "it said that it had opened memory that does not exist",
+    )
     if not seen:
         trial.not_observable("what the testee has mapped is not shown here")
 
@@ -157,7 +163,11 @@ def check_says_why_it_failed(trial: ClientTrial) -> None:
     for reason in reasons:
         fits = isinstance(reason, str) and 1 <= len(reason) <= most
         length = f"{len(reason)} characters" if isinstance(reason, str) else repr(reason)
-        trial.expect(fits, f"the reason of open_failed is {length}; 1 to {most} are asked for")
+        trial.expect(
+            fits,
+            "wrong-length" if isinstance(reason, str) else "not-a-string",
+            f"the reason of open_failed is {length}; 1 to {most} are asked for",
+        )
 
 
 @check(
@@ -212,15 +222,25 @@ def check_closes_the_former_memory(trial: ClientTrial) -> None:
                 trial.not_observable(f"the testee did not open memory {width} pixels wide")
             if former is not None:
                 closed = trial.wait(lambda: before in dealings.closed)  # noqa: B023
-                trial.expect(closed, f"generation {before} was not closed after {generation} came")
+                trial.expect(
+                    closed,
+                    "not-closed",
+                    f"generation {before} was not closed after {generation} came",
+                )
                 still = holders(former.name)
-                trial.expect(not still, f"it closed generation {before}, and still has its memory")
+                trial.expect(
+                    not still,
+                    "still-mapped",
+                    f"it closed generation {before}, and still has its memory",
+                )
                 trial.delivered += 1
             former = memory
         trial.rest(REACTION_SECONDS)
         closings = dict(said(trial, connection, "closed"))
         once = dict.fromkeys(dealings.generations[:-1], 1)
-        trial.expect(closings == once, f"closed was sent, by generation: {closings}")
+        trial.expect(
+            closings == once, "closed-too-often", f"closed was sent, by generation: {closings}"
+        )
 
 
 @check(
@@ -280,13 +300,23 @@ def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
         if "frames" in trial.facts.capabilities():
             for _ in range(trial.role.slots):
                 trial.releases(connection, trial.role.lend(connection))
-        trial.expect(memory.digest() == before, "it wrote to the memory while it had it open")
+        trial.expect(
+            memory.digest() == before,
+            "wrote-to-memory",
+            "it wrote to the memory while it had it open",
+        )
         connection.close()
         trial.rest(REACTION_SECONDS)
-        trial.expect(memory.exists(), "it removed the memory when the connection ended")
+        trial.expect(
+            memory.exists(), "removed-memory", "it removed the memory when the connection ended"
+        )
         if trial.testee.expendable:
             trial.peer.clear()
             trial.end_testee()
-        trial.expect(memory.exists(), "the memory was removed when the testee ended")
-        trial.expect(memory.digest() == before, "it wrote to the memory before it ended")
+        trial.expect(
+            memory.exists(), "removed-memory", "the memory was removed when the testee ended"
+        )
+        trial.expect(
+            memory.digest() == before, "wrote-to-memory", "it wrote to the memory before it ended"
+        )
         trial.delivered += 1

@@ -72,7 +72,11 @@ def check_frees_former_memory(trial: ServerTrial) -> None:
                 REINIT_SECONDS,
             )
             told = all(dealings_of(trial, it).kept for it in everyone)
-            trial.expect(told, "a reader was sent no further init packet within 5 s (VPT-5)")
+            trial.expect(
+                told,
+                "no-init-packet",
+                "a reader was sent no further init packet within 5 s (VPT-5)",
+            )
             for other in others[::2]:
                 other.close()
             for other in others[1::2]:
@@ -83,7 +87,11 @@ def check_frees_former_memory(trial: ServerTrial) -> None:
             else:
                 trial.viewer.let_go(last)
             gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)  # noqa: B023
-            trial.expect(gone, f"nobody has former memory open any more, and {path.name} is there")
+            trial.expect(
+                gone,
+                "memory-left-behind",
+                f"nobody has former memory open any more, and {path.name} is there",
+            )
             trial.delivered += 1
             for reader in everyone:
                 reader.close()
@@ -110,14 +118,14 @@ def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial) -> None:
         for number in trial.each(range(10)):
             trial.sees(other, trial.move())
             told = f"after {number + 1} images of the new size, with an older one still held"
-            trial.expect(path.exists(), f"{told}, {path.name} is gone")
+            trial.expect(path.exists(), "memory-gone", f"{told}, {path.name} is gone")
             same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
-            trial.expect(same, f"{told}, that one is another")
+            trial.expect(same, "written-while-held", f"{told}, that one is another")
             trial.delivered += 1
         dealings.holds = False
         trial.viewer.let_go(holder)
         seen = trial.sees(holder, trial.move())
-        trial.expect(seen, "once it had closed former memory, a reader saw no move")
+        trial.expect(seen, "no-frame", "once it had closed former memory, a reader saw no move")
 
 
 @check(
@@ -143,7 +151,9 @@ def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial) -> None:
         trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
         trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
         there = path.exists()
-        trial.expect(there, f"{path.name} is gone, which a reader was told of and may open")
+        trial.expect(
+            there, "memory-gone", f"{path.name} is gone, which a reader was told of and may open"
+        )
         slow.close()
         trial.delivered += 1
 
@@ -178,7 +188,7 @@ def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
                 ):
                     trial.not_observable("the scene moves by itself")
             told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
-            trial.expect(right >= WHOLE, f"{told} are not what its camera sees")
+            trial.expect(right >= WHOLE, "other-pixels", f"{told} are not what its camera sees")
             trial.delivered += 1
 
 
@@ -201,7 +211,7 @@ def check_lenses_are_scaled_to_another_size(trial: ServerTrial) -> None:
             seen = capture.take(elsewhere(trial), None)
             wrong = in_force(seen.frame, scaled(lens, size))
             told = f"after intrinsics for {trial.facts.size} images became {size}"
-            trial.expect(not wrong, f"{told}: {wrong}")
+            trial.expect(not wrong, "other-intrinsics", f"{told}: {wrong}")
             trial.delivered += 1
 
 
@@ -222,7 +232,7 @@ def check_closed_ends_the_lease(trial: ServerTrial) -> None:
             changed(trial, client, size)
             trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
             came = len(dealings.init_packets) > had
-            trial.expect(came, "no further init packet came within 5 s (VPT-5)")
+            trial.expect(came, "no-init-packet", "no further init packet came within 5 s (VPT-5)")
             generation = whole(dealings.init_packets[-1].get("generation"))
             trial.viewer.say(holder, answer | {"generation": frame["generation"]})
             trial.viewer.say(holder, {"type": "opened", "generation": generation})
@@ -231,6 +241,7 @@ def check_closed_ends_the_lease(trial: ServerTrial) -> None:
             came = trial.wait(lambda: len(dealings.frames) > before)  # noqa: B023
             trial.expect(
                 came,
+                "no-frame",
                 f"a reader said {answer['type']} of memory in which it held a frame, and is sent"
                 " none of the memory that it has opened since",
             )
@@ -272,8 +283,14 @@ def check_closes_who_does_not_let_go(trial: ServerTrial) -> None:
             what = "keeps former memory" if reader is keeper else "says nothing of former memory"
             told = f"a reader that {what}, for {seconds:.1f} s"
             trial.judge(trial.fate() or ("closes" if reader.ended else "waits"), told)
-            trial.expect(seconds >= LET_GO_SECONDS - 2 * SOON, f"{told}, was closed then")
-        trial.expect(not other.ended, "with it a reader was closed that had let go")
-        trial.expect(trial.sees(other, trial.move()), "afterwards another reader sees no move")
+            trial.expect(
+                seconds >= LET_GO_SECONDS - 2 * SOON, "closed-too-early", f"{told}, was closed then"
+            )
+        trial.expect(
+            not other.ended, "another-closed", "with it a reader was closed that had let go"
+        )
+        trial.expect(
+            trial.sees(other, trial.move()), "no-frame", "afterwards another reader sees no move"
+        )
         changed(trial, client, other_sizes(trial)[1])
         trial.delivered += 1

@@ -37,15 +37,21 @@ def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
         other.close()
         trial.rest(0.05)
         told = f"after another reader's {answer}"
-        trial.expect(not holder.ended, f"{told} the connection of the first was closed")
-        trial.expect(memory.size() == size, f"{told} the memory has {memory.size()} bytes")
+        trial.expect(
+            not holder.ended, "another-closed", f"{told} the connection of the first was closed"
+        )
+        trial.expect(
+            memory.size() == size, "size-changed", f"{told} the memory has {memory.size()} bytes"
+        )
         same = (color, depth) == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
-        trial.expect(same, f"{told} the image that the first holds is another")
+        trial.expect(
+            same, "written-while-held", f"{told} the image that the first holds is another"
+        )
         trial.delivered += 1
     trial.viewer.release(holder, frame)
     trial.viewer.with_(holder).holds = False
     seen = trial.sees(holder, trial.move())
-    trial.expect(seen, "after the others had left, the first was sent no further image")
+    trial.expect(seen, "no-frame", "after the others had left, the first was sent no further image")
 
 
 @check("OPN-9", observable="the names that are left", needs=("opens",), may_crash=True)
@@ -59,7 +65,7 @@ def check_leaves_no_memory_behind(trial: ServerTrial) -> None:
     ended = trial.testee.stop()
     if ended is not None and not ended.crashed:
         removed = gone(trial, name, 0.0)  # later another may remove it, which was started beside
-        trial.expect(removed, f"{name} is left although the server {ended}")
+        trial.expect(removed, "memory-left-behind", f"{name} is left although the server {ended}")
         trial.delivered += 1
     else:  # it does not heed what it was asked: that was a kill
         expect_sweep(trial, name, ended)
@@ -98,7 +104,7 @@ def expect_sweep(trial: ServerTrial, left: str, ended: Ended | None) -> None:
     trial.peer.close_all()
     if announced(trial) != left:
         told = f"{left} is left by a server that {ended or 'ended'}, after another start"
-        trial.expect(gone(trial, left), told)
+        trial.expect(gone(trial, left), "memory-not-swept", told)
     trial.delivered += 1
 
 

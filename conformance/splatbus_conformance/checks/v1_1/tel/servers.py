@@ -38,7 +38,7 @@ class TelemetryReader:
         """Subscribe, and wait until that is understood; how many messages had come by then."""
         self.trial.viewer.say(self.connection, {"type": "subscribe_telemetry", "names": names})
         answered = answers(self.trial, self.connection)
-        self.trial.expect(answered, f"after a subscription to {show(names)}: no reply")
+        self.trial.expect(answered, "no-reply", f"after a subscription to {show(names)}: no reply")
         return len(self.told())
 
     def listen(self, seconds: float, enough: int = 10**6) -> None:
@@ -54,7 +54,9 @@ class TelemetryReader:
         known = len(self.told())
         self.listen(EFFECT_SECONDS, known + 2)
         heard = len(self.told()) > known
-        self.trial.expect(heard, "who has subscribed to everything is told nothing any more")
+        self.trial.expect(
+            heard, "told-nothing", "who has subscribed to everything is told nothing any more"
+        )
 
     def names(self) -> list[str]:
         """Which series there are; skips the check if none are told."""
@@ -92,7 +94,7 @@ def check_numbers_what_it_tells(trial: ServerTrial) -> None:
         listener.listen(EFFECT_SECONDS, known + 1)
         for message in listener.told()[known:]:
             now = message.get("time")
-            trial.expect(is_number(now), f"the time of a telemetry is {show(now)}")
+            trial.expect(is_number(now), "not-a-number", f"the time of a telemetry is {show(now)}")
             last = ClockReading(
                 sent, float(message["time"]), time.monotonic(), "time of a telemetry"
             )
@@ -102,7 +104,7 @@ def check_numbers_what_it_tells(trial: ServerTrial) -> None:
     if not told:
         trial.not_observable("who subscribes to everything is told nothing")
     ascends = all(a < b for a, b in pairwise(told))
-    trial.expect(ascends, f"the numbers of telemetry are {show(told[:20])}")
+    trial.expect(ascends, "not-ascending", f"the numbers of telemetry are {show(told[:20])}")
 
 
 @check("TEL-3", observable="the names in telemetry, and when none comes", needs=TELLS)
@@ -119,7 +121,11 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     trial.require_all(listener.connection, stranger, witness.connection)
     known = witness.names()
     witness.hear()
-    trial.expect(not listener.told(), "a telemetry came before anything was subscribed to")
+    trial.expect(
+        not listener.told(),
+        "before-subscription",
+        "a telemetry came before anything was subscribed to",
+    )
     listener.subscribe(None)  # what is not obeyed then is seen by what goes on to come
     wanted = st.lists(st.sampled_from([*known, UNKNOWN]), max_size=3, unique=True)
     for names in trial.each([[known[0], UNKNOWN], []], wanted, quick=1, full=100):
@@ -129,6 +135,7 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
             told = names_in(message)
             trial.expect(
                 told and set(told) <= set(names),
+                "other-series",
                 f"{show(names)} was subscribed to, of {show(known)}, and told is {show(told)}",
             )
         trial.delivered += 1
@@ -136,11 +143,15 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     left.subscribe(None)
     left.connection.close()
     heir = trial.greeted("msg")
-    trial.expect(answers(trial, heir), "no reply on the message channel")
+    trial.expect(answers(trial, heir), "no-reply", "no reply on the message channel")
     witness.hear()
     trial.expect(
-        not telemetry_on(trial, heir), "a telemetry came to who has come after a subscriber"
+        not telemetry_on(trial, heir),
+        "inherited-subscription",
+        "a telemetry came to who has come after a subscriber",
     )
     trial.expect(
-        not telemetry_on(trial, stranger), "a telemetry came to who had not agreed on telemetry"
+        not telemetry_on(trial, stranger),
+        "not-granted",
+        "a telemetry came to who had not agreed on telemetry",
     )

@@ -62,6 +62,7 @@ class ShownResult:
     """Lines of transcript, all of them: few results show theirs."""
     smallest: str
     replay: str
+    code: str
 
 
 @dataclass(frozen=True)
@@ -264,6 +265,7 @@ def _told(about: RequirementText, result: Json, limits: Limits) -> ShownResult:
         result["evidence"],
         cut(result["smallest"], limits.sentence),
         cut(result["replay"], limits.sentence),
+        cut(result["code"], limits.sentence),
     )
 
 
