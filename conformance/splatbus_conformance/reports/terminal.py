@@ -171,7 +171,7 @@ def print_failures(
         console.print()
         console.print(
             f"[{style}]{result.verdict.upper()}[/] [bold]{result.requirement}[/]  "
-            f"{escape(how)} [dim]({result.level}, {result.code or 'no code'})[/]"
+            f"{escape(how)} [dim]({', '.join(filter(None, (result.level, result.code)))})[/]"
         )
         if requirement := known.get(result.requirement):
             _print_hanging(console, "  the standard   ", requirement.sentence)

@@ -140,8 +140,8 @@ def read_at(moment: float, server: float, trip: float = 0.002) -> ClockReading:
 class Judge(SimpleNamespace):
     """A trial that only judges."""
 
-    def violated(self, what: str) -> Any:
-        raise Violation(what)
+    def violated(self, code: str, what: str) -> Any:
+        raise Violation(code, what)
 
 
 def test_readings_of_one_clock_have_an_offset_in_common() -> None:

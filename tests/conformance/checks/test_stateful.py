@@ -61,7 +61,7 @@ class Vault:
         self.open = {"open": True, "close": False}.get(step[0], self.open)
         self.history += step[0][0] if step[0] != "knock" else ""
         if "oeco" in self.history:
-            raise SessionBreach(self.breaks, "it is on fire")
+            raise SessionBreach(self.breaks, "on-fire", "it is on fire")
 
     def settle(self) -> None:
         pass
@@ -188,7 +188,7 @@ def test_what_fails_once_only_keeps_all_that_came_before_it() -> None:
 
         def settle(self) -> None:
             if sessions == 3:
-                raise SessionBreach(JUDGED, "for once")
+                raise SessionBreach(JUDGED, "once", "for once")
 
         def take(self, step: Step) -> None:
             pass
@@ -206,7 +206,7 @@ def test_where_every_session_is_cut_short_nothing_is_said() -> None:
         def begin(self) -> None:
             nonlocal begun
             begun += 1
-            raise SessionBreach("IMG-12", "it was not released")
+            raise SessionBreach("IMG-12", "not-released", "it was not released")
 
     with pytest.raises(pytest.skip.Exception, match="IMG-12 was broken: it was not released"):
         explore(trial(), BreaksAnother)
@@ -231,10 +231,8 @@ def test_replies_are_told_by_kind_camera_and_number() -> None:
     client = asker(VIEWPORT, 0, 1)
     assert client.wrong([], cameras) is None
     assert client.wrong([SIZE, CAMERA | {"type": "camera"}, OTHER], cameras) is None
-    assert (
-        client.wrong([SIZE, OTHER], cameras)
-        == "reply 2 to message client 0 answers another request"
-    )
+    wrong = client.wrong([SIZE, OTHER], cameras)
+    assert str(wrong) == "reply 2 to message client 0 answers another request"
     assert client.wrong([CAMERA], cameras) is not None
     assert "4 replies to 3" in str(client.wrong([SIZE, CAMERA, OTHER, SIZE], cameras))
 

@@ -99,4 +99,4 @@ def test_a_length_that_counts_the_header_is_named(following: bytes) -> None:
     found = list(sightings(talk("msg", raw("c2s", sent))))
     (named,) = [it.breach for it in found if it.requirement == "FRM-1"]
     assert named is not None
-    assert "counts the four bytes of the header" in named
+    assert named.code == "header-counted"
