@@ -51,10 +51,13 @@ def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchang
         legacy = [trial.role.legacy_init_packet()]
         return Exchange(silent, legacy, lambda: outcome_at_the_end(trial, silent) == "lives")
     connection = _with_open_memory(trial) if later else trial.for_init_packet()
-    if later and "frames" in trial.role.with_(connection).granted:
+    granted = trial.role.with_(connection).granted
+    if later and "frames" in granted:
         frame = trial.role.next_frame(connection)
         awaited = [STRANGER, frame, STRANGER]
         return Exchange(connection, awaited, lambda: trial.releases(connection, frame["seq"]))
+    if later and "reinit" not in granted:
+        return Exchange(connection, [], lambda: None)
     init_packet = trial.role.init_packet(connection)
     awaited = [STRANGER, init_packet, STRANGER]
     return Exchange(connection, awaited, lambda: trial.opens(connection))
