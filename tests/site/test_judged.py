@@ -37,8 +37,8 @@ def test_the_kill_matrix_keeps_every_row() -> None:
 
 
 def test_kills_are_counted() -> None:
-    head = "| breaks | mutant | what it does | check | fate | for the reason |\n| --- |\n"
-    row = "| FRM-1 | `a` | A. | `c` | {} | “r” |\n"
+    head = "| breaks | mutant | what it does | check | fate | with the code |\n| --- |\n"
+    row = "| FRM-1 | `a` | A. | `c` | {} | `r` |\n"
     assert judged.killed(head + row.format("killed") + row.format("**survived**")) == {"FRM-1": 1}
     assert sum(judged.killed(MATRIX).values()) == int(re.findall(r"\*\*(\d+) of", MATRIX)[0])
 

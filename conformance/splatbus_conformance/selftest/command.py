@@ -56,7 +56,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
         if row.fate not in GOOD:
             out.print(f"\n{row.fate.upper()}  {row.name}: {row.does}", markup=False)
             if row.kind == "mutant":
-                wanted_ = f"{row.requirement} by {row.check}, with the words “{row.reason}”"
+                wanted_ = f"{row.requirement} by {row.check}, with the code {row.code}"
                 out.print(f"  should fail  {wanted_}", markup=False)
             out.print(f"  seen         {row.seen or 'nothing'}", markup=False)
     out.print(f"\n{kill_matrix.sentence(in_order)}", markup=False)

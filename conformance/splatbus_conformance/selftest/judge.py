@@ -42,7 +42,7 @@ class Fate(StrEnum):
     PASSED = "passed"
     """The reference conforms."""
     KILLED = "killed"
-    """The named check found the mutant out, for its reason."""
+    """The named check found the mutant out, by the code that it names."""
     ALLOWED = "survived, as it must"
     """The variation conforms."""
     SURVIVED = "survived"
@@ -87,7 +87,8 @@ class SpecimenResult:
     seconds: float
     requirement: str = ""
     check: str = ""
-    reason: str = ""
+    code: str = ""
+    """That a mutant has to fail with."""
     note: str = ""
     again: bool = False
     """It was not as it must be while others ran, and this is what came of it by itself."""
@@ -98,7 +99,7 @@ class SpecimenResult:
         if self.kind == "mutant":
             told = [c for c in self.cells if c.requirement == self.requirement]
             told.sort(key=lambda cell: (not cell.condemns, cell.check != self.check))
-            return self.note or "; ".join(f"{c.verdict}: {c.text}" for c in told[:2])
+            return self.note or "; ".join(f"{c.verdict} {c.code}: {c.text}" for c in told[:2])
         return self.note or "; ".join(f"{c.requirement}: {c.text}" for c in self.cells)
 
     def as_json(self) -> dict[str, Any]:
@@ -139,7 +140,7 @@ def judge_mutant(mutant: Mutant) -> SpecimenResult:
         time.monotonic() - began,
         mutant.requirement,
         mutant.check,
-        mutant.reason,
+        mutant.code,
         note,
     )
 
@@ -147,7 +148,7 @@ def judge_mutant(mutant: Mutant) -> SpecimenResult:
 def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
     """What the verdicts make of a mutant."""
     against = [c for c in cells if c.requirement == mutant.requirement and c.condemns]
-    if any(c.check == mutant.check and mutant.reason in c.text for c in against):
+    if any(c.check == mutant.check and mutant.code == c.code for c in against):
         return Fate.KILLED
     return Fate.MISTAKEN if against else Fate.SURVIVED
 

@@ -13,7 +13,7 @@ Written by `splatbus-conformance selftest --json conformance/KILL_MATRIX.json`.
 
 The harness was run on three kinds of program: the reference pair, which has to pass; variations of
 them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks
-one requirement and has to fail for it, by the check and for the reason that are named here.
+one requirement and has to fail for it, by the check and with the code that are named here.
 
 """
 
@@ -27,7 +27,7 @@ def sentence(rows: Sequence[SpecimenResult]) -> str:
     broken = len({row.requirement for row in mutants if row.fate is Fate.KILLED})
     again = ", ".join(row.name for row in rows if row.again)
     return (
-        f"{killed} of {len(mutants)} mutants killed, by the check and for the reason that they "
+        f"{killed} of {len(mutants)} mutants killed, by the check and with the code that they "
         f"name, over {broken} requirements; {passed} of {len(others)} conforming programs passed"
     ) + (f"; judged a second time, by itself: {again}" if again else "")
 
@@ -45,9 +45,9 @@ def markdown(rows: Sequence[SpecimenResult]) -> str:
     others = [row for row in rows if row.kind != "mutant"]
     page = f"{HEAD}**{sentence(rows)}.**\n\n## Mutants\n\n"
     page += _table(
-        ("breaks", "mutant", "what it does", "check", "fate", "for the reason"),
+        ("breaks", "mutant", "what it does", "check", "fate", "with the code"),
         (
-            (r.requirement, f"`{r.name}`", r.does, f"`{r.check}`", _bold(r), f"“{r.reason}”")
+            (r.requirement, f"`{r.name}`", r.does, f"`{r.check}`", _bold(r), f"`{r.code}`")
             for r in mutants
         ),
     )

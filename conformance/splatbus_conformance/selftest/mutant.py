@@ -33,8 +33,8 @@ class Mutant:
     """The one requirement that it breaks."""
     check: str
     """The check that has to find out, or RULE."""
-    reason: str
-    """What the text of the verdict has to contain: the check found this, not something else."""
+    code: str
+    """That of the failure: the check found this, not something else."""
     through: str
     """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
     side: Side
@@ -67,7 +67,7 @@ def mutant(
     requirement: str,
     *,
     check: str = RULE,
-    reason: str,
+    code: str,
     through: str = "",
     axes: str = "",
     both: bool = False,
@@ -77,7 +77,7 @@ def mutant(
     Args:
         requirement: that it breaks.
         check: that has to find out; a passive rule if not given.
-        reason: what the verdict has to say.
+        code: that the failure has to have.
         through: for a rule, the requirement whose check makes the traffic that it judges; a usual
             session if not given.
         axes: for what only an adapter shows, the engine whose client it plays.
@@ -90,7 +90,7 @@ def mutant(
         if both:
             tried[f"{SERVERS}{name}"] = "server"
         alter.specimens = tuple(  # type: ignore[attr-defined]
-            Mutant(name, does, alter, requirement, check, reason, run, side, axes)
+            Mutant(name, does, alter, requirement, check, code, run, side, axes)
             for name, side in tried.items()
             for run in [requirement if check != RULE else through or TRAFFIC[side]]
         )

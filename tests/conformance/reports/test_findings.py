@@ -7,6 +7,7 @@ from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports.findings import Findings, Traffic
 from splatbus_conformance.reports.latencies import Histogram
+from splatbus_conformance.rules import Breach
 from splatbus_conformance.rules.tally import Count, rules_on, tally
 from splatbus_conformance.selection import Selection
 from splatbus_conformance.verdicts import Level, Result, Verdict
@@ -65,9 +66,13 @@ def test_of_several_seeds_the_failure_stays_and_says_which_it_was() -> None:
 
 def test_the_breaches_that_rules_saw_say_the_seed_of_the_first() -> None:
     findings = Findings()
-    for seed, count in ((7, Count(2, 0)), (8, Count(2, 1, "a")), (9, Count(2, 2, "b"))):
+    for seed, count in (
+        (7, Count(2, 0)),
+        (8, Count(2, 1, Breach("too-long", "a"))),
+        (9, Count(2, 2, Breach("too-long", "b"))),
+    ):
         findings.add(Findings(Traffic(tally={"FRM-1": count})), seed)
-    assert findings.traffic.tally["FRM-1"] == Count(6, 3, "a (seed 8)")
+    assert findings.traffic.tally["FRM-1"] == Count(6, 3, Breach("too-long", "a (seed 8)"))
 
 
 def test_only_the_rules_that_are_wanted_judge_and_only_this_side() -> None:

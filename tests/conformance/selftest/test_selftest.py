@@ -58,7 +58,7 @@ def test_each_mutant_names_a_requirement_who_judges_it_and_for_what():
         judging = JUDGES[mutant.side][mutant.requirement]
         known = {(RULE if judge.level == "L0" else judge.name) for judge in judging}
         binds = requirements("1.1")[mutant.requirement].binds
-        return mutant.side in binds and mutant.check in known and bool(mutant.reason)
+        return mutant.side in binds and mutant.check in known and bool(mutant.code)
 
     assert [name for name, mutant in MUTANTS.items() if not fits(mutant)] == []
 
@@ -142,23 +142,23 @@ def test_every_check_has_a_mutant(side):
 
 
 MUTANT = Mutant(
-    "m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too long", "FRM-3", "client"
+    "m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too-long", "FRM-3", "client"
 )
 
 
 @pytest.mark.parametrize(
     ("cell", "fate"),
     [
-        (Cell("FRM-3", "check_it", "fail", "that is too long"), Fate.KILLED),
-        (Cell("FRM-3", "check_it", "warn", "that is too long"), Fate.KILLED),
-        (Cell("FRM-3", "check_it", "fail", "its process ended"), Fate.MISTAKEN),
-        (Cell("FRM-3", "check_other", "fail", "that is too long"), Fate.MISTAKEN),
-        (Cell("FRM-3", "check_it", "pass", "that is too long"), Fate.SURVIVED),
-        (Cell("FRM-3", "check_it", "skip", "that is too long"), Fate.SURVIVED),
-        (Cell("FRM-4", "check_it", "fail", "that is too long"), Fate.SURVIVED),
+        (Cell("FRM-3", "check_it", "fail", "that is too long", "too-long"), Fate.KILLED),
+        (Cell("FRM-3", "check_it", "warn", "that is too long", "too-long"), Fate.KILLED),
+        (Cell("FRM-3", "check_it", "fail", "its process ended", "dies"), Fate.MISTAKEN),
+        (Cell("FRM-3", "check_other", "fail", "that is too long", "too-long"), Fate.MISTAKEN),
+        (Cell("FRM-3", "check_it", "pass", "that is too long", "too-long"), Fate.SURVIVED),
+        (Cell("FRM-3", "check_it", "skip", "that is too long", "too-long"), Fate.SURVIVED),
+        (Cell("FRM-4", "check_it", "fail", "that is too long", "too-long"), Fate.SURVIVED),
     ],
 )
-def test_a_mutant_is_killed_by_its_check_for_its_reason_alone(cell, fate):
+def test_a_mutant_is_killed_by_its_check_with_its_code_alone(cell, fate):
     assert fate_of(MUTANT, [cell]) is fate
 
 
@@ -174,7 +174,7 @@ def run_selftest(monkeypatch, out, rows, only="", path=None):
 
 
 def row(name, fate, kind="mutant"):
-    return SpecimenResult(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a | reason")
+    return SpecimenResult(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a-code")
 
 
 def test_the_selftest_fails_when_a_mutant_survives(monkeypatch, out):
@@ -246,7 +246,7 @@ def test_the_matrix_is_stored_for_programs_and_people(monkeypatch, out, tmp_path
     assert [each["fate"] for each in stored["rows"]] == [each.fate for each in rows]
     page = (tmp_path / "MATRIX.md").read_text("utf-8")
     assert page == kill_matrix.markdown([replace(each, again=each.name == "a") for each in rows])
-    assert "| FRM-3 | `b` | breaks it | `check_it` | killed | “a ∣ reason” |" in page
+    assert "| FRM-3 | `b` | breaks it | `check_it` | killed | `a-code` |" in page
 
 
 @pytest.mark.parametrize("name", ["byte-order-mark", "empty-packets-are-skipped", "releases-twice"])

@@ -45,7 +45,7 @@ def check_incomplete_packet_is_given_up(trial: ServerTrial) -> None:
         if left <= 0 or trial.wait(lambda: all(c.ended for c in everyone), min(left, DRIP_SECONDS)):
             break
     for connection in everyone:
-        outcome = trial.fate() or ("closes" if connection.ended else "waits")
+        outcome = trial.fate() or ("closes" if connection.ended else "hangs")
         how = "of which a byte came every 3 s" if connection in dripping else "that came in part"
         what = f"a packet {how}, after {limit} s on the {connection.channel} channel"
         trial.judge(outcome, what)
@@ -71,7 +71,7 @@ def check_incomplete_packet_behind_another_size(trial: ServerTrial) -> None:
         client.send(packet(encode(request)) + REQUEST[:16])
         trial.wait(lambda: len(heard) > before or client.ended, limit)
         trial.wait(lambda: client.ended, limit + EFFECT_SECONDS)
-        outcome = trial.fate() or ("closes" if client.ended else "waits")
+        outcome = trial.fate() or ("closes" if client.ended else "hangs")
         trial.judge(outcome, f"half a packet behind a set_viewport, after {limit} s")
         trial.delivered += len(heard) > before
 

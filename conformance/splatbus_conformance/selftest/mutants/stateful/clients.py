@@ -30,7 +30,7 @@ def _counted(patch: Patch) -> Counter[InitPacket | None]:
     return counts
 
 
-@mutant("CHN-19", check="check_survives_any_session", reason="the testee died; the session: ")
+@mutant("CHN-19", check="check_survives_any_session", code="dies")
 def crashes_when_lost_without_images(patch: Patch) -> None:
     """Crashes when the message connection is lost while the memory could not be opened."""
     failed: list[bool] = [False]
@@ -53,7 +53,7 @@ def crashes_when_lost_without_images(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-20", check="check_returns_in_any_session", reason="to the ipc channel again; the")
+@mutant("CHN-20", check="check_returns_in_any_session", code="no-reconnect")
 def stays_away_after_a_second_memory(patch: Patch) -> None:
     """Does not connect to the IPC channel again once memory was announced there twice."""
 
@@ -71,7 +71,7 @@ def stays_away_after_a_second_memory(patch: Patch) -> None:
 @mutant(
     "CHN-24",
     check="check_uses_the_new_memory_in_any_session",
-    reason="was answered with open_failed",
+    code="open-failed",
 )
 def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
     """Opens only memory of the size before, on the connection after one on which it changed."""
@@ -90,7 +90,7 @@ def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
     wrap(patch, reading, "HostImages", images)
 
 
-@mutant("OPN-1", check="check_answers_in_any_session", reason="got 2 answers")
+@mutant("OPN-1", check="check_answers_in_any_session", code="answered-twice")
 def answers_twice_after_a_failure(patch: Patch) -> None:
     """Answers `opened` twice on the connection after one on which memory could not be opened."""
     failed: list[IpcProtocol] = []
@@ -112,7 +112,7 @@ def answers_twice_after_a_failure(patch: Patch) -> None:
 @mutant(
     "OPN-5",
     check="check_closes_former_memory_in_any_session",
-    reason="was not closed after",
+    code="not-closed",
 )
 def closes_each_generation_once_in_its_life(patch: Patch) -> None:
     """Says `closed` of each generation once, over all connections."""
@@ -132,7 +132,7 @@ def closes_each_generation_once_in_its_life(patch: Patch) -> None:
 @mutant(
     "IMG-12",
     check="check_releases_in_any_session",
-    reason="was not released",
+    code="not-released",
 )
 def remembers_releases_over_a_loss(patch: Patch) -> None:
     """Does not release a frame of further memory if it released its like on a connection before."""

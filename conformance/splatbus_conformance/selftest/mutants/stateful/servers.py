@@ -13,9 +13,7 @@ from splatbus_conformance.selftest.faults.surgery import wrap
 from splatbus_conformance.selftest.mutant import mutant
 
 
-@mutant(
-    "CHN-14", check="check_serves_all_in_any_session", reason="message client 0 was not answered"
-)
+@mutant("CHN-14", check="check_serves_all_in_any_session", code="no-reply")
 def server_turns_from_the_first_as_others_leave(patch: Patch) -> None:
     """Answers whoever moves the camera no more once two have left that would have moved it."""
     left: list[Any] = []
@@ -41,7 +39,7 @@ def server_turns_from_the_first_as_others_leave(patch: Patch) -> None:
 @mutant(
     "REQ-7",
     check="check_answers_in_order_in_any_session",
-    reason="message client 2 was sent",
+    code="unasked-reply",
 )
 def server_mixes_up_replies_after_a_loss(patch: Patch) -> None:
     """Sends replies to the connection whose place is one further, once an earlier one has gone."""
@@ -69,7 +67,7 @@ def server_mixes_up_replies_after_a_loss(patch: Patch) -> None:
     wrap(patch, Session, "leave", leave)
 
 
-@mutant("POS-11", check="check_obeys_the_first_in_any_session", reason="no image shows the pose of")
+@mutant("POS-11", check="check_obeys_the_first_in_any_session", code="pose-not-shown")
 def server_leaves_control_with_the_dead(patch: Patch) -> None:
     """Passes control on when the first closes, but not when the next one does."""
     passed: list[bool] = []
@@ -91,7 +89,7 @@ def server_leaves_control_with_the_dead(patch: Patch) -> None:
 @mutant(
     "IMG-2",
     check="check_lends_one_at_a_time_in_any_session",
-    reason="was sent a frame while it held another",
+    code="another-frame",
 )
 def server_forgets_the_lease_when_subscribed(patch: Patch) -> None:
     """Takes `subscribe` for a `release`, from a client that held an image as it moved on."""
@@ -109,7 +107,7 @@ def server_forgets_the_lease_when_subscribed(patch: Patch) -> None:
     wrap(patch, Session, "_subscribe", subscribe)
 
 
-@mutant("IMG-17", check="check_takes_leases_back_in_any_session", reason="were lent frames")
+@mutant("IMG-17", check="check_takes_leases_back_in_any_session", code="leases-not-taken-back")
 def server_leaks_leases_of_old_images(patch: Patch) -> None:
     """Keeps the lease of a client that leaves with an image that is the newest no more."""
 

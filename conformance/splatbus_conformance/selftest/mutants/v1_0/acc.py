@@ -13,7 +13,7 @@ from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.cnv.servers import cameras, depths
 
 
-@mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
+@mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", code="beyond-its-budget")
 def server_takes_quaternions_for_unit_ones(patch: Patch) -> None:
     """Turns a quaternion into a matrix as if its norm were 1."""
 
@@ -28,13 +28,13 @@ def server_takes_quaternions_for_unit_ones(patch: Patch) -> None:
     wrap(patch, demo, "_matrix", matrix)
 
 
-@mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", reason="rotation matrix")
+@mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", code="beyond-its-budget")
 def server_rounds_quaternions_to_four_digits(patch: Patch) -> None:
     """Keeps four digits of each number of a rotation."""
     wrap(patch, demo, "_matrix", lambda original, q: original(tuple(round(part, 4) for part in q)))
 
 
-@mutant("ACC-3", check="check_rotations_do_not_shear", reason="RᵀR")
+@mutant("ACC-3", check="check_rotations_do_not_shear", code="beyond-its-budget")
 def server_shears_its_views(patch: Patch) -> None:
     """Stores the rotation of a camera in half precision."""
 
@@ -45,7 +45,7 @@ def server_shears_its_views(patch: Patch) -> None:
     cameras(patch, half)
 
 
-@mutant("ACC-4", check="check_translations_are_exact", reason="translation")
+@mutant("ACC-4", check="check_translations_are_exact", code="beyond-its-budget")
 def server_counts_in_centimetres(patch: Patch) -> None:
     """Keeps where the camera is as whole hundredths of a unit."""
     cameras(
@@ -56,7 +56,7 @@ def server_counts_in_centimetres(patch: Patch) -> None:
     )
 
 
-@mutant("ACC-5", check="check_the_camera_is_where_it_was_put", reason="camera centre")
+@mutant("ACC-5", check="check_the_camera_is_where_it_was_put", code="beyond-its-budget")
 def server_recovers_the_centre_by_another_rotation(patch: Patch) -> None:
     """Finds the camera's centre from the view's translation by a rotation of five digits."""
 
@@ -68,7 +68,7 @@ def server_recovers_the_centre_by_another_rotation(patch: Patch) -> None:
     cameras(patch, recovered)
 
 
-@mutant("ACC-6", check="check_single_precision_is_rounded_once", reason="the camera")
+@mutant("ACC-6", check="check_single_precision_is_rounded_once", code="missing-pixels")
 def server_multiplies_in_tf32(patch: Patch) -> None:
     """Multiplies matrices with 11 bits of each number, as tensor cores do unless told otherwise."""
 
@@ -85,7 +85,7 @@ def server_multiplies_in_tf32(patch: Patch) -> None:
     cameras(patch, chained)
 
 
-@mutant("ACC-12", check="check_what_is_farther_has_no_smaller_depth", reason="of a nearer one")
+@mutant("ACC-12", check="check_what_is_farther_has_no_smaller_depth", code="depths-out-of-order")
 def server_cuts_inverse_depth(patch: Patch) -> None:
     """Stores 5 where the inverse depth is below a cut, as deployed servers store 100."""
     depths(patch, lambda depth, camera: np.where(depth > 20.0, 5.0, depth))
@@ -94,7 +94,7 @@ def server_cuts_inverse_depth(patch: Patch) -> None:
 @mutant(
     "ACC-13",
     check="check_every_pixel_is_what_single_precision_can_do",
-    reason="depth: worst",
+    code="beyond-its-budget",
 )
 def server_subtracts_in_single_precision(patch: Patch) -> None:
     """Rounds positions to single precision before it subtracts them."""
@@ -109,7 +109,7 @@ def server_subtracts_in_single_precision(patch: Patch) -> None:
 @mutant(
     "ACC-13",
     check="check_every_pixel_is_what_single_precision_can_do",
-    reason="colour: worst",
+    code="beyond-its-budget",
 )
 def server_has_a_dead_pixel(patch: Patch) -> None:
     """Leaves the pixel in the middle black."""
@@ -123,7 +123,7 @@ def server_has_a_dead_pixel(patch: Patch) -> None:
     wrap(patch, Raycaster, "render", render)
 
 
-@mutant("ACC-14", check="check_numbers_are_read_to_the_last_bit", reason="is nearest to it")
+@mutant("ACC-14", check="check_numbers_are_read_to_the_last_bit", code="misrounded")
 def server_adds_up_digits(patch: Patch) -> None:
     """Reads a number digit by digit, in double precision."""
     adding_up_digits(patch)

@@ -33,7 +33,7 @@ def stored(patch: Patch, channel: str, change: Callable[[Any], None]) -> None:
     wrap(patch, Memory, "writer", writer)
 
 
-@mutant("BUF-2", check="check_numbers_are_little_endian", reason="big-endian")
+@mutant("BUF-2", check="check_numbers_are_little_endian", code="big-endian")
 def server_stores_big_endian_numbers(patch: Patch) -> None:
     """Stores colours with their bytes in network order."""
 
@@ -43,7 +43,7 @@ def server_stores_big_endian_numbers(patch: Patch) -> None:
     stored(patch, "color", swap)
 
 
-@mutant("BUF-2", check="check_colour_is_red_green_blue_alpha", reason="blue, green, red, alpha")
+@mutant("BUF-2", check="check_colour_is_red_green_blue_alpha", code="another-order")
 def server_stores_blue_first(patch: Patch) -> None:
     """Stores blue, green, red, alpha, as OpenCV's images are."""
 
@@ -53,7 +53,7 @@ def server_stores_blue_first(patch: Patch) -> None:
     stored(patch, "color", swap)
 
 
-@mutant("BUF-3", check="check_colours_are_from_0_to_1", reason="are not from 0 to 1")
+@mutant("BUF-3", check="check_colours_are_from_0_to_1", code="out-of-range")
 def server_does_not_clamp_colours(patch: Patch) -> None:
     """Stores what spherical harmonics gave, which may be more than 1."""
 
@@ -63,7 +63,7 @@ def server_does_not_clamp_colours(patch: Patch) -> None:
     stored(patch, "color", brighten)
 
 
-@mutant("BUF-3", check="check_colours_are_from_0_to_1", reason="is nan")
+@mutant("BUF-3", check="check_colours_are_from_0_to_1", code="out-of-range")
 def server_stores_nan(patch: Patch) -> None:
     """Divides colour by alpha, and so 0 by 0 where nothing is."""
 
@@ -74,7 +74,7 @@ def server_stores_nan(patch: Patch) -> None:
     stored(patch, "color", divide)
 
 
-@mutant("BUF-5", check="check_alpha_is_1_where_there_is_none", reason="alpha is 0.0 in every")
+@mutant("BUF-5", check="check_alpha_is_1_where_there_is_none", code="wrong-alpha")
 def server_stores_no_alpha(patch: Patch) -> None:
     """Gives red, green and blue, and leaves alpha 0."""
 
@@ -93,26 +93,26 @@ def where_empty(change: Callable[[Any], Any]) -> Callable[[Any], None]:
     return fill
 
 
-@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", reason="neither positive nor")
+@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", code="not-a-depth")
 def server_stores_depth_0_where_nothing_is(patch: Patch) -> None:
     """Clears its depth to 0."""
     stored(patch, "depth", where_empty(lambda slot: 0.0))
 
 
-@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", reason="stores 1000.0 where")
+@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", code="wrong-empty-value")
 def server_stores_its_far_plane(patch: Patch) -> None:
     """Clears its depth to a far plane of 1000, and announces +∞."""
     stored(patch, "depth", where_empty(lambda slot: 1000.0))
 
 
-@mutant("ACC-9", check="check_transparent_pixels_are_empty", reason="and yet a depth")
+@mutant("ACC-9", check="check_transparent_pixels_are_empty", code="transparent-with-depth")
 def server_keeps_depth_where_nothing_is(patch: Patch) -> None:
     """Divides depth by an alpha of nearly 0, and stores whatever that gives."""
     noise = np.random.default_rng(0)
     stored(patch, "depth", where_empty(lambda slot: noise.uniform(1.0, 9.0, slot.shape)))
 
 
-@mutant("IMG-4", check="check_what_is_lent_is_not_written", reason="was lent, and")
+@mutant("IMG-4", check="check_what_is_lent_is_not_written", code="written-while-held")
 def server_writes_to_slots_that_are_lent(patch: Patch) -> None:
     """Writes to the slots in turn, whoever holds one."""
 
@@ -124,7 +124,7 @@ def server_writes_to_slots_that_are_lent(patch: Patch) -> None:
     wrap(patch, Ring, "begin_write", begin_write)
 
 
-@mutant("IMG-6", check="check_images_are_whole_when_they_are_lent", reason="after the frame of")
+@mutant("IMG-6", check="check_images_are_whole_when_they_are_lent", code="lent-unfinished")
 def server_lends_before_it_has_written(patch: Patch) -> None:
     """Lets a thread of its own write, and sends the frame meanwhile."""
 
@@ -135,7 +135,7 @@ def server_lends_before_it_has_written(patch: Patch) -> None:
     wrap(patch, Exchange, "publish", publish)
 
 
-@mutant("IMG-20", check="check_what_is_subscribed_to_is_written", reason="after a subscription to")
+@mutant("IMG-20", check="check_what_is_subscribed_to_is_written", code="other-colours")
 def server_lends_what_it_has(patch: Patch) -> None:
     """Lends images in which only what was wanted before is written."""
     wrap(
@@ -146,7 +146,7 @@ def server_lends_what_it_has(patch: Patch) -> None:
     )
 
 
-@mutant("IMG-5", check="check_every_slot_shows_the_same", reason="of the pixels in slot")
+@mutant("IMG-5", check="check_every_slot_shows_the_same", code="other-pixels")
 def server_swaps_colours_in_its_fourth_slot(patch: Patch) -> None:
     """Stores blue for red in a slot that is used where two readers hold images."""
 
@@ -163,13 +163,13 @@ def server_swaps_colours_in_its_fourth_slot(patch: Patch) -> None:
     wrap(patch, Memory, "writer", writer)
 
 
-@mutant("BUF-6", check="check_depth_is_planar", reason="has a depth")
+@mutant("BUF-6", check="check_depth_is_planar", code="no-depth")
 def server_stores_no_depth(patch: Patch) -> None:
     """Renders depth when nobody wants it, and leaves the slots empty otherwise."""
     patch.setattr(View, "wants_depth", property(lambda self: "depth" not in self.wants))
 
 
-@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", reason="the depth of")
+@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", code="other-depths")
 def server_tells_other_depths_in_a_corner(patch: Patch) -> None:
     """Stores depths in a quarter of the image that are a tenth too large."""
 

@@ -10,13 +10,13 @@ from splatbus_conformance.selftest.faults.surgery import wrap
 from splatbus_conformance.selftest.mutant import mutant
 
 
-@mutant("LIM-1", check="check_connections_are_limited", reason="are all kept open")
+@mutant("LIM-1", check="check_connections_are_limited", code="not-limited")
 def server_keeps_every_connection(patch: Patch) -> None:
     """Has no limit of connections."""
     patch.setattr(service, "MOST_CONNECTIONS", 100_000)
 
 
-@mutant("LIM-2", check="check_who_never_reads_is_closed", reason="a client that reads no replies")
+@mutant("LIM-2", check="check_who_never_reads_is_closed", code="hangs")
 def server_keeps_every_reply(patch: Patch) -> None:
     """Keeps replies for a client that does not read, however many and however long."""
 
@@ -26,7 +26,7 @@ def server_keeps_every_reply(patch: Patch) -> None:
     wrap(patch, Connection, "sent", sent)
 
 
-@mutant("SEC-1", check="check_listens_on_loopback_alone", reason="can be reached at")
+@mutant("SEC-1", check="check_listens_on_loopback_alone", code="beyond-loopback")
 def server_listens_everywhere(patch: Patch) -> None:
     """Listens on every address, whatever it is told."""
     wrap(patch, api, "listen", lambda original, host, port: original("0.0.0.0", port))

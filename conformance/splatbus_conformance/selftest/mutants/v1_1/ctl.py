@@ -27,13 +27,13 @@ def unsaid(patch: Patch, code: str) -> None:
     wrap(patch, Connection, "_send_error", send_error)
 
 
-@mutant("CTL-1", check=TOLD, reason="camera_pose of a second client: ")
+@mutant("CTL-1", check=TOLD, code="not-told-busy")
 def server_does_not_say_that_it_is_busy(patch: Patch) -> None:
     """Ignores the poses of all but one client, as 1.0 does."""
     unsaid(patch, "busy")
 
 
-@mutant("CTL-1", check=TOLD, reason="point_cloud_pose of a second client")
+@mutant("CTL-1", check=TOLD, code="not-told-busy")
 def server_is_busy_for_cameras_alone(patch: Patch) -> None:
     """Says that it is busy when a camera is not moved, and not when the Gaussians are not."""
 
@@ -48,7 +48,7 @@ def server_is_busy_for_cameras_alone(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("CTL-2", check=ONCE, reason="was told busy")
+@mutant("CTL-2", check=ONCE, code="busy-again")
 def server_says_again_that_it_is_busy(patch: Patch) -> None:
     """Says with each pose that another client has control."""
 
@@ -59,7 +59,7 @@ def server_says_again_that_it_is_busy(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("CTL-2", check=ONCE, reason="after control had passed")
+@mutant("CTL-2", check=ONCE, code="busy-again")
 def server_is_busy_again_for_the_rest(patch: Patch) -> None:
     """Tells those who wait that it is busy once more when control has passed to another."""
 
@@ -71,7 +71,7 @@ def server_is_busy_again_for_the_rest(patch: Patch) -> None:
     wrap(patch, Session, "leave", leave)
 
 
-@mutant("CTL-3", check=ENDS, reason="of intrinsics")
+@mutant("CTL-3", check=ENDS, code="intrinsics-kept")
 def server_keeps_the_lens_of_who_left(patch: Patch) -> None:
     """Leaves intrinsics in force when the client that set them has gone."""
 
@@ -84,7 +84,7 @@ def server_keeps_the_lens_of_who_left(patch: Patch) -> None:
     wrap(patch, Control, "leave", leave)
 
 
-@mutant("CTL-3", check=ENDS, reason="had moved the Gaussians alone: of intrinsics")
+@mutant("CTL-3", check=ENDS, code="intrinsics-kept")
 def server_keeps_the_lens_until_the_next_camera(patch: Patch) -> None:
     """Leaves intrinsics in force when their client has gone, until another poses the camera."""
 
@@ -105,7 +105,7 @@ def server_keeps_the_lens_until_the_next_camera(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("CTL-4", check=REFUSED, reason="gave control to its connection")
+@mutant("CTL-4", check=REFUSED, code="refused-pose-gave-control")
 def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
     """Gives control to a client whose intrinsics or object it refuses, if nobody has it."""
 
@@ -123,7 +123,7 @@ def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
     wrap(patch, Connection, "complain", complain)
 
 
-@mutant("CTL-1", check=TOLD, reason="the only client that there is was told busy")
+@mutant("CTL-1", check=TOLD, code="control-not-given")
 def server_says_to_everyone_that_it_is_busy(patch: Patch) -> None:
     """Says of every pose that another client has control, and applies it if none has."""
 
@@ -136,7 +136,7 @@ def server_says_to_everyone_that_it_is_busy(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("CTL-4", check=REFUSED, reason="was answered busy as well")
+@mutant("CTL-4", check=REFUSED, code="wrongly-busy")
 def server_is_busy_for_broken_poses(patch: Patch) -> None:
     """Says of every pose that is refused that it is busy, too."""
 
@@ -148,7 +148,7 @@ def server_is_busy_for_broken_poses(patch: Patch) -> None:
     wrap(patch, Connection, "complain", complain)
 
 
-@mutant("CTL-4", check=REFUSED, reason="a good pose beside a client in control: no busy")
+@mutant("CTL-4", check=REFUSED, code="not-told-busy")
 def server_counts_refused_poses(patch: Patch) -> None:
     """Takes a client whose pose it refuses for one that has been told."""
 
@@ -163,7 +163,7 @@ def server_counts_refused_poses(patch: Patch) -> None:
     wrap(patch, Connection, "complain", complain)
 
 
-@mutant("CTL-5", check=PASSES, reason="no frame shows the newest camera")
+@mutant("CTL-5", check=PASSES, code="another-camera")
 def server_waits_for_the_next_pose(patch: Patch) -> None:
     """Passes control on, and applies what the next client sends from then on."""
 
@@ -175,7 +175,7 @@ def server_waits_for_the_next_pose(patch: Patch) -> None:
     wrap(patch, Control, "leave", leave)
 
 
-@mutant("CTL-5", check=PASSES, reason="the Gaussians are at z")
+@mutant("CTL-5", check=PASSES, code="another-placement")
 def server_passes_on_the_camera_alone(patch: Patch) -> None:
     """Leaves objects where they are when control passes to a client that has placed them."""
 
@@ -187,7 +187,7 @@ def server_passes_on_the_camera_alone(patch: Patch) -> None:
     wrap(patch, Control, "leave", leave)
 
 
-@mutant("CTL-5", check=PASSES, reason="no frame shows the newest camera")
+@mutant("CTL-5", check=PASSES, code="another-camera")
 def server_remembers_the_first_pose(patch: Patch) -> None:
     """Keeps the first pose of who has no control, not the newest."""
 
@@ -200,7 +200,7 @@ def server_remembers_the_first_pose(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("CTL-5", check=PASSES, reason="it had sent intrinsics, and fx is")
+@mutant("CTL-5", check=PASSES, code="other-intrinsics")
 def server_forgets_the_lens_of_who_has_no_control(patch: Patch) -> None:
     """Keeps the newest pose of who has no control, and not the intrinsics that came before it."""
 
@@ -239,37 +239,37 @@ def obeys(patch: Patch, *kinds: Any) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("POS-11", check=OTHERS, reason="sent point_cloud_pose, and it was applied")
+@mutant("POS-11", check=OTHERS, code="applied-without-control")
 def server_moves_objects_for_anyone(patch: Patch) -> None:
     """Applies the poses of objects of every client, and the cameras of one."""
     obeys(patch, PointCloudPose, ObjectPose)
 
 
-@mutant("POS-11", check=OTHERS, reason="sent set_time, and it was applied")
+@mutant("POS-11", check=OTHERS, code="applied-without-control")
 def server_sets_time_for_anyone(patch: Patch) -> None:
     """Lets every client set the time."""
     obeys(patch, SetTime)
 
 
-@mutant("CTL-5", check=PASSES, reason="it had sent intrinsics, and fx is")
+@mutant("CTL-5", check=PASSES, code="other-intrinsics")
 def server_passes_on_no_lens(patch: Patch) -> None:
     """Leaves out the intrinsics that a client sent before it had control."""
     leaves(patch, intrinsics=None)
 
 
-@mutant("CTL-5", check=PASSES, reason="it had set the time to")
+@mutant("CTL-5", check=PASSES, code="another-time")
 def server_passes_on_no_time(patch: Patch) -> None:
     """Leaves out the time that a client set before it had control."""
     leaves(patch, time=None)
 
 
-@mutant("CTL-5", check=PASSES, reason="its newest tag is heir 2, and []")
+@mutant("CTL-5", check=PASSES, code="another-tag")
 def server_passes_on_no_tag(patch: Patch) -> None:
     """Leaves out the tag of the camera that a client sent before it had control."""
     leaves(patch, tag=None)
 
 
-@mutant("CTL-2", check=ONCE, reason="was told busy")
+@mutant("CTL-2", check=ONCE, code="busy-again")
 def server_forgets_whom_it_told_with_another_error(patch: Patch) -> None:
     """Says `busy` again to a client that was sent another error meanwhile."""
 

@@ -34,9 +34,7 @@ def objects_told(patch: Patch, change: Any) -> None:
     messages(patch, of_type("frame", told))
 
 
-@mutant(
-    "OBJ-2", check="check_point_cloud_pose_is_of_the_default_object", reason="by point_cloud_pose"
-)
+@mutant("OBJ-2", check="check_point_cloud_pose_is_of_the_default_object", code="another-placement")
 def server_keeps_the_scale(patch: Patch) -> None:
     """Leaves the scale of the Gaussians as it was with a pose that has none."""
 
@@ -51,13 +49,13 @@ def server_keeps_the_scale(patch: Patch) -> None:
     wrap(patch, Poses, "moved_by", moved)
 
 
-@mutant("OBJ-3", check="check_reports_unknown_objects", reason='answered by "no error"')
+@mutant("OBJ-3", check="check_reports_unknown_objects", code="no-error")
 def server_ignores_unknown_objects(patch: Patch) -> None:
     """Says nothing of an object that it has not."""
     unsaid(patch, "unknown_object")
 
 
-@mutant("OBJ-3", check="check_reports_unknown_objects", reason='[["unknown_object", null]]')
+@mutant("OBJ-3", check="check_reports_unknown_objects", code="another-error")
 def server_does_not_point_at_objects(patch: Patch) -> None:
     """Reports an unknown object, and does not say where."""
 
@@ -68,13 +66,13 @@ def server_does_not_point_at_objects(patch: Patch) -> None:
     messages(patch, of_type("error", bare))
 
 
-@mutant("OBJ-4", check=KEEPS, reason="applied it")
+@mutant("OBJ-4", check=KEEPS, code="applies")
 def server_takes_any_scale(patch: Patch) -> None:
     """Takes a scale that is none for 1."""
     read_again(patch, "_object_pose", lambda message: message | {"scale": 1.0})
 
 
-@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+@mutant("OBJ-5", check=PUT, code="other-colours")
 def server_scales_nothing(patch: Patch) -> None:
     """Renders every object in its own size."""
     wrap(
@@ -85,7 +83,7 @@ def server_scales_nothing(patch: Patch) -> None:
     )
 
 
-@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+@mutant("OBJ-5", check=PUT, code="other-colours")
 def server_scales_where_objects_are(patch: Patch) -> None:
     """Scales an object's position as well."""
 
@@ -97,13 +95,13 @@ def server_scales_where_objects_are(patch: Patch) -> None:
     wrap(patch, demo, "_object_pose", pose)
 
 
-@mutant("OBJ-5", check=PUT, reason="of the colours are not those")
+@mutant("OBJ-5", check=PUT, code="other-colours")
 def server_moves_all_objects_at_once(patch: Patch) -> None:
     """Puts every object where the default one is."""
     wrap(patch, View, "of", lambda original, self, name: self)
 
 
-@mutant("OBJ-6", check="check_depth_is_in_world_units", reason="of the depths are not those")
+@mutant("OBJ-6", check="check_depth_is_in_world_units", code="other-depths")
 def server_stores_depth_in_units_of_the_object(patch: Patch) -> None:
     """Stores depths as the renderer has them, in the units of what is seen."""
 
@@ -116,13 +114,13 @@ def server_stores_depth_in_units_of_the_object(patch: Patch) -> None:
     wrap(patch, Raycaster, "render", render)
 
 
-@mutant("OBJ-7", check=LISTED, reason="a frame does not list default")
+@mutant("OBJ-7", check=LISTED, code="object-not-listed")
 def server_does_not_say_where_objects_are(patch: Patch) -> None:
     """Leaves objects out of its frames."""
     messages(patch, of_type("frame", lambda m: {n: it for n, it in m.items() if n != "objects"}))
 
 
-@mutant("OBJ-7", check=LISTED, reason="a frame ")
+@mutant("OBJ-7", check=LISTED, code="object-not-listed")
 def server_says_where_objects_were(patch: Patch) -> None:
     """Lists in each frame what the one before it should have listed."""
     former: list[Any] = []
@@ -134,7 +132,7 @@ def server_says_where_objects_were(patch: Patch) -> None:
     objects_told(patch, before)
 
 
-@mutant("OBJ-7", reason="scale is missing", through="OBJ-7")
+@mutant("OBJ-7", code="not-positive", through="OBJ-7")
 def server_tells_no_scale(patch: Patch) -> None:
     """Lists objects without their scale."""
     objects_told(
@@ -147,27 +145,27 @@ def scene_told(patch: Patch, change: Any) -> None:
     messages(patch, of_type("scene", lambda scene: scene | change(scene)))
 
 
-@mutant("SCN-2", check=SCENE, reason="one is not known")
+@mutant("SCN-2", check=SCENE, code="unknown-object")
 def server_lists_an_object_that_is_not_there(patch: Patch) -> None:
     """Tells of a chair that nobody can move."""
     chair = {"id": "chair", "name": "", "gaussians": 0, "bounds": None}
     scene_told(patch, lambda scene: {"objects": [*scene["objects"], chair]})
 
 
-@mutant("SCN-2", check=SCENE, reason="and they come again after 3")
+@mutant("SCN-2", check=SCENE, code="another-count")
 def server_forgets_a_camera(patch: Patch) -> None:
     """Tells of one camera fewer than it has."""
     wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, **named | CAMERAS))
     scene_told(patch, lambda scene: {"cameras": scene["cameras"] - 1})
 
 
-@mutant("SCN-2", check=SCENE, reason="the origin of the scene")
+@mutant("SCN-2", check=SCENE, code="another-origin")
 def server_tells_another_origin(patch: Patch) -> None:
     """Tells another origin than its init packet does."""
     scene_told(patch, lambda scene: {"origin": [1.0, 2.0, 3.0]})
 
 
-@mutant("SCN-2", reason="is beyond max", through="SCN-2")
+@mutant("SCN-2", code="min-beyond-max", through="SCN-2")
 def server_turns_bounds_round(patch: Patch) -> None:
     """Swaps the ends of bounds."""
     trusts_its_scene(patch)
@@ -179,7 +177,7 @@ def server_turns_bounds_round(patch: Patch) -> None:
     scene_told(patch, lambda scene: {"objects": [turned(it) for it in scene["objects"]]})
 
 
-@mutant("TIM-4", check="check_grants_time_to_the_animated_alone", reason="timeRange is null")
+@mutant("TIM-4", check="check_grants_time_to_the_animated_alone", code="no-time-range")
 def server_grants_time_of_a_still_scene(patch: Patch) -> None:
     """Grants `time`, whether or not anything moves."""
     scene_told(patch, lambda scene: {"timeRange": None})

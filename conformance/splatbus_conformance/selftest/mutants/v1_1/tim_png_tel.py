@@ -23,13 +23,13 @@ def pongs(patch: Patch, change: Any) -> None:
     messages(patch, of_type("pong", lambda pong: pong | change(pong)))
 
 
-@mutant("TIM-2", check=SETS, reason="and the next frame has time")
+@mutant("TIM-2", check=SETS, code="another-time")
 def server_takes_any_time(patch: Patch) -> None:
     """Renders at times that the scene has not."""
     patch.setattr(session, "within", lambda message, time_range: message)
 
 
-@mutant("TIM-2", check=SETS, reason="and the next frame has time")
+@mutant("TIM-2", check=SETS, code="another-time")
 def server_plays_on(patch: Patch) -> None:
     """Takes no notice of the time that is set."""
 
@@ -39,7 +39,7 @@ def server_plays_on(patch: Patch) -> None:
     wrap(patch, Poses, "moved_by", moved)
 
 
-@mutant("TIM-3", check="check_frames_tell_the_time_of_their_image", reason="and what moves is not")
+@mutant("TIM-3", check="check_frames_tell_the_time_of_their_image", code="other-pixels")
 def server_tells_the_time_before(patch: Patch) -> None:
     """Tells in each frame the time of the one before it."""
     former: list[Any] = []
@@ -51,25 +51,25 @@ def server_tells_the_time_before(patch: Patch) -> None:
     messages(patch, of_type("frame", before))
 
 
-@mutant("PNG-2", check=PONG, reason="t of pong is")
+@mutant("PNG-2", check=PONG, code="not-echoed")
 def server_returns_its_own_time(patch: Patch) -> None:
     """Answers with its own time twice."""
     pongs(patch, lambda pong: {"t": pong["serverTime"]})
 
 
-@mutant("PNG-2", reason="the ping's was", through="PNG-2")
+@mutant("PNG-2", code="another-time", through="PNG-2")
 def server_rounds_what_it_returns(patch: Patch) -> None:
     """Returns `t` in whole milliseconds."""
     pongs(patch, lambda pong: {"t": round(pong["t"], 3)})
 
 
-@mutant("PNG-2", check=PONG, reason="one of them was not read in between")
+@mutant("PNG-2", check=PONG, code="not-in-between")
 def server_tells_the_time_of_day(patch: Patch) -> None:
     """Tells another clock in `pong` than in frames."""
     pongs(patch, lambda pong: {"serverTime": time.time()})
 
 
-@mutant("PNG-2", check=PONG, reason="one of them was not read in between")
+@mutant("PNG-2", check=PONG, code="not-in-between")
 def server_reads_its_clock_now_and_then(patch: Patch) -> None:
     """Reads its clock ten times a second, and tells what it read last."""
     last = [0.0]
@@ -82,7 +82,7 @@ def server_reads_its_clock_now_and_then(patch: Patch) -> None:
     pongs(patch, read)
 
 
-@mutant("PNG-3", check="check_the_clock_goes_on", reason="serverTime went back")
+@mutant("PNG-3", check="check_the_clock_goes_on", code="server-time-goes-back")
 def server_sets_its_clock(patch: Patch) -> None:
     """Sets its clock back by a second with every tenth ping."""
     count = [0]
@@ -94,7 +94,7 @@ def server_sets_its_clock(patch: Patch) -> None:
     pongs(patch, late)
 
 
-@mutant("PNG-3", reason="renderedAt is", through="PNG-3")
+@mutant("PNG-3", code="went-back", through="PNG-3")
 def server_renders_in_the_past(patch: Patch) -> None:
     """Says of every second image that it was rendered ten seconds ago."""
 
@@ -109,19 +109,19 @@ def telemetry(patch: Patch, change: Any) -> None:
     messages(patch, of_type("telemetry", lambda told: told | change(told)))
 
 
-@mutant("TEL-2", check=NUMBERS, reason="the numbers of telemetry are")
+@mutant("TEL-2", check=NUMBERS, code="not-ascending")
 def server_does_not_count_telemetry(patch: Patch) -> None:
     """Gives every telemetry the number 1."""
     telemetry(patch, lambda told: {"seq": 1})
 
 
-@mutant("TEL-2", check=NUMBERS, reason="time of a telemetry")
+@mutant("TEL-2", check=NUMBERS, code="not-in-between")
 def server_tells_telemetry_by_the_time_of_day(patch: Patch) -> None:
     """Tells another clock in `telemetry` than in `pong`."""
     telemetry(patch, lambda told: {"time": time.time()})
 
 
-@mutant("TEL-2", reason="which is not in the table", through="TEL-2")
+@mutant("TEL-2", code="unknown-kind", through="TEL-2")
 def server_tells_a_kind_of_its_own(patch: Patch) -> None:
     """Calls a scalar a number."""
 
@@ -131,7 +131,7 @@ def server_tells_a_kind_of_its_own(patch: Patch) -> None:
     telemetry(patch, lambda told: {"series": [renamed(it) for it in told["series"]]})
 
 
-@mutant("TEL-3", check=ASKED, reason="to who has come after a subscriber")
+@mutant("TEL-3", check=ASKED, code="inherited-subscription")
 def server_tells_the_next_what_one_asked_for(patch: Patch) -> None:
     """Goes on telling what a client had subscribed to, to the next that comes."""
     left: list[Any] = []
@@ -152,7 +152,7 @@ def server_tells_the_next_what_one_asked_for(patch: Patch) -> None:
     wrap(patch, Session, "handle", handle)
 
 
-@mutant("TEL-3", check=ASKED, reason="was subscribed to, of")
+@mutant("TEL-3", check=ASKED, code="other-series")
 def server_tells_everything(patch: Patch) -> None:
     """Sends all series to whoever has subscribed to some."""
 
@@ -162,14 +162,14 @@ def server_tells_everything(patch: Patch) -> None:
     wrap(patch, Readings, "subscribe", subscribe)
 
 
-@mutant("TEL-3", reason="which the client has not subscribed to", through="TEL-3")
+@mutant("TEL-3", code="another-series", through="TEL-3")
 def server_tells_a_series_more(patch: Patch) -> None:
     """Adds a series of its own to what was asked for."""
     added = {"name": "splats", "kind": "scalar", "value": 6.0}
     telemetry(patch, lambda told: {"series": [*told["series"], added]})
 
 
-@mutant("TEL-3", check=ASKED, reason="was subscribed to, of")
+@mutant("TEL-3", check=ASKED, code="other-series")
 def server_takes_no_list_of_series(patch: Patch) -> None:
     """Refuses a subscription that names series, so that the one before it stays in force."""
 

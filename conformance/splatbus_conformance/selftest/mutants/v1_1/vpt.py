@@ -37,14 +37,14 @@ def unhindered(patch: Patch, requirement: str, words: str) -> None:
 @mutant(
     "NEG-29",
     check="check_answers_what_follows_another_size_after_it",
-    reason="and their answers",
+    code="out-of-order",
 )
 def server_answers_while_it_makes_memory(patch: Patch) -> None:
     """Goes on answering requests while it has not yet answered a `set_viewport`."""
     patch.setattr(Connection, "hold", lambda self: None)
 
 
-@mutant("VPT-2", check=ANSWERS, reason="was answered by")
+@mutant("VPT-2", check=ANSWERS, code="another-answer")
 def server_rounds_sizes_up(patch: Patch) -> None:
     """Says that images have a width that four divides, whatever was asked for."""
 
@@ -54,25 +54,25 @@ def server_rounds_sizes_up(patch: Patch) -> None:
     patch.setattr(viewport, "ViewportSize", size)
 
 
-@mutant("VPT-2", check=ANSWERS, reason="and then the size is told as")
+@mutant("VPT-2", check=ANSWERS, code="wrong-size")
 def server_tells_the_former_size(patch: Patch) -> None:
     """Agrees to a size, and leaves images as they are."""
     wrap(patch, Viewport, "_replace", lambda original, self, change: None)
 
 
-@mutant("VPT-2", reason="was asked for", through="VPT-2")
+@mutant("VPT-2", code="wrong-size", through="VPT-2")
 def server_swaps_sides(patch: Patch) -> None:
     """Answers with the height first."""
     patch.setattr(viewport, "ViewportSize", lambda w, h, id=None: ViewportSize(h, w, id))
 
 
-@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", reason="without reinit")
+@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", code="another-answer")
 def server_cuts_off_who_cannot_follow(patch: Patch) -> None:
     """Changes the size, whoever reads."""
     unhindered(patch, "VPT-3", "")
 
 
-@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", reason="had gone")
+@mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", code="still-refused")
 def server_remembers_who_could_not_follow(patch: Patch) -> None:
     """Changes no size any more once there was a reader without `reinit`."""
     remembered: list[Refusal] = []
@@ -86,7 +86,7 @@ def server_remembers_who_could_not_follow(patch: Patch) -> None:
     wrap(patch, Session, "_hindrance", hindrance)
 
 
-@mutant("VPT-2", check=ANSWERS, reason="was refused, and then the size is told as")
+@mutant("VPT-2", check=ANSWERS, code="refused-yet-changed")
 def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
     """Tells the size that was asked for last, whether images have it or not."""
     asked: list[int] = []
@@ -106,19 +106,19 @@ def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
     wrap(patch, Session, "_answer", answer)
 
 
-@mutant("VPT-4", check="check_obeys_who_has_control", reason="a client without control")
+@mutant("VPT-4", check="check_obeys_who_has_control", code="another-answer")
 def server_changes_the_size_for_anyone(patch: Patch) -> None:
     """Changes the size, whoever asks."""
     unhindered(patch, "VPT-4", "steers")
 
 
-@mutant("VPT-4", check="check_has_memory_twice_at_most", reason="former memory is in use")
+@mutant("VPT-4", check="check_has_memory_twice_at_most", code="another-answer")
 def server_has_memory_without_end(patch: Patch) -> None:
     """Changes the size, whoever still reads what was before."""
     unhindered(patch, "VPT-4", "memory")
 
 
-@mutant("VPT-5", check=TELLS, reason="no init packet within 5 s")
+@mutant("VPT-5", check=TELLS, code="no-init-packet")
 def server_tells_those_who_take_frames(patch: Patch) -> None:
     """Sends a further init packet to clients with `frames` alone."""
 
@@ -131,7 +131,7 @@ def server_tells_those_who_take_frames(patch: Patch) -> None:
     wrap(patch, Session, "_announce", announce)
 
 
-@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
 def server_makes_the_same_memory_again(patch: Patch) -> None:
     """Has new memory also for the size that its images have."""
 
@@ -143,7 +143,7 @@ def server_makes_the_same_memory_again(patch: Patch) -> None:
     wrap(patch, Viewport, "set", set_size)
 
 
-@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
 def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
     """The same, and ends a message connection when another comes."""
     server_makes_the_same_memory_again(patch)
@@ -157,20 +157,20 @@ def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
     wrap(patch, Service, "_accept", accept)
 
 
-@mutant("VPT-7", check="check_frees_former_memory", reason="is there")
+@mutant("VPT-7", check="check_frees_former_memory", code="memory-left-behind")
 def server_frees_nothing(patch: Patch) -> None:
     """Keeps former memory, and forgets it."""
     kept: list[Memory] = []
     patch.setattr(Memory, "close", lambda self: kept.append(self))
 
 
-@mutant("VPT-8", check="check_closes_who_does_not_let_go", reason="keeps former memory, for 1")
+@mutant("VPT-8", check="check_closes_who_does_not_let_go", code="waits")
 def server_waits_for_ever(patch: Patch) -> None:
     """Lets a client keep former memory."""
     wrap(patch, Session, "_end_who_keeps", lambda original, self, now: None)
 
 
-@mutant("OPN-8", check=KEEPS, reason="is gone")
+@mutant("OPN-8", check=KEEPS, code="memory-gone")
 def server_frees_memory_at_once(patch: Patch) -> None:
     """Frees former memory when there is other, whoever reads it."""
     forgets(patch, lambda reader, generation: True)
@@ -190,7 +190,7 @@ def forgets(patch: Patch, forgotten: Any) -> None:
     wrap(patch, Session, "_free", free)
 
 
-@mutant("OPN-8", check=KEEPS, reason="that one is another")
+@mutant("OPN-8", check=KEEPS, code="written-while-held")
 def server_wipes_former_memory(patch: Patch) -> None:
     """Overwrites memory that was replaced, before it is freed."""
 
@@ -203,13 +203,13 @@ def server_wipes_former_memory(patch: Patch) -> None:
     wrap(patch, Memory, "successor", successor)
 
 
-@mutant("OPN-8", check="check_keeps_former_memory_for_who_may_open_it", reason="and may open")
+@mutant("OPN-8", check="check_keeps_former_memory_for_who_may_open_it", code="memory-gone")
 def server_frees_what_nobody_has_opened(patch: Patch) -> None:
     """Frees former memory once those who said that they had opened it have closed it."""
     forgets(patch, lambda reader, generation: generation not in reader.opened)
 
 
-@mutant("OPN-14", check="check_closed_ends_the_lease", reason="is sent none of the memory")
+@mutant("OPN-14", check="check_closed_ends_the_lease", code="no-frame")
 def server_waits_for_the_release(patch: Patch) -> None:
     """Takes a frame for held until it is released, whatever becomes of its memory."""
 
@@ -224,7 +224,7 @@ def server_waits_for_the_release(patch: Patch) -> None:
     wrap(patch, Session, "_answered", answered)
 
 
-@mutant("IMG-5", check="check_images_of_another_size_are_right", reason="of the pixels of an image")
+@mutant("IMG-5", check="check_images_of_another_size_are_right", code="other-pixels")
 def server_keeps_the_lens_of_the_first_size(patch: Patch) -> None:
     """Renders images of all sizes with the focal length in pixels that the first had."""
     first: list[Any] = []
@@ -236,7 +236,7 @@ def server_keeps_the_lens_of_the_first_size(patch: Patch) -> None:
     cameras(patch, former)
 
 
-@mutant("VPT-4", check="check_obeys_who_has_control", reason="a client that waits for control")
+@mutant("VPT-4", check="check_obeys_who_has_control", code="another-answer")
 def server_obeys_who_waits_for_control(patch: Patch) -> None:
     """Changes the size for a client that has posed, though another one has control."""
 

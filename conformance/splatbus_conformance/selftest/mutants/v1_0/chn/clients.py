@@ -29,7 +29,7 @@ def all_channels(patch: Patch) -> list[Channel]:
     return made
 
 
-@mutant("CHN-2", check="check_host_and_ports_can_be_set", reason="on port 6001")
+@mutant("CHN-2", check="check_host_and_ports_can_be_set", code="another-port")
 def ipc_port_that_cannot_be_set(patch: Patch) -> None:
     """Connects to the IPC channel on port 6001, whatever it is told."""
     wrap(
@@ -40,7 +40,7 @@ def ipc_port_that_cannot_be_set(patch: Patch) -> None:
     )
 
 
-@mutant("CHN-3", check="check_either_channel_first", reason="ipc refused its connection")
+@mutant("CHN-3", check="check_either_channel_first", code="hangs")
 def gives_up_what_refused_when_the_other_accepts(patch: Patch) -> None:
     """Does not try the IPC channel any more that refused while the message channel accepted."""
     made = all_channels(patch)
@@ -54,7 +54,7 @@ def gives_up_what_refused_when_the_other_accepts(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-3", check="check_either_channel_first", reason="ipc kept waiting its connection")
+@mutant("CHN-3", check="check_either_channel_first", code="hangs")
 def gives_up_what_is_accepted_late(patch: Patch) -> None:
     """Leaves the IPC channel for ever if it says nothing within 0.3 seconds."""
     given_up: list[float] = []
@@ -83,13 +83,13 @@ def gives_up_what_is_accepted_late(patch: Patch) -> None:
     wrap(patch, Channel, "_connect", connect)
 
 
-@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="closed the connection")
+@mutant("CHN-9", check="check_waits_for_the_init_packet", code="closes")
 def impatient_for_the_init_packet(patch: Patch) -> None:
     """Closes the IPC connection if no init packet has come within five seconds."""
     _limit(patch, lambda machine: not machine._slots, 5.0)
 
 
-@mutant("CHN-9", check="check_waits_for_the_init_packet", reason="an init packet that came after")
+@mutant("CHN-9", check="check_waits_for_the_init_packet", code="hangs")
 def deaf_to_a_late_init_packet(patch: Patch) -> None:
     """Ignores the first init packet if it comes later than a second after the connection."""
     begun: dict[IpcProtocol, float] = {}
@@ -106,7 +106,7 @@ def deaf_to_a_late_init_packet(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_init_packet", take)
 
 
-@mutant("CHN-10", check="check_keeps_the_ipc_connection", reason="while it used the buffers")
+@mutant("CHN-10", check="check_keeps_the_ipc_connection", code="closes")
 def ipc_connection_closed_once_opened(patch: Patch) -> None:
     """Closes the IPC connection when it has what it wants, and goes on reading."""
     _limit(patch, lambda machine: bool(machine._slots), 0.2)
@@ -131,13 +131,13 @@ def _limit(patch: Patch, applies: Any, seconds: float) -> None:
     wrap(patch, IpcProtocol, "expire", expire)
 
 
-@mutant("CHN-15", check="check_gives_up_a_reply", reason="no reply within")
+@mutant("CHN-15", check="check_gives_up_a_reply", code="hangs")
 def waits_for_a_reply_for_ever(patch: Patch) -> None:
     """Never gives up waiting for a reply."""
     patch.setattr(message_protocol, "REPLY_SECONDS", 600.0)
 
 
-@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="ended the stream")
+@mutant("CHN-17", check="check_closes_after_end_of_stream", code="hangs")
 def deaf_to_the_end_of_the_stream(patch: Patch) -> None:
     """Keeps its side open when the server has ended the stream."""
 
@@ -150,7 +150,7 @@ def deaf_to_the_end_of_the_stream(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="of the msg channel")
+@mutant("CHN-17", check="check_closes_after_end_of_stream", code="hangs")
 def waits_for_a_reply_after_the_end_of_the_stream(patch: Patch) -> None:
     """Keeps its side open when the server has ended the stream and still owes it a reply."""
 
@@ -163,7 +163,7 @@ def waits_for_a_reply_after_the_end_of_the_stream(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-17", check="check_closes_after_end_of_stream", reason="died")
+@mutant("CHN-17", check="check_closes_after_end_of_stream", code="dies")
 def crashes_at_the_end_of_the_stream(patch: Patch) -> None:
     """Crashes when the server ends the stream."""
 
@@ -175,7 +175,7 @@ def crashes_at_the_end_of_the_stream(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-19", check="check_survives_losing_its_server", reason="died")
+@mutant("CHN-19", check="check_survives_losing_its_server", code="dies")
 def crashes_when_reset(patch: Patch) -> None:
     """Crashes when a connection is reset."""
 
@@ -187,7 +187,7 @@ def crashes_when_reset(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-19", check="check_survives_losing_its_server", reason="neither reacted nor went on")
+@mutant("CHN-19", check="check_survives_losing_its_server", code="hangs")
 def hangs_when_reset(patch: Patch) -> None:
     """Hangs when a connection is reset."""
 
@@ -199,7 +199,7 @@ def hangs_when_reset(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-20", check="check_connects_again", reason="a connection to ipc that was")
+@mutant("CHN-20", check="check_connects_again", code="waits")
 def never_connects_to_ipc_again(patch: Patch) -> None:
     """Does not connect to the IPC channel again."""
     made = all_channels(patch)
@@ -212,7 +212,7 @@ def never_connects_to_ipc_again(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-23", check="check_keeps_the_other_channel", reason="channel when")
+@mutant("CHN-23", check="check_keeps_the_other_channel", code="closes")
 def drops_both_channels(patch: Patch) -> None:
     """Closes both connections when one is lost."""
     made = all_channels(patch)
@@ -226,7 +226,7 @@ def drops_both_channels(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-23", check="check_keeps_the_other_channel", reason="was lost (reset)")
+@mutant("CHN-23", check="check_keeps_the_other_channel", code="closes")
 def drops_both_channels_when_one_is_reset(patch: Patch) -> None:
     """Closes both connections when one is reset."""
     made = all_channels(patch)
@@ -240,13 +240,13 @@ def drops_both_channels_when_one_is_reset(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-24", check="check_uses_the_new_memory", reason="a reconnect, was not opened")
+@mutant("CHN-24", check="check_uses_the_new_memory", code="not-opened")
 def insists_on_the_first_size(patch: Patch) -> None:
     """Opens no memory of another size than the first that it saw."""
     _insists(patch, lambda reason: False)
 
 
-@mutant("CHN-24", check="check_uses_the_new_memory", reason="after a reset, and a reconnect")
+@mutant("CHN-24", check="check_uses_the_new_memory", code="not-opened")
 def insists_on_the_former_size_when_it_was_reset(patch: Patch) -> None:
     """Forgets the size of the images when its connection is closed, but not when it is reset."""
     _insists(patch, lambda reason: "reset" not in reason)
@@ -270,7 +270,7 @@ def _insists(patch: Patch, forgets: Callable[[str], bool]) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-6", reason="on the IPC channel, without hello", through="CHN-9")
+@mutant("CHN-6", code="sent-without-hello", through="CHN-9")
 def asks_on_the_ipc_channel_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and asks for the size on the IPC channel."""
     speaks_1_0(patch)

@@ -15,13 +15,13 @@ from splatbus_conformance.selftest.mutant import mutant
 PACES = "check_paces_its_attempts"
 
 
-@mutant("CHN-21", check=PACES, reason="ms apart")
+@mutant("CHN-21", check=PACES, code="too-soon")
 def connects_again_at_once(patch: Patch) -> None:
     """Connects again without a pause."""
     patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
 
 
-@mutant("CHN-21", check=PACES, reason="on the ipc channel")
+@mutant("CHN-21", check=PACES, code="too-soon")
 def connects_again_at_once_to_its_one_channel(patch: Patch) -> None:
     """Has the IPC channel alone, and connects to it again after 3 milliseconds."""
     patch.setattr(channel, "delays", lambda: itertools.repeat(0.003))
@@ -47,7 +47,7 @@ def _waits(patch: Patch, seconds: float, applies: Callable[[Channel, str], bool]
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-21", check=PACES, reason="after reset, on the")
+@mutant("CHN-21", check=PACES, code="too-soon")
 def connects_again_at_once_when_reset(patch: Patch) -> None:
     """Connects again without a pause when its connection was reset."""
     _waits(patch, 0.0, lambda self, reason: "reset" in reason)
@@ -56,7 +56,7 @@ def connects_again_at_once_when_reset(patch: Patch) -> None:
 @mutant(
     "CHN-21",
     check="check_paces_attempts_that_are_refused",
-    reason="does not pause when it is refused",
+    code="too-soon",
 )
 def connects_again_at_once_when_refused(patch: Patch) -> None:
     """Tries again without a pause, but for a millisecond, when it was refused."""
@@ -64,13 +64,13 @@ def connects_again_at_once_when_refused(patch: Patch) -> None:
     _waits(patch, 0.001, lambda self, reason: self._machine is None)
 
 
-@mutant("CHN-21", check=PACES, reason="after an error")
+@mutant("CHN-21", check=PACES, code="too-soon")
 def connects_again_at_once_when_complained_to_twice(patch: Patch) -> None:
     """Connects again without a pause when the server has complained before it said welcome."""
     _waits(patch, 0.0, lambda self, reason: _complained(self))
 
 
-@mutant("CHN-21", check="check_paces_attempts_without_images", reason="that it cannot open")
+@mutant("CHN-21", check="check_paces_attempts_without_images", code="too-soon")
 def connects_again_at_once_when_it_cannot_open(patch: Patch) -> None:
     """Drops a connection whose memory it cannot open, and connects again without a pause."""
 
@@ -89,19 +89,19 @@ def connects_again_at_once_when_it_cannot_open(patch: Patch) -> None:
     wrap(patch, Channel, "flush", flush)
 
 
-@mutant("NEG-24", check="check_pauses_after_errors", reason="after an error")
+@mutant("NEG-24", check="check_pauses_after_errors", code="too-soon")
 def connects_again_at_once_after_an_error(patch: Patch) -> None:
     """Connects again without a pause when the server has complained."""
     _waits(patch, 0.0, lambda self, reason: _complained(self))
 
 
-@mutant("CHN-22", check="check_comes_back_soon", reason="after it was lost")
+@mutant("CHN-22", check="check_comes_back_soon", code="too-late")
 def stays_away_after_an_error(patch: Patch) -> None:
     """Waits a minute when the server has complained."""
     _waits(patch, 60.0, lambda self, reason: _complained(self))
 
 
-@mutant("CHN-22", check="check_comes_back_soon", reason="after it accepts again")
+@mutant("CHN-22", check="check_comes_back_soon", code="too-late")
 def backs_off_too_far(patch: Patch) -> None:
     """Waits 0.125 seconds after the first failure, and 8 after the second."""
     patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))

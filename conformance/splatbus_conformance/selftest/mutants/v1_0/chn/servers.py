@@ -22,7 +22,7 @@ NEIGHBOURS = "check_others_are_served_whatever_one_does"
 NEWS = {"type": "news", "of": "today"}
 
 
-@mutant("CHN-1", check="check_offers_both_channels", reason="nothing listens on port")
+@mutant("CHN-1", check="check_offers_both_channels", code="not-listening")
 def server_offers_no_ipc_channel(patch: Patch) -> None:
     """Listens for IPC connections where nobody is told to come."""
     calls = iter((True, False))
@@ -33,25 +33,25 @@ def server_offers_no_ipc_channel(patch: Patch) -> None:
     wrap(patch, api, "listen", listen)
 
 
-@mutant("CHN-4", reason="no init packet came first", through="CHN-4")
+@mutant("CHN-4", code="another-packet-first", through="CHN-4")
 def server_says_other_things_first(patch: Patch) -> None:
     """Announces CUDA memory after something else."""
     announces_at_once(patch, NEWS, init_packet_1_0())
 
 
-@mutant("CHN-4", check="check_everyone_is_sent_an_init_packet", reason="got no init packet")
+@mutant("CHN-4", check="check_everyone_is_sent_an_init_packet", code="no-init-packet")
 def server_announces_its_memory_to_few(patch: Patch) -> None:
     """Announces CUDA memory to the first five clients only."""
     announces_at_once(patch, init_packet_1_0(), most=5)
 
 
-@mutant("CHN-5", reason="on a connection that speaks 1.0", through="CHN-7")
+@mutant("CHN-5", code="host-memory-announced", through="CHN-7")
 def server_announces_host_memory_to_all(patch: Patch) -> None:
     """Announces memory of the host to clients that say nothing."""
     announces_at_once(patch, init_packet_1_1("splatbus-none", 1))
 
 
-@mutant("CHN-7", check="check_bytes_do_not_end_an_ipc_connection", reason="on the IPC channel")
+@mutant("CHN-7", check="check_bytes_do_not_end_an_ipc_connection", code="closes")
 def server_wants_silence_on_ipc(patch: Patch) -> None:
     """Closes IPC connections on which anything but a hello comes."""
 
@@ -67,7 +67,7 @@ def server_wants_silence_on_ipc(patch: Patch) -> None:
 @mutant(
     "CHN-7",
     check="check_bytes_do_not_end_an_ipc_connection_later",
-    reason="on the IPC channel, and then nothing",
+    code="closes",
 )
 def server_awaits_more_after_a_packet(patch: Patch) -> None:
     """Takes a connection on which a whole packet came for one on which a packet is incomplete."""
@@ -82,13 +82,13 @@ def server_awaits_more_after_a_packet(patch: Patch) -> None:
     wrap(patch, Connection, "next_event", next_event)
 
 
-@mutant("CHN-8", reason="a second packet", through="CHN-4")
+@mutant("CHN-8", code="further-packet", through="CHN-4")
 def server_announces_its_memory_twice(patch: Patch) -> None:
     """Announces CUDA memory twice."""
     announces_at_once(patch, init_packet_1_0(), init_packet_1_0())
 
 
-@mutant("CHN-11", reason="a packet unasked")
+@mutant("CHN-11", code="unasked-packet")
 def server_speaks_unasked(patch: Patch) -> None:
     """Tells every message client the news."""
     announces_at_once(patch, NEWS, channel="message")
@@ -97,7 +97,7 @@ def server_speaks_unasked(patch: Patch) -> None:
 @mutant(
     "CHN-12",
     check="check_serves_both_channels_at_a_time",
-    reason="no welcome on the IPC channel beside",
+    code="no-welcome",
 )
 def server_serves_one_channel_at_a_time(patch: Patch) -> None:
     """Ends IPC connections when a message client comes."""
@@ -114,7 +114,7 @@ def server_serves_one_channel_at_a_time(patch: Patch) -> None:
 @mutant(
     "CHN-13",
     check="check_further_connections_are_not_left_waiting",
-    reason="client number 4 on the message channel",
+    code="waits",
 )
 def server_lets_the_fourth_wait(patch: Patch) -> None:
     """Leaves message connections beyond three in the backlog."""
@@ -124,7 +124,7 @@ def server_lets_the_fourth_wait(patch: Patch) -> None:
 @mutant(
     "CHN-13",
     check="check_further_ipc_connections_are_not_left_waiting",
-    reason="on the IPC channel",
+    code="waits",
 )
 def server_lets_the_fourth_wait_on_ipc(patch: Patch) -> None:
     """The same on the IPC channel."""
@@ -134,7 +134,7 @@ def server_lets_the_fourth_wait_on_ipc(patch: Patch) -> None:
 @mutant(
     "CHN-14",
     check="check_others_are_served_whatever_one_does_on_ipc",
-    reason=" beside a client that sends one byte",
+    code="no-reply",
 )
 def server_reads_packets_to_their_end(patch: Patch) -> None:
     """Waits, with all that it does, until a packet that began is complete."""
@@ -155,7 +155,7 @@ def server_reads_packets_to_their_end(patch: Patch) -> None:
 @mutant(
     "CHN-14",
     check="check_others_are_served_whatever_one_does_on_ipc",
-    reason="no new image beside a client that never gives a frame back",
+    code="no-image",
 )
 def server_waits_for_its_readers(patch: Patch) -> None:
     """Lends no further image before every reader has given back the last."""
@@ -167,7 +167,7 @@ def server_waits_for_its_readers(patch: Patch) -> None:
     wrap(patch, Session, "_lend", lend)
 
 
-@mutant("CHN-14", check="check_a_crowd_does_no_harm", reason="no reply after 8 idle clients")
+@mutant("CHN-14", check="check_a_crowd_does_no_harm", code="not-served")
 def server_never_forgets_a_client(patch: Patch) -> None:
     """Counts clients that have gone, and refuses the thirty-first of a channel."""
     came: dict[str, int] = {}
@@ -183,7 +183,7 @@ def server_never_forgets_a_client(patch: Patch) -> None:
     wrap(patch, Service, "_accept", accept)
 
 
-@mutant("CHN-14", check="check_others_are_served_whatever_one_does", reason="SIGABRT")
+@mutant("CHN-14", check="check_others_are_served_whatever_one_does", code="no-reply")
 def server_dies_of_a_reset(patch: Patch) -> None:
     """Does not expect that a client resets its connection."""
 
@@ -195,7 +195,7 @@ def server_dies_of_a_reset(patch: Patch) -> None:
     wrap(patch, Service, "_drop", drop)
 
 
-@mutant("CHN-14", check=NEIGHBOURS, reason="no reply after a client that")
+@mutant("CHN-14", check=NEIGHBOURS, code="not-served")
 def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
     """Accepts no message connection any more once a client has left before its reply came."""
 
@@ -215,7 +215,7 @@ def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
     wrap(patch, Service, "_accept", accept)
 
 
-@mutant("CHN-14", check=NEIGHBOURS, reason="no reply beside a client that never reads")
+@mutant("CHN-14", check=NEIGHBOURS, code="no-reply")
 def server_waits_for_who_does_not_read(patch: Patch) -> None:
     """Waits, with all that it does, until a client has taken its replies."""
 
@@ -230,9 +230,7 @@ def server_waits_for_who_does_not_read(patch: Patch) -> None:
     wrap(patch, Service, "_flush", flush)
 
 
-@mutant(
-    "CHN-14", check=NEIGHBOURS, reason="the connection of another is ended beside a client that"
-)
+@mutant("CHN-14", check=NEIGHBOURS, code="closes")
 def server_ends_everybody_for_one(patch: Patch) -> None:
     """Ends every message connection when a length on one of them is bad."""
 
@@ -266,14 +264,14 @@ def _knows_deep_text(patch: Patch) -> list[bytes]:
     return known
 
 
-@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", reason="it announces no memory on the IPC channel")
+@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", code="lost-a-vital-sign")
 def server_announces_nothing_after_deep_text(patch: Patch) -> None:
     """Welcomes readers, and announces memory to none of them, once deep text has come."""
     known = _knows_deep_text(patch)
     wrap(patch, Session, "_announce", lambda original, *it: None if known else original(*it))
 
 
-@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", reason="it sends no frame on the IPC channel")
+@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", code="lost-a-vital-sign")
 def server_lends_nothing_after_deep_text(patch: Patch) -> None:
     """Lends no image to readers that come once deep text has come."""
     known, early = _knows_deep_text(patch), list[Connection]()
@@ -287,7 +285,7 @@ def server_lends_nothing_after_deep_text(patch: Patch) -> None:
     wrap(patch, Session, "_lend", lend)
 
 
-@mutant("CHN-16", check="check_answers_before_the_end", reason="kept the connection open after 0")
+@mutant("CHN-16", check="check_answers_before_the_end", code="not-closed")
 def server_waits_where_nothing_was_asked(patch: Patch) -> None:
     """Does not see the end of the stream of a client that has asked nothing."""
 
@@ -299,7 +297,7 @@ def server_waits_where_nothing_was_asked(patch: Patch) -> None:
     wrap(patch, Connection, "next_event", next_event)
 
 
-@mutant("CHN-16", check="check_answers_before_the_end", reason="after hello")
+@mutant("CHN-16", check="check_answers_before_the_end", code="another-count")
 def server_answers_the_old_to_the_end(patch: Patch) -> None:
     """Answers those that have said hello nothing more once they have ended their stream."""
 
@@ -313,7 +311,7 @@ def server_answers_the_old_to_the_end(patch: Patch) -> None:
     wrap(patch, Service, "_take", take)
 
 
-@mutant("CHN-16", check="check_answers_before_the_end", reason="replies to")
+@mutant("CHN-16", check="check_answers_before_the_end", code="another-count")
 def server_leaves_with_its_client(patch: Patch) -> None:
     """Answers nothing any more once the client has ended its stream."""
 

@@ -34,7 +34,7 @@ DIGITS = "check_numbers_keep_their_digits"
 OUT, IN = "check_axes_change_exactly_on_the_way_out", "check_axes_change_exactly_on_the_way_in"
 
 
-@mutant("CNV-1", check=CAMERAS, reason="it is world-to-camera", axes="opencv")
+@mutant("CNV-1", check=CAMERAS, code="another-pose", axes="opencv")
 def sends_world_to_camera(patch: Patch) -> None:
     """Sends the view matrix's translation and the inverse rotation."""
 
@@ -45,13 +45,13 @@ def sends_world_to_camera(patch: Patch) -> None:
     wrap(patch, Session, "send_camera", send)
 
 
-@mutant("CNV-1", check="check_understands_cameras", reason="in the wire's axes", axes="unity")
+@mutant("CNV-1", check="check_understands_cameras", code="another-pose", axes="unity")
 def takes_replies_as_they_are(patch: Patch) -> None:
     """Puts the engine's camera where the reply says, without a change of axes."""
     patch.setattr(Engine, "from_wire", lambda self, pose: pose)
 
 
-@mutant("CNV-1", check=CAMERAS, reason="the pose that was given before", axes="unity")
+@mutant("CNV-1", check=CAMERAS, code="another-pose", axes="unity")
 def sends_the_pose_before(patch: Patch) -> None:
     """Sends each time the pose that it was given the time before."""
     former: list[Pose] = []
@@ -67,7 +67,7 @@ def sends_the_pose_before(patch: Patch) -> None:
 @mutant(
     "CNV-1",
     check="check_says_its_camera_again_as_it_was",
-    reason="was said again as",
+    code="another-pose",
     axes="blender",
 )
 def says_its_camera_again_in_other_axes(patch: Patch) -> None:
@@ -83,7 +83,7 @@ def says_its_camera_again_in_other_axes(patch: Patch) -> None:
     wrap(patch, Steering, "begin", begin)
 
 
-@mutant("CNV-1", check="check_understands_cameras", reason="in the other direction", axes="unreal")
+@mutant("CNV-1", check="check_understands_cameras", code="another-pose", axes="unreal")
 def converts_replies_in_the_other_direction(patch: Patch) -> None:
     """Converts the camera of a reply as if it were the engine's own."""
     patch.setattr(Engine, "from_wire", Engine.to_wire)
@@ -92,7 +92,7 @@ def converts_replies_in_the_other_direction(patch: Patch) -> None:
 @mutant(
     "CNV-2",
     check="check_object_poses_are_object_to_world",
-    reason="by the row blender_camera",
+    code="another-pose",
     axes="blender",
 )
 def takes_objects_for_cameras(patch: Patch) -> None:
@@ -103,7 +103,7 @@ def takes_objects_for_cameras(patch: Patch) -> None:
 @mutant(
     "CNV-3",
     check="check_quaternions_are_hamilton_with_w_last",
-    reason="members are in another order",
+    code="another-order",
     axes="opencv",
 )
 def sends_w_under_the_name_of_x(patch: Patch) -> None:
@@ -116,19 +116,19 @@ def sends_w_under_the_name_of_x(patch: Patch) -> None:
     wrap(patch, Session, "send_camera", send)
 
 
-@mutant("CNV-4", check="check_unity_s_row", reason="by the row opengl", axes="unity")
+@mutant("CNV-4", check="check_unity_s_row", code="another-pose", axes="unity")
 def takes_unity_for_right_handed(patch: Patch) -> None:
     """Converts Unity's poses by the row of OpenGL."""
     patch.setitem(ENGINES, "unity", OPENGL)
 
 
-@mutant("CNV-5", check="check_unreal_s_row", reason="in the engine's units", axes="unreal")
+@mutant("CNV-5", check="check_unreal_s_row", code="another-pose", axes="unreal")
 def sends_centimetres(patch: Patch) -> None:
     """Does not divide Unreal's positions by 100."""
     patch.setitem(ENGINES, "unreal", dataclasses.replace(UNREAL, scale=1.0))
 
 
-@mutant("CNV-6", check="check_blender_s_rows", reason="by the row blender_object", axes="blender")
+@mutant("CNV-6", check="check_blender_s_rows", code="another-pose", axes="blender")
 def takes_cameras_for_objects(patch: Patch) -> None:
     """Converts Blender's cameras, which look along −z, by the row of objects."""
     patch.setitem(ENGINES, "blender_camera", BLENDER_OBJECT)
@@ -137,7 +137,7 @@ def takes_cameras_for_objects(patch: Patch) -> None:
 @mutant(
     "CNV-7",
     check="check_opengl_s_row",
-    reason="only its position was converted",
+    code="another-pose",
     axes="opengl",
 )
 def flips_only_positions(patch: Patch) -> None:
@@ -155,19 +155,19 @@ def _spelled(patch: Patch, spell: Any, *parts: str) -> None:
     messages(patch, of_type("camera_pose", change))
 
 
-@mutant("ACC-1", check=DIGITS, reason="position: worst", axes="opencv")
+@mutant("ACC-1", check=DIGITS, code="beyond-its-budget", axes="opencv")
 def sends_six_digits(patch: Patch) -> None:
     """Prints numbers with six significant digits, as printf's %g does."""
     _spelled(patch, lambda number: float(f"{number:.6g}"), "position", "rotation")
 
 
-@mutant("ACC-1", check=DIGITS, reason="position: worst", axes="opencv")
+@mutant("ACC-1", check=DIGITS, code="beyond-its-budget", axes="opencv")
 def sends_sixteen_digits_of_positions(patch: Patch) -> None:
     """Prints positions with sixteen significant digits, one short of enough."""
     _spelled(patch, lambda number: float(f"{number:.16g}"), "position")
 
 
-@mutant("ACC-1", check=DIGITS, reason="quaternion: worst", axes="unity")
+@mutant("ACC-1", check=DIGITS, code="beyond-its-budget", axes="unity")
 def sends_single_precision(patch: Patch) -> None:
     """Has rotations in double precision, and prints them in single."""
     _spelled(patch, lambda number: float(np.float32(number)), "rotation")
@@ -176,7 +176,7 @@ def sends_single_precision(patch: Patch) -> None:
 @mutant(
     "ACC-14",
     check="check_numbers_are_read_to_the_last_bit",
-    reason="position: worst",
+    code="beyond-its-budget",
     axes="opencv",
 )
 def adds_up_digits(patch: Patch) -> None:
@@ -184,7 +184,7 @@ def adds_up_digits(patch: Patch) -> None:
     adding_up_digits(patch)
 
 
-@mutant("ACC-7", check=OUT, reason="of 0.5 in", axes="unreal")
+@mutant("ACC-7", check=OUT, code="beyond-its-budget", axes="unreal")
 def multiplies_by_a_hundredth(patch: Patch) -> None:
     """Multiplies by 0.01, which no double is, instead of dividing by 100."""
 
@@ -195,13 +195,13 @@ def multiplies_by_a_hundredth(patch: Patch) -> None:
     wrap(patch, Engine, "position_to_wire", to_wire)
 
 
-@mutant("ACC-7", check=OUT, reason="quaternion: worst", axes="blender")
+@mutant("ACC-7", check=OUT, code="beyond-its-budget", axes="blender")
 def types_the_root_of_one_half(patch: Patch) -> None:
     """Types √½ with seven digits."""
     patch.setattr(conventions, "_HALF_SQRT", 0.7071068)
 
 
-@mutant("ACC-7", check=IN, reason="quaternion: worst", axes="unity")
+@mutant("ACC-7", check=IN, code="beyond-its-budget", axes="unity")
 def understands_in_single_precision(patch: Patch) -> None:
     """Says that it holds double precision, and rounds replies to single."""
 
@@ -215,7 +215,7 @@ def understands_in_single_precision(patch: Patch) -> None:
 @mutant(
     "REQ-11",
     check="check_matches_replies_by_their_order",
-    reason="the reply to another",
+    code="another-reply",
     axes="opencv",
 )
 def gives_replies_to_the_last_who_asked(patch: Patch) -> None:
@@ -234,7 +234,7 @@ def gives_replies_to_the_last_who_asked(patch: Patch) -> None:
 @mutant(
     "CNV-2",
     check="check_says_its_object_again_as_it_was",
-    reason="was said again as",
+    code="another-pose",
     axes="unity",
 )
 def says_its_object_again_in_the_engine_s_axes(patch: Patch) -> None:
@@ -249,7 +249,7 @@ def says_its_object_again_in_the_engine_s_axes(patch: Patch) -> None:
     wrap(patch, Steering, "begin", begin)
 
 
-@mutant("ACC-7", check=OUT, reason="position:", axes="opencv")
+@mutant("ACC-7", check=OUT, code="beyond-its-budget", axes="opencv")
 def holds_the_splats_in_single_precision(patch: Patch) -> None:
     """Sends positions of cameras as they are, and rounds those of the splats."""
 

@@ -59,21 +59,21 @@ def inverse(rotation: Any, position: Any) -> Any:
 # Rows and depth
 
 
-@mutant("BUF-1", check="check_rows_are_bottom_up", reason="rows stored top-down")
+@mutant("BUF-1", check="check_rows_are_bottom_up", code="misrendered")
 def server_stores_rows_top_down(patch: Patch) -> None:
     """Stores the top row of the image first."""
     for channel in ("color", "depth"):
         stored(patch, channel, lambda slot: np.copyto(slot, slot[::-1].copy()))
 
 
-@mutant("BUF-1", check="check_rows_are_bottom_up", reason="columns stored from right to left")
+@mutant("BUF-1", check="check_rows_are_bottom_up", code="misrendered")
 def server_stores_columns_from_the_right(patch: Patch) -> None:
     """Stores the right column of the image first."""
     for channel in ("color", "depth"):
         stored(patch, channel, lambda slot: np.copyto(slot, slot[:, ::-1].copy()))
 
 
-@mutant("BUF-6", check="check_depth_is_planar", reason="distances along the ray")
+@mutant("BUF-6", check="check_depth_is_planar", code="misrendered")
 def server_stores_distances_along_the_ray(patch: Patch) -> None:
     """Stores how far a surface is from the camera's centre."""
 
@@ -85,13 +85,13 @@ def server_stores_distances_along_the_ray(patch: Patch) -> None:
     depths(patch, distances)
 
 
-@mutant("BUF-6", check="check_depth_is_planar", reason="depths of which 100 make a scene unit")
+@mutant("BUF-6", check="check_depth_is_planar", code="misrendered")
 def server_stores_depth_in_hundredths(patch: Patch) -> None:
     """Stores depth in centimetres, and poses are in metres."""
     depths(patch, lambda depth, camera: 100.0 * depth)
 
 
-@mutant("BUF-6", check="check_depth_is_planar", reason="inverse depths")
+@mutant("BUF-6", check="check_depth_is_planar", code="misrendered")
 def server_stores_inverse_depth(patch: Patch) -> None:
     """Stores 1/z where there is a surface."""
     depths(patch, lambda depth, camera: np.where(np.isfinite(depth), 1.0 / depth, np.inf))
@@ -100,7 +100,7 @@ def server_stores_inverse_depth(patch: Patch) -> None:
 # Poses
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", reason="taken for world-to-camera")
+@mutant("CNV-1", check="check_poses_are_camera_to_world", code="misrendered")
 def server_takes_poses_for_world_to_camera(patch: Patch) -> None:
     """Renders with the inverse of the pose that was sent."""
 
@@ -111,14 +111,14 @@ def server_takes_poses_for_world_to_camera(patch: Patch) -> None:
     cameras(patch, turned_round)
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", reason="OpenGL's axes")
+@mutant("CNV-1", check="check_poses_are_camera_to_world", code="misrendered")
 def server_looks_along_minus_z(patch: Patch) -> None:
     """Takes the rotation for that of a camera with y up that looks backward."""
     back = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
     cameras(patch, lambda camera: replace(camera, rotation=multiply(camera.rotation, back)))
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", reason="its frame names")
+@mutant("CNV-1", check="check_poses_are_camera_to_world", code="misnamed-pose")
 def server_names_world_to_camera_poses(patch: Patch) -> None:
     """Renders rightly, but tells the view matrix in its frames."""
 
@@ -132,7 +132,7 @@ def server_names_world_to_camera_poses(patch: Patch) -> None:
     messages(patch, of_type("frame", told))
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", reason="camera 0 is told as")
+@mutant("CNV-1", check="check_poses_are_camera_to_world", code="misreported-pose")
 def server_tells_cameras_as_world_to_camera(patch: Patch) -> None:
     """Has a camera of its own, and tells the inverse of its pose when asked."""
     wrap(
@@ -152,19 +152,19 @@ def server_tells_cameras_as_world_to_camera(patch: Patch) -> None:
     messages(patch, told)
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", reason="read as w, x, y, z")
+@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="misrendered")
 def server_reads_the_scalar_first(patch: Patch) -> None:
     """Takes the first number of a rotation for its scalar."""
     rotations(patch, lambda q: (q[1], q[2], q[3], q[0]))
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", reason="JPL")
+@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="misrendered")
 def server_reads_jpl_quaternions(patch: Patch) -> None:
     """Turns the camera the other way round."""
     rotations(patch, lambda q: (-q[0], -q[1], -q[2], q[3]))
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", reason="its frame names")
+@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="misnamed-pose")
 def server_names_the_scalar_first(patch: Patch) -> None:
     """Writes w, x, y, z in its frames."""
 
@@ -175,7 +175,7 @@ def server_names_the_scalar_first(patch: Patch) -> None:
     messages(patch, of_type("frame", told))
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", reason="camera 0 is told as")
+@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="misreported-pose")
 def server_tells_the_scalar_first(patch: Patch) -> None:
     """Writes w, x, y, z in its replies."""
 
@@ -191,7 +191,7 @@ def server_tells_the_scalar_first(patch: Patch) -> None:
 # Which pose, and when
 
 
-@mutant("IMG-5", check="check_images_are_of_the_camera_that_is_named", reason="the camera before")
+@mutant("IMG-5", check="check_images_are_of_the_camera_that_is_named", code="misrendered")
 def server_renders_the_first_camera_only(patch: Patch) -> None:
     """Names every camera that it is sent, and stays where it was."""
     still: list[Any] = []
@@ -203,13 +203,13 @@ def server_renders_the_first_camera_only(patch: Patch) -> None:
     cameras(patch, first)
 
 
-@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", reason="is not what the camera at")
+@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", code="other-colours")
 def server_has_pixel_centres_at_integers(patch: Patch) -> None:
     """Takes the corner of a pixel for its centre, and so draws everything half a pixel off."""
     cameras(patch, lambda it: replace(it, cx=it.cx + 0.5, cy=it.cy + 0.5))
 
 
-@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", reason="is not what the camera at")
+@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", code="other-colours")
 def server_is_one_camera_late(patch: Patch) -> None:
     """Names the camera that it was sent, and renders with the one before it."""
     seen: list[Any] = []
@@ -221,7 +221,7 @@ def server_is_one_camera_late(patch: Patch) -> None:
     cameras(patch, former)
 
 
-@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", reason="is not of the camera")
+@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", code="other-colours")
 def server_names_the_newest_camera(patch: Patch) -> None:
     """Names the camera that it has when it sends a frame, not the one that the image is of."""
 
@@ -239,7 +239,7 @@ def replace_view(image: Any, view: Any) -> Any:
     return image._replace(view=view) if hasattr(image, "_replace") else replace(image, view=view)
 
 
-@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", reason="of the depth of image")
+@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", code="other-depths")
 def server_stores_the_depth_before(patch: Patch) -> None:
     """Stores with each colour the depth of the image before."""
     seen: list[Any] = []
@@ -251,7 +251,7 @@ def server_stores_the_depth_before(patch: Patch) -> None:
     depths(patch, former)
 
 
-@mutant("POS-7", check="check_the_newest_camera_is_shown", reason="the newest frame names")
+@mutant("POS-7", check="check_the_newest_camera_is_shown", code="another-pose")
 def server_takes_the_first_of_many_poses(patch: Patch) -> None:
     """Of camera poses that come within 10 ms it takes the first."""
     last = [0.0]
@@ -267,13 +267,13 @@ def server_takes_the_first_of_many_poses(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("POS-7", check="check_the_newest_scene_is_shown", reason="did not move at all")
+@mutant("POS-7", check="check_the_newest_scene_is_shown", code="misrendered")
 def server_leaves_the_scene_where_it_is(patch: Patch) -> None:
     """Renders the Gaussians where they always were."""
     patch.setattr(demo, "_object_pose", lambda view, angle: ObjectPose())
 
 
-@mutant("POS-7", check="check_the_newest_scene_is_shown", reason="moved, but not turned")
+@mutant("POS-7", check="check_the_newest_scene_is_shown", code="misrendered")
 def server_does_not_turn_the_scene(patch: Patch) -> None:
     """Takes the position of the Gaussians, and leaves out their rotation."""
     wrap(
@@ -284,7 +284,7 @@ def server_does_not_turn_the_scene(patch: Patch) -> None:
     )
 
 
-@mutant("POS-7", check="check_the_newest_scene_is_shown", reason="by the inverse of the pose")
+@mutant("POS-7", check="check_the_newest_scene_is_shown", code="misrendered")
 def server_moves_the_scene_by_the_inverse(patch: Patch) -> None:
     """Takes the pose of the Gaussians for world-to-object."""
 
@@ -296,7 +296,7 @@ def server_moves_the_scene_by_the_inverse(patch: Patch) -> None:
     wrap(patch, demo, "_object_pose", pose)
 
 
-@mutant("POS-13", check="check_the_scene_is_at_rest_at_first", reason="the identity pose")
+@mutant("POS-13", check="check_the_scene_is_at_rest_at_first", code="not-at-rest")
 def server_puts_the_scene_elsewhere_at_first(patch: Patch) -> None:
     """Begins with the Gaussians moved to the left, as its author likes them."""
     moved = Pose((-0.25, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))

@@ -15,14 +15,14 @@ NEVER = 600.0
 LONGEST = framing._MAX_PAYLOAD_BYTES
 
 
-@mutant("FRM-2", reason="announces 0 bytes", both=True)
+@mutant("FRM-2", code="out-of-range", both=True)
 def empty_packets(patch: Patch) -> None:
     """Sends an empty packet after each message, to keep the connection alive."""
     trusts_its_scene(patch)
     packets(patch, lambda packet: packet + bytes(4))
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on", both=True)
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def deaf_after_a_bad_length(patch: Patch) -> None:
     """Keeps the connection after a bad length, and hears nothing more on it."""
 
@@ -36,25 +36,25 @@ def deaf_after_a_bad_length(patch: Patch) -> None:
     wrap(patch, PacketDecoder, "next_packet", next_packet)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="announces 0 bytes", both=True)
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def empty_packets_are_skipped(patch: Patch) -> None:
     """Takes a length of 0 for a packet that says nothing."""
     patch.setattr(framing, "_MIN_PAYLOAD_BYTES", 0)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="announces 1,048,577 bytes", both=True)
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def any_length_is_waited_for(patch: Patch) -> None:
     """Waits for as many bytes as any header announces."""
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="announces 1,048,577 bytes", both=True)
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def a_byte_too_many_is_taken(patch: Patch) -> None:
     """Takes payloads that are a byte longer than any may be."""
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", LONGEST + 1)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on", both=True)
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def trusts_whom_it_has_heard(patch: Patch) -> None:
     """Looks at the first length on a connection, and passes over bad ones that come later."""
 
@@ -67,7 +67,7 @@ def trusts_whom_it_has_heard(patch: Patch) -> None:
     wrap(patch, PacketDecoder, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="were not taken", both=True)
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken", both=True)
 def one_packet_per_read(patch: Patch) -> None:
     """Takes what one `recv` returned for one packet."""
 
@@ -79,7 +79,7 @@ def one_packet_per_read(patch: Patch) -> None:
     wrap(patch, PacketDecoder, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="were not taken", both=True)
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken", both=True)
 def drops_what_follows_a_packet(patch: Patch) -> None:
     """Handles the first packet that a read completes, and drops what came with it."""
 
@@ -93,7 +93,7 @@ def drops_what_follows_a_packet(patch: Patch) -> None:
     wrap(patch, PacketDecoder, "next_packet", next_packet)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="were not taken", both=True)
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken", both=True)
 def decodes_each_piece_by_itself(patch: Patch) -> None:
     """Decodes what each read brings of a payload, and loses what ends inside a character."""
 
@@ -110,13 +110,13 @@ def decodes_each_piece_by_itself(patch: Patch) -> None:
     wrap(patch, PacketDecoder, "receive", receive)
 
 
-@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="byte", both=True)
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", code="hangs", both=True)
 def each_byte_gives_a_packet_more_time(patch: Patch) -> None:
     """Begins to count anew with each byte of a packet."""
     counts_each_byte(patch)
 
 
-@mutant("FRM-5", check="check_incomplete_packet_is_given_up", reason="a packet that", both=True)
+@mutant("FRM-5", check="check_incomplete_packet_is_given_up", code="hangs", both=True)
 def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
     """Waits for ever for the rest of a packet."""
     patch.setattr(packet_reader, "COMPLETION_SECONDS", NEVER)

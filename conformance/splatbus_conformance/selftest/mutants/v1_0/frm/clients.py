@@ -18,25 +18,25 @@ from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 NEVER = 600.0
 
 
-@mutant("FRM-1", reason="bytes into a packet", through="NEG-16")
+@mutant("FRM-1", code="cut-short", through="NEG-16")
 def line_break_after_each_packet(patch: Patch) -> None:
     """Ends each packet with a line break that its length does not count."""
     packets(patch, lambda packet: packet + b"\n")
 
 
-@mutant("FRM-1", reason="counts the four bytes of the header", through="FRM-5")
+@mutant("FRM-1", code="header-counted", through="FRM-5")
 def length_that_counts_its_header(patch: Patch) -> None:
     """Counts the four bytes of the header in the length."""
     packets(patch, lambda packet: len(packet).to_bytes(4, "little") + packet[4:])
 
 
-@mutant("FRM-2", reason="announces 2,", through="CHN-17")
+@mutant("FRM-2", code="out-of-range", through="CHN-17")
 def big_endian_lengths(patch: Patch) -> None:
     """Writes lengths in network byte order."""
     packets(patch, lambda packet: packet[3::-1] + packet[4:])
 
 
-@mutant("FRM-2", reason="announces 1,048,", through="CHN-17")
+@mutant("FRM-2", code="out-of-range", through="CHN-17")
 def payload_beyond_the_limit(patch: Patch) -> None:
     """Sends a `hello` of more than 1 MiB."""
 
@@ -52,7 +52,7 @@ def payload_beyond_the_limit(patch: Patch) -> None:
 @mutant(
     "FRM-3",
     check="check_bad_length_closes",
-    reason="on the msg channel: the testee neither",
+    code="hangs",
 )
 def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     """Drops what has arrived with a bad length on the message channel, and reads on."""
@@ -68,7 +68,7 @@ def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     wrap(patch, message_protocol.MessageProtocol, "receive", receive)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="1,048,577 bytes")
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and waits for as many bytes as any header announces."""
     speaks_1_0(patch)
@@ -82,7 +82,7 @@ def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "receive", receive)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="4,294,967,295 bytes")
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and takes the length for a signed integer; a negative one announces nothing."""
     speaks_1_0(patch)
@@ -94,7 +94,7 @@ def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="on the msg channel")
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken")
 def takes_one_read_for_a_reply(patch: Patch) -> None:
     """Takes what one `recv` returned on the message channel for one reply."""
 
@@ -106,7 +106,7 @@ def takes_one_read_for_a_reply(patch: Patch) -> None:
     wrap(patch, message_protocol.MessageProtocol, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation_of_welcome", reason="a welcome of")
+@mutant("FRM-4", check="check_any_segmentation_of_welcome", code="hangs")
 def takes_one_read_for_a_welcome(patch: Patch) -> None:
     """Drops a welcome that one `recv` did not return whole, and all that comes before the next."""
 
@@ -118,23 +118,21 @@ def takes_one_read_for_a_welcome(patch: Patch) -> None:
     wrap(patch, message_protocol.MessageProtocol, "receive", receive)
 
 
-@mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def half_a_packet_continues(patch: Patch) -> None:
     """Keeps half a packet when the connection ends, and goes on with it on the next one."""
     kept = PacketReader()
     patch.setattr(ipc_protocol, "PacketReader", lambda: kept)
 
 
-@mutant("FRM-6", check="check_half_reply_is_discarded", reason="on the next connection")
+@mutant("FRM-6", check="check_half_reply_is_discarded", code="closes")
 def half_a_reply_continues(patch: Patch) -> None:
     """Keeps half a reply when the connection ends, and goes on with it on the next one."""
     kept = PacketReader()
     patch.setattr(message_protocol, "PacketReader", lambda: kept)
 
 
-@mutant(
-    "FRM-6", check="check_half_packet_is_discarded_unheard", reason="a connection that ends after"
-)
+@mutant("FRM-6", check="check_half_packet_is_discarded_unheard", code="dies")
 def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and crashes when it connects again after half a packet."""
     speaks_1_0(patch)
@@ -149,7 +147,7 @@ def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "__init__", init)
 
 
-@mutant("FRM-7", reason="the header arrived alone")
+@mutant("FRM-7", code="header-apart")
 def two_writes(patch: Patch) -> None:
     """Sends the header, and a moment later the payload."""
     in_two_writes(patch)

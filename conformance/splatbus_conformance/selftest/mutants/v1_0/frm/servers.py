@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.mutant import mutant
 LONGEST = framing._MAX_PAYLOAD_BYTES
 
 
-@mutant("FRM-1", reason="bytes into a packet", through="FRM-3")
+@mutant("FRM-1", code="cut-short", through="FRM-3")
 def server_ends_within_a_packet(patch: Patch) -> None:
     """Begins one more packet when it ends a connection."""
 
@@ -28,7 +28,7 @@ def server_ends_within_a_packet(patch: Patch) -> None:
     wrap(patch, Connection, "end", end)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def server_waits_on_after_a_bad_length(patch: Patch) -> None:
     """Reads nothing more after a bad header, and keeps the connection."""
     _waits_after_a_bad_length(patch, math.inf, "ipc", "message")
@@ -52,7 +52,7 @@ def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> N
     wrap(patch, Connection, "next_event", next_event)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def server_waits_for_any_length(patch: Patch) -> None:
     """Waits on the message channel for as many bytes as a header announces, as long as for any
     packet.
@@ -66,7 +66,7 @@ def server_waits_for_any_length(patch: Patch) -> None:
     wrap(patch, Connection, "receive", receive)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="neither reacted nor went on")
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
     """Accepts nobody any more on the IPC channel once a length there was bad."""
 
@@ -86,13 +86,13 @@ def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
     wrap(patch, Service, "_accept", accept)
 
 
-@mutant("FRM-4", check="check_the_longest_packet", reason="were not answered")
+@mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
 def server_refuses_the_longest_packet(patch: Patch) -> None:
     """Refuses payloads of the greatest length."""
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", framing._MAX_PAYLOAD_BYTES - 1)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="were not taken")
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken")
 def server_handles_four_packets_a_read(patch: Patch) -> None:
     """Handles four packets of what a read returned, and the others when more comes."""
 
@@ -112,7 +112,7 @@ def server_handles_four_packets_a_read(patch: Patch) -> None:
     wrap(patch, framing.PacketDecoder, "next_packet", next_packet)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="were not taken")
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken")
 def server_answers_twice_what_was_cut(patch: Patch) -> None:
     """Answers a request twice whose packet was cut behind its header."""
 
@@ -126,31 +126,31 @@ def server_answers_twice_what_was_cut(patch: Patch) -> None:
     wrap(patch, Connection, "receive", receive)
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="were not taken")
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken")
 def server_takes_each_read_for_a_packet(patch: Patch) -> None:
     """Takes what one read returns for whole packets, and drops what is left over."""
     _forget_what_is_left_over(patch, "message")
 
 
-@mutant("FRM-4", check="check_any_segmentation", reason="on the ipc channel")
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken")
 def server_takes_each_read_for_a_packet_on_ipc(patch: Patch) -> None:
     """The same on the IPC channel."""
     _forget_what_is_left_over(patch, "ipc")
 
 
-@mutant("FRM-6", check="check_half_packet_is_discarded", reason="of a request, and then another")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def server_goes_on_with_half_a_packet(patch: Patch) -> None:
     """Continues the packet of one connection with the bytes of the next."""
     _continues(patch, "message")
 
 
-@mutant("FRM-6", check="check_half_hello_is_discarded", reason="of hello, and then another one")
+@mutant("FRM-6", check="check_half_hello_is_discarded", code="hangs")
 def server_goes_on_with_half_a_hello(patch: Patch) -> None:
     """The same on the IPC channel."""
     _continues(patch, "ipc")
 
 
-@mutant("FRM-6", check="check_half_packet_is_discarded", reason="ends (reset) after")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def server_goes_on_after_a_reset(patch: Patch) -> None:
     """The same on the message channel, where the former connection was reset."""
 
@@ -163,7 +163,7 @@ def server_goes_on_after_a_reset(patch: Patch) -> None:
     wrap(patch, Service, "_drop", drop)
 
 
-@mutant("FRM-6", check="check_cut_request_is_not_answered", reason="replies to 0 whole requests")
+@mutant("FRM-6", check="check_cut_request_is_not_answered", code="unasked-reply")
 def server_makes_do_with_a_cut_packet(patch: Patch) -> None:
     """Takes what has come of a packet for the whole when the stream ends."""
 
@@ -175,7 +175,7 @@ def server_makes_do_with_a_cut_packet(patch: Patch) -> None:
     wrap(patch, Connection, "receive", receive)
 
 
-@mutant("FRM-7", reason="the header arrived alone")
+@mutant("FRM-7", code="header-apart")
 def server_writes_header_and_payload_apart(patch: Patch) -> None:
     """Sends the header of what it sends, and two milliseconds later the rest."""
 
@@ -224,7 +224,7 @@ def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
     wrap(patch, Connection, "receive", receive)
 
 
-@mutant("FRM-6", check="check_half_hello_is_discarded", reason="died")
+@mutant("FRM-6", check="check_half_hello_is_discarded", code="dies")
 def server_dies_of_half_a_hello(patch: Patch) -> None:
     """Does not expect that a client leaves while it says hello."""
     said: dict[Connection, bytes] = {}
@@ -242,7 +242,7 @@ def server_dies_of_half_a_hello(patch: Patch) -> None:
     wrap(patch, Connection, "end", end)
 
 
-@mutant("FRM-5", check="check_incomplete_packet_behind_another_size", reason="half a packet behind")
+@mutant("FRM-5", check="check_incomplete_packet_behind_another_size", code="hangs")
 def server_waits_forever_behind_another_size(patch: Patch) -> None:
     """Sets no limit to a packet that began while a reply was held back."""
 
@@ -253,19 +253,19 @@ def server_waits_forever_behind_another_size(patch: Patch) -> None:
     wrap(patch, Connection, "go_on", go_on)
 
 
-@mutant("FRM-4", check="check_the_longest_packet", reason="were not answered")
+@mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
 def server_refuses_the_longest_packet_after_hello(patch: Patch) -> None:
     """Refuses requests of the greatest length of a client of 1.1."""
     _refuses_the_longest(patch, b'"get_', greeted=True)
 
 
-@mutant("FRM-4", check="check_the_longest_hello", reason="has no welcome")
+@mutant("FRM-4", check="check_the_longest_hello", code="no-welcome")
 def server_refuses_the_longest_hello(patch: Patch) -> None:
     """Refuses a hello of the greatest length."""
     _refuses_the_longest(patch, b'"hello"', greeted=False)
 
 
-@mutant("FRM-4", check="check_the_longest_pose", reason="a pose of 1,048,576 bytes")
+@mutant("FRM-4", check="check_the_longest_pose", code="ignores")
 def server_refuses_the_longest_pose(patch: Patch) -> None:
     """Refuses poses of the greatest length of a client of 1.1."""
     _refuses_the_longest(patch, b'"camera_pose"', greeted=True)

@@ -29,7 +29,7 @@ def _declines(patch: Patch, unwanted: Any) -> None:
     wrap(patch, reading, "HostImages", images)
 
 
-@mutant("INI-8", check=ACCEPTS, reason="was not opened")
+@mutant("INI-8", check=ACCEPTS, code="not-opened")
 def insists_on_a_tight_ring(patch: Patch) -> None:
     """Declines a ring whose slots do not follow one another without a gap."""
     _declines(
@@ -37,31 +37,31 @@ def insists_on_a_tight_ring(patch: Patch) -> None:
     )
 
 
-@mutant("INI-8", check=ACCEPTS, reason="the most slots was not opened")
+@mutant("INI-8", check=ACCEPTS, code="not-opened")
 def has_room_for_sixteen_slots(patch: Patch) -> None:
     """Declines a ring of more than 16 slots."""
     _declines(patch, lambda it: it.ring.slots > 16)
 
 
-@mutant("INI-8", check=ACCEPTS, reason="the widest image was not opened")
+@mutant("INI-8", check=ACCEPTS, code="not-opened")
 def limits_the_size_to_16384(patch: Patch) -> None:
     """Takes images of more than 16,384 pixels a side for nonsense."""
     _declines(patch, lambda it: max(it.width, it.height) > 16384)
 
 
-@mutant("INI-8", check=ACCEPTS, reason="was not opened")
+@mutant("INI-8", check=ACCEPTS, code="not-opened")
 def generations_of_32_bits(patch: Patch) -> None:
     """Has 32 bits for the generation."""
     _declines(patch, lambda it: it.generation >= 1 << 32)
 
 
-@mutant("INI-9", check=REFUSES, reason="meta/fmtColor")
+@mutant("INI-9", check=REFUSES, code="accepts")
 def takes_any_format(patch: Patch) -> None:
     """Reads every image as RGBA32F, whatever the packet says."""
     init_packets(patch, lambda it: it["meta"].update(fmtColor="RGBA32F"))
 
 
-@mutant("INI-9", check=REFUSES, reason="meta/pitchColor")
+@mutant("INI-9", check=REFUSES, code="accepts")
 def ignores_the_pitches(patch: Patch) -> None:
     """Reads rows of 16·w and 4·w bytes, whatever the packet says."""
     init_packets(
@@ -72,19 +72,19 @@ def ignores_the_pitches(patch: Patch) -> None:
     )
 
 
-@mutant("INI-9", check=REFUSES, reason="meta/w '64'")
+@mutant("INI-9", check=REFUSES, code="accepts")
 def reads_sizes_from_strings(patch: Patch) -> None:
     """Takes a size that is written as a string."""
     init_packets(patch, lambda it: it["meta"].update(w=int(it["meta"]["w"])))
 
 
-@mutant("INI-9", check=REFUSES, reason="meta/w 32769")
+@mutant("INI-9", check=REFUSES, code="accepts")
 def has_no_limit_on_the_size(patch: Patch) -> None:
     """Takes images of any size."""
     patch.setattr(init_packet, "_MAX_IMAGE_SIZE", 1 << 40)
 
 
-@mutant("INI-9", check=REFUSES, reason="meta/offset")
+@mutant("INI-9", check=REFUSES, code="accepts")
 def takes_any_offset(patch: Patch) -> None:
     """Does not look at the offsets of 1.0 where it does not need them."""
 
@@ -95,7 +95,7 @@ def takes_any_offset(patch: Patch) -> None:
     init_packets(patch, forget)
 
 
-@mutant("INI-9", check=REFUSES, reason="the testee died")
+@mutant("INI-9", check=REFUSES, code="dies")
 def crashes_without_a_format(patch: Patch) -> None:
     """Crashes on an init packet that lacks a member."""
 
@@ -110,7 +110,7 @@ def crashes_without_a_format(patch: Patch) -> None:
     wrap(patch, ipc_protocol, "decode_from_server_ipc", parse)
 
 
-@mutant("INI-9", check=REFUSES, reason="the testee died")
+@mutant("INI-9", check=REFUSES, code="dies")
 def crashes_on_a_first_packet_that_is_broken(patch: Patch) -> None:
     """Crashes on a broken init packet before it has opened any memory on the connection."""
 
@@ -123,7 +123,7 @@ def crashes_on_a_first_packet_that_is_broken(patch: Patch) -> None:
     wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
 
 
-@mutant("INI-10", check="check_computes_in_64_bits", reason="4294967296")
+@mutant("INI-10", check="check_computes_in_64_bits", code="accepts")
 def computes_in_32_bits(patch: Patch) -> None:
     """Keeps offsets, strides and sizes in 32 bits."""
 
@@ -136,7 +136,7 @@ def computes_in_32_bits(patch: Patch) -> None:
     init_packets(patch, wrap_around)
 
 
-@mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="the testee died")
+@mutant("INI-11", check="check_ignores_what_is_no_init_packet", code="dies")
 def crashes_on_other_objects(patch: Patch) -> None:
     """Takes each object without a type for an init packet, and crashes for want of `meta`."""
 
@@ -151,7 +151,7 @@ def crashes_on_other_objects(patch: Patch) -> None:
     wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
 
 
-@mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="closed the connection")
+@mutant("INI-11", check="check_ignores_what_is_no_init_packet", code="closes")
 def closes_on_other_objects(patch: Patch) -> None:
     """Closes the connection on an object that is no init packet."""
 
@@ -166,13 +166,13 @@ def closes_on_other_objects(patch: Patch) -> None:
 STRANGERS = "check_ignores_what_is_no_init_packet"
 
 
-@mutant("INI-11", check=STRANGERS, reason='{"type":"init_packet","version"')
+@mutant("INI-11", check=STRANGERS, code="accepts")
 def takes_what_has_meta_for_an_init_packet(patch: Patch) -> None:
     """Takes each object with `meta` for an init packet, whatever its `type`."""
     _takes(patch, lambda kind: True)
 
 
-@mutant("INI-11", check=STRANGERS, reason="on the IPC channel: the testee took")
+@mutant("INI-11", check=STRANGERS, code="accepts")
 def takes_a_type_that_is_no_string_for_none(patch: Patch) -> None:
     """Looks at a `type` only if it is a string."""
     _takes(patch, lambda kind: not isinstance(kind, str))
@@ -192,7 +192,7 @@ def _takes(patch: Patch, overlooked: Any) -> None:
 @mutant(
     "INI-11",
     check="check_ignores_what_is_no_init_packet_unheard",
-    reason="no init packets, the first",
+    code="closes",
 )
 def closes_on_other_objects_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and closes the connection on an object that is no init packet."""
@@ -200,7 +200,7 @@ def closes_on_other_objects_in_1_0(patch: Patch) -> None:
     closes_on_other_objects(patch)
 
 
-@mutant("INI-13", check="check_goes_on_without_images", reason="memory that does not exist")
+@mutant("INI-13", check="check_goes_on_without_images", code="exits")
 def exits_without_images(patch: Patch) -> None:
     """Does not handle that shared memory is missing, and exits."""
     wrap(patch, host_memory, "_map", _without_handler)
@@ -213,7 +213,7 @@ def _without_handler(original: Any, *arguments: Any) -> Any:
         raise RuntimeError("nobody expected this") from missing
 
 
-@mutant("INI-13", check="check_goes_on_without_a_device", reason="no device knows: the testee died")
+@mutant("INI-13", check="check_goes_on_without_a_device", code="dies")
 def crashes_on_cuda_memory(patch: Patch) -> None:
     """Crashes on an init packet with CUDA handles."""
     _declines(patch, lambda it: crash() if it.legacy is not None else False)

@@ -22,7 +22,7 @@ ANY_RING = "check_shows_what_any_ring_holds"
 @mutant(
     "CHN-24",
     check="check_shows_the_memory_of_the_new_connection",
-    reason="in memory that a reconnect has put in place",
+    code="other-pixels",
     axes="opencv",
 )
 def keeps_memory_of_the_same_size(patch: Patch) -> None:
@@ -39,7 +39,7 @@ def keeps_memory_of_the_same_size(patch: Patch) -> None:
     patch.setattr(HostImages, "close", lambda self: True)
 
 
-@mutant("INI-8", check=ANY_RING, reason="its depth is of no image whole", axes="opencv")
+@mutant("INI-8", check=ANY_RING, code="other-pixels", axes="opencv")
 def rounds_the_rows_of_depth_up(patch: Patch) -> None:
     """Takes rows of depth to begin at multiples of 16 bytes, as textures have them."""
 
@@ -54,7 +54,7 @@ def rounds_the_rows_of_depth_up(patch: Patch) -> None:
     patch.setattr(HostImages, "depth", depth)
 
 
-@mutant("INI-8", check=ANY_RING, reason="its color is of no image whole", axes="opencv")
+@mutant("INI-8", check=ANY_RING, code="other-pixels", axes="opencv")
 def reads_pairs_of_columns(patch: Patch) -> None:
     """Copies two pixels at a time, and repeats the last but one of an odd row."""
 
@@ -67,7 +67,7 @@ def reads_pairs_of_columns(patch: Patch) -> None:
     wrap(patch, HostImages, "color", color)
 
 
-@mutant("INI-8", check="check_accepts_good_init_packets", reason="offsets was not opened")
+@mutant("INI-8", check="check_accepts_good_init_packets", code="not-opened")
 def adds_the_offsets_of_1_0(patch: Patch) -> None:
     """Adds `meta.offsetColor`, which has no meaning in a ring, to where its colour begins."""
 
@@ -83,7 +83,7 @@ def adds_the_offsets_of_1_0(patch: Patch) -> None:
 @mutant(
     "MEM-13",
     check="check_shows_images_by_their_semantics",
-    reason="'kind': 'ray_distance'",
+    code="other-colours",
     axes="opencv",
 )
 def keeps_the_lens_of_the_first_image(patch: Patch) -> None:
@@ -108,7 +108,7 @@ def _composed(patch: Patch, change: Any) -> None:
 @mutant(
     "BUF-8",
     check="check_shows_its_geometry_where_the_image_is_empty",
-    reason="it shows (nan, nan, nan)",
+    code="empty-pixel-shown",
     axes="opencv",
 )
 def makes_nan_of_empty_pixels(patch: Patch) -> None:
@@ -124,7 +124,7 @@ def makes_nan_of_empty_pixels(patch: Patch) -> None:
 @mutant(
     "CHN-18",
     check="check_leaves_the_buffers_when_the_connection_ends",
-    reason="is not what the client read while it was connected",
+    code="read-after-end",
     through="IMG-22",
     axes="opencv",
 )
@@ -152,7 +152,7 @@ def shows_the_colour_of_lost_memory(patch: Patch) -> None:
 @mutant(
     "IMG-22",
     check="check_reads_only_what_it_subscribed_to",
-    reason="on a new connection it read",
+    code="read-unsubscribed",
     axes="opencv",
 )
 def reads_the_first_image_of_a_connection_whole(patch: Patch) -> None:
@@ -168,7 +168,7 @@ def reads_the_first_image_of_a_connection_whole(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="frame 0 was not released")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def keeps_images_from_before_time_0(patch: Patch) -> None:
     """Takes a frame whose time is negative for none."""
 

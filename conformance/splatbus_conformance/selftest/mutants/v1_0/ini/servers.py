@@ -9,43 +9,43 @@ from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.wire.messages import init_packet_1_0
 
 
-@mutant("INI-1", reason="meta has no member fmtDepth")
+@mutant("INI-1", code="missing-member")
 def server_names_no_format_of_depth(patch: Patch) -> None:
     """Leaves the format of depth out of its init packets."""
     _meta(patch, fmtDepth=None)
 
 
-@mutant("INI-2", reason="w is 64.5, no integer")
+@mutant("INI-2", code="out-of-range")
 def server_announces_half_a_pixel(patch: Patch) -> None:
     """Announces a width that is no integer."""
     _meta(patch, w=64.5)
 
 
-@mutant("INI-3", reason='fmtColor is "RGBA16F"')
+@mutant("INI-3", code="wrong-format")
 def server_announces_half_floats(patch: Patch) -> None:
     """Announces another format of colour."""
     _meta(patch, fmtColor="RGBA16F")
 
 
-@mutant("INI-4", reason="pitchColor is 2048, not 16·w")
+@mutant("INI-4", code="wrong-pitch")
 def server_pads_its_rows(patch: Patch) -> None:
     """Announces rows of colour that are padded."""
     _meta(patch, pitchColor=2048)
 
 
-@mutant("INI-5", reason="offsetColor is 8, no multiple of 16")
+@mutant("INI-5", code="wrong-offset")
 def server_announces_an_odd_offset(patch: Patch) -> None:
     """Announces colour at an offset that is no multiple of its pixels."""
     _meta(patch, offsetColor=8)
 
 
-@mutant("INI-6", reason="device is -1, no integer from 0")
+@mutant("INI-6", code="out-of-range")
 def server_announces_no_device(patch: Patch) -> None:
     """Numbers its device -1."""
     _meta(patch, device=-1)
 
 
-@mutant("INI-7", reason="is no base64 of 64 bytes")
+@mutant("INI-7", code="not-a-handle")
 def server_sends_a_short_handle(patch: Patch) -> None:
     """Sends handles of 63 bytes at once to every client."""
     short = init_packet_1_0()

@@ -12,99 +12,99 @@ NUMBER = re.compile(rb"(?<=:)-?[0-9][0-9.e-]*")
 ID = re.compile(rb'(?<="id":)[0-9]+')
 
 
-@mutant("JSN-1", reason="is a list, no object")
+@mutant("JSN-1", code="not-a-json-object")
 def poses_in_an_array(patch: Patch) -> None:
     """Sends each pose as an array of one object."""
     payloads(patch, in_poses(lambda payload: b"[" + payload + b"]"))
 
 
-@mutant("JSN-1", reason="is not UTF-8")
+@mutant("JSN-1", code="not-a-json-object")
 def text_in_latin_1(patch: Patch) -> None:
     """Encodes text as Latin-1."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + ',"note":"für"}'.encode("latin-1")))
 
 
-@mutant("JSN-1", reason="no JSON")
+@mutant("JSN-1", code="not-a-json-object")
 def single_quotes(patch: Patch) -> None:
     """Quotes with apostrophes."""
     payloads(patch, in_poses(lambda payload: payload.replace(b'"', b"'")))
 
 
-@mutant("JSN-1", reason="no JSON")
+@mutant("JSN-1", code="not-a-json-object")
 def trailing_comma(patch: Patch) -> None:
     """Writes a comma after the last member."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b",}"))
 
 
-@mutant("JSN-1", reason="no JSON")
+@mutant("JSN-1", code="not-a-json-object")
 def two_objects_in_a_payload(patch: Patch) -> None:
     """Puts two poses into one payload."""
     payloads(patch, in_poses(lambda payload: payload + payload))
 
 
-@mutant("JSN-1", reason="no JSON")
+@mutant("JSN-1", code="not-a-json-object")
 def zero_byte_after_the_text(patch: Patch) -> None:
     """Sends the terminating zero of a C string."""
     payloads(patch, in_poses(lambda payload: payload + b"\0"))
 
 
-@mutant("JSN-2", reason="byte-order mark")
+@mutant("JSN-2", code="byte-order-mark")
 def byte_order_mark(patch: Patch) -> None:
     """Begins poses with a byte-order mark."""
     payloads(patch, in_poses(lambda payload: b"\xef\xbb\xbf" + payload))
 
 
-@mutant("JSN-3", reason="'type' stands 2 times")
+@mutant("JSN-3", code="member-twice")
 def type_twice(patch: Patch) -> None:
     """Writes `type` twice, the same both times."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"type":"camera_pose"}'))
 
 
-@mutant("JSN-3", reason="'x' stands 2 times")
+@mutant("JSN-3", code="member-twice")
 def coordinate_twice(patch: Patch) -> None:
     """Writes one coordinate twice in `position`."""
     payloads(patch, in_poses(lambda payload: payload.replace(b'{"x":', b'{"x":0,"x":', 1)))
 
 
-@mutant("JSN-4", reason="NaN is no JSON number")
+@mutant("JSN-4", code="not-finite")
 def not_a_number(patch: Patch) -> None:
     """Sends NaN."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":NaN}'))
 
 
-@mutant("JSN-4", reason="Infinity is no JSON number")
+@mutant("JSN-4", code="not-finite")
 def minus_infinity(patch: Patch) -> None:
     """Sends -Infinity."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":-Infinity}'))
 
 
-@mutant("JSN-4", reason="overflows double precision")
+@mutant("JSN-4", code="not-finite")
 def number_that_overflows(patch: Patch) -> None:
     """Sends a number beyond double precision."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":1e400}'))
 
 
-@mutant("JSN-4", reason="overflows double precision")
+@mutant("JSN-4", code="not-finite")
 def id_that_overflows(patch: Patch) -> None:
     """Numbers its requests beyond double precision."""
     payloads(patch, lambda payload: ID.sub(b"1e400", payload))
 
 
-@mutant("JSN-5", reason=f"nested {DEPTH} deep")
+@mutant("JSN-5", code="too-deep")
 def deep_nesting(patch: Patch) -> None:
     """Nests arrays too deep, in a member that nobody knows."""
     nested = b"[" * (DEPTH - 1) + b"]" * (DEPTH - 1)
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"tree":' + nested + b"}"))
 
 
-@mutant("JSN-4", check="check_writes_numbers_once_it_has_images", reason="written as strings")
+@mutant("JSN-4", check="check_writes_numbers_once_it_has_images", code="not-a-number")
 def numbers_as_strings_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and writes the numbers of a pose as strings."""
     speaks_1_0(patch)
     numbers_as_strings(patch)
 
 
-@mutant("JSN-4", reason="numbers written as strings")
+@mutant("JSN-4", code="not-finite")
 def numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of a pose as strings."""
     payloads(patch, in_poses(lambda payload: NUMBER.sub(rb'"\g<0>"', payload)))

@@ -43,7 +43,7 @@ def refusing(patch: Patch, refuses: Callable[[bytes, Json], object]) -> None:
     on_parsing(patch, look)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", reason="that was in use")
+@mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def bad_length_is_skipped_once_memory_is_open(patch: Patch) -> None:
     """Drops what has arrived with a bad length once its memory is open, and reads on."""
 
@@ -57,7 +57,7 @@ def bad_length_is_skipped_once_memory_is_open(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "receive", receive)
 
 
-@mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def half_a_header_continues(patch: Patch) -> None:
     """Begins a packet anew on the next connection, but for a header that has not come whole."""
     last: list[IpcProtocol] = []
@@ -71,7 +71,7 @@ def half_a_header_continues(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "__init__", init)
 
 
-@mutant("FRM-6", check="check_half_packet_is_discarded", reason="a connection that ends after")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def half_a_packet_continues_after_a_reset(patch: Patch) -> None:
     """Goes on with half a packet on the next connection if the last was reset."""
     kept: list[PacketReader] = []
@@ -90,13 +90,13 @@ def half_a_packet_continues_after_a_reset(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "__init__", init)
 
 
-@mutant("JSN-6", check="check_takes_any_length_on_ipc", reason="closed the connection")
+@mutant("JSN-6", check="check_takes_any_length_on_ipc", code="closes")
 def closes_on_more_than_64_kib(patch: Patch) -> None:
     """Takes a payload that its buffer of 64 KiB does not hold for one that there may not be."""
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 16)
 
 
-@mutant("JSN-6", check="check_takes_any_length_on_ipc", reason="closed the connection")
+@mutant("JSN-6", check="check_takes_any_length_on_ipc", code="closes")
 def closes_on_the_longest_payload(patch: Patch) -> None:
     """Takes the longest payload for one that is too long."""
     patch.setattr(framing, "_MAX_PAYLOAD_BYTES", (1 << 20) - 1)
@@ -105,7 +105,7 @@ def closes_on_the_longest_payload(patch: Patch) -> None:
 @mutant(
     "JSN-6",
     check="check_takes_any_length_on_the_message_channel",
-    reason="closed the connection",
+    code="closes",
 )
 def closes_on_long_replies(patch: Patch) -> None:
     """Closes the message channel on a payload of more than 64 KiB."""
@@ -118,13 +118,13 @@ def closes_on_long_replies(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "receive", receive)
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", reason="on the IPC channel")
+@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", code="ignores")
 def knows_no_pairs_of_surrogates(patch: Patch) -> None:
     """Refuses a character that is escaped as a pair of surrogates."""
     refusing(patch, lambda payload, message: re.search(rb"\\u[dD][89abAB]", payload))
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", reason="on the IPC channel")
+@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", code="ignores")
 def knows_no_escaped_solidus(patch: Patch) -> None:
     """Refuses an escaped solidus."""
     refusing(patch, lambda payload, message: b"\\/" in payload)
@@ -133,7 +133,7 @@ def knows_no_escaped_solidus(patch: Patch) -> None:
 @mutant(
     "JSN-6",
     check="check_takes_any_spelling_on_the_message_channel",
-    reason="on the message channel",
+    code="closes",
 )
 def reads_no_exponents_in_a_camera(patch: Patch) -> None:
     """Refuses a reply about a camera that has a number with an exponent."""
@@ -144,7 +144,7 @@ def reads_no_exponents_in_a_camera(patch: Patch) -> None:
 @mutant(
     "JSN-7",
     check="check_ignores_unknown_members_on_the_message_channel",
-    reason="on the message channel",
+    code="closes",
 )
 def refuses_a_camera_with_unknown_members(patch: Patch) -> None:
     """Refuses a reply about a camera that has a member which it does not know."""
@@ -152,14 +152,14 @@ def refuses_a_camera_with_unknown_members(patch: Patch) -> None:
     refusing(patch, lambda payload, message: "position" in message and message.keys() - known)
 
 
-@mutant("JSN-8", check="check_does_not_act_on_broken_text", reason="took it as valid")
+@mutant("JSN-8", check="check_does_not_act_on_broken_text", code="accepts")
 def takes_half_a_pair_in_capitals(patch: Patch) -> None:
     """Looks for half a pair of surrogates among escapes in lower case alone."""
     halves = r"\\(?:ud[89ab]..\\ud[c-f]..|(?P<half>ud[89a-f]..)|.)"
     patch.setattr(json_text, "_ESCAPE", re.compile(halves, re.DOTALL))
 
 
-@mutant("CHN-21", check="check_paces_its_attempts", reason="after a length")
+@mutant("CHN-21", check="check_paces_its_attempts", code="too-soon")
 def connects_at_once_after_its_own_close(patch: Patch) -> None:
     """Connects again at once where it was itself that closed the connection."""
 
@@ -172,7 +172,7 @@ def connects_at_once_after_its_own_close(patch: Patch) -> None:
     wrap(patch, Channel, "_lose", lose)
 
 
-@mutant("CHN-21", check="check_paces_attempts_that_are_refused_for_long", reason="refused, two")
+@mutant("CHN-21", check="check_paces_attempts_that_are_refused_for_long", code="too-soon")
 def table_of_pauses_that_ends(patch: Patch) -> None:
     """Pauses longer after each of six failures in a row, and no more than 10 ms from then on."""
 
@@ -184,7 +184,7 @@ def table_of_pauses_that_ends(patch: Patch) -> None:
     patch.setattr(channel, "delays", delays)
 
 
-@mutant("CHN-22", check="check_comes_back_soon", reason="after it accepts again")
+@mutant("CHN-22", check="check_comes_back_soon", code="too-late")
 def pauses_that_double_without_end(patch: Patch) -> None:
     """Pauses twice as long after each failure in a row."""
 
@@ -197,7 +197,7 @@ def pauses_that_double_without_end(patch: Patch) -> None:
     patch.setattr(channel, "delays", delays)
 
 
-@mutant("INI-11", check="check_ignores_what_is_no_init_packet", reason="took it as valid")
+@mutant("INI-11", check="check_ignores_what_is_no_init_packet", code="accepts")
 def type_null_is_no_type(patch: Patch) -> None:
     """Takes a packet whose `type` is null for one that has none."""
 
@@ -208,7 +208,7 @@ def type_null_is_no_type(patch: Patch) -> None:
     on_parsing(patch, look)
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was not opened")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="not-opened")
 def knows_capabilities_of_small_letters_alone(patch: Patch) -> None:
     """Refuses a welcome that lists a capability with other characters than a to z and _."""
 
@@ -219,7 +219,7 @@ def knows_capabilities_of_small_letters_alone(patch: Patch) -> None:
     refusing(patch, odd)
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was not opened")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="not-opened")
 def has_room_for_few_capabilities(patch: Patch) -> None:
     """Refuses a welcome that lists more capabilities than there are."""
     refusing(
@@ -230,7 +230,7 @@ def has_room_for_few_capabilities(patch: Patch) -> None:
     )
 
 
-@mutant("NEG-9", check="check_ignores_unknown_types_of_the_message_channel", reason="weather")
+@mutant("NEG-9", check="check_ignores_unknown_types_of_the_message_channel", code="closes")
 def takes_whatever_has_its_id_for_the_reply(patch: Patch) -> None:
     """Closes on a message of a type that it does not know, if that has the id of its request."""
 
@@ -243,7 +243,7 @@ def takes_whatever_has_its_id_for_the_reply(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_payload", on_payload)
 
 
-@mutant("NEG-24", check="check_survives_errors", reason="died")
+@mutant("NEG-24", check="check_survives_errors", code="dies")
 def crashes_on_an_escape_in_an_error(patch: Patch) -> None:
     """Crashes on an escape in an `error`."""
 
@@ -254,7 +254,7 @@ def crashes_on_an_escape_in_an_error(patch: Patch) -> None:
     on_parsing(patch, look)
 
 
-@mutant("NEG-24", check="check_survives_errors_on_the_message_channel", reason="died")
+@mutant("NEG-24", check="check_survives_errors_on_the_message_channel", code="dies")
 def crashes_on_an_error_for_nobody(patch: Patch) -> None:
     """Crashes on an `error` with an id that no request of its had."""
 
@@ -266,7 +266,7 @@ def crashes_on_an_error_for_nobody(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_error", on_error)
 
 
-@mutant("REQ-13", check="check_survives_bad_replies", reason="died")
+@mutant("REQ-13", check="check_survives_bad_replies", code="dies")
 def crashes_on_a_rotation_of_three(patch: Patch) -> None:
     """Crashes on a reply whose rotation has three numbers."""
 

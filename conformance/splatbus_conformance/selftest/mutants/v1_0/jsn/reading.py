@@ -49,13 +49,13 @@ def _reads(patch: Patch, read: Any) -> None:
     wrap(patch, ipc_protocol, "parse_object", parse)
 
 
-@mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
+@mutant("JSN-6", check=SPELLING, code="ignores")
 def knows_no_white_space(patch: Patch) -> None:
     """Does not expect white space before the first brace."""
     _refuses(patch, lambda payload: payload[:1] != b"{")
 
 
-@mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
+@mutant("JSN-6", check=SPELLING, code="exits")
 def knows_no_exponents(patch: Patch) -> None:
     """Does not read numbers with exponents."""
 
@@ -67,13 +67,13 @@ def knows_no_exponents(patch: Patch) -> None:
     patch.setattr(json_text, "_STRICT", json.JSONDecoder(parse_float=refuse))
 
 
-@mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
+@mutant("JSN-6", check=SPELLING, code="ignores")
 def knows_no_escapes(patch: Patch) -> None:
     """Does not read escapes in names and strings."""
     _refuses(patch, lambda payload: b"\\u" in payload)
 
 
-@mutant("JSN-6", check=SPELLING, reason="on the IPC channel")
+@mutant("JSN-6", check=SPELLING, code="ignores")
 def takes_integers_without_a_fraction_only(patch: Patch) -> None:
     """Takes 64.0 for no integer."""
 
@@ -88,7 +88,7 @@ def takes_integers_without_a_fraction_only(patch: Patch) -> None:
 @mutant(
     "JSN-6",
     check="check_takes_any_spelling_on_the_message_channel",
-    reason="messages on the message channel",
+    code="dies",
 )
 def crashes_on_white_space_in_a_reply(patch: Patch) -> None:
     """Crashes on a reply with white space before the first brace."""
@@ -101,7 +101,7 @@ def crashes_on_white_space_in_a_reply(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_payload", on_payload)
 
 
-@mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
+@mutant("JSN-7", check=MEMBERS, code="ignores")
 def refuses_unknown_members(patch: Patch) -> None:
     """Takes an init packet with a member that it does not know for broken."""
     known = set("version generation meta memory ring semantics".split())
@@ -114,7 +114,7 @@ def refuses_unknown_members(patch: Patch) -> None:
     wrap(patch, decoding, "parse_init_packet", parse)
 
 
-@mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
+@mutant("JSN-7", check=MEMBERS, code="ignores")
 def finds_members_at_any_level(patch: Patch) -> None:
     """Finds the slots of a ring by a search for the name in the text."""
 
@@ -126,7 +126,7 @@ def finds_members_at_any_level(patch: Patch) -> None:
     wrap(patch, decoding, "parse_init_packet", parse)
 
 
-@mutant("JSN-7", check=MEMBERS, reason="on the IPC channel")
+@mutant("JSN-7", check=MEMBERS, code="ignores")
 def reads_ascii_only(patch: Patch) -> None:
     """Takes a text with characters beyond ASCII for broken."""
     _refuses(patch, lambda payload: not payload.isascii())
@@ -135,7 +135,7 @@ def reads_ascii_only(patch: Patch) -> None:
 @mutant(
     "JSN-7",
     check="check_ignores_unknown_members_on_the_message_channel",
-    reason="messages on the message channel",
+    code="dies",
 )
 def crashes_on_unknown_members_of_a_reply(patch: Patch) -> None:
     """Crashes on a reply with a member that it does not know."""
@@ -151,27 +151,27 @@ def crashes_on_unknown_members_of_a_reply(patch: Patch) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("JSN-8", check=BROKEN, reason="NaN for null")
+@mutant("JSN-8", check=BROKEN, code="declines")
 def reads_nan(patch: Patch) -> None:
     """Reads NaN and infinities, as the parser of its language does by default."""
     patch.setattr(json_text, "_constant", float)
     patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
 
 
-@mutant("JSN-8", check=BROKEN, reason="twice")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def reads_the_last_of_two(patch: Patch) -> None:
     """Takes the last of two members of the same name."""
     patch.setattr(json_text, "_members", dict)
     patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
 
 
-@mutant("JSN-8", check=BROKEN, reason="a byte-order mark")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def skips_a_byte_order_mark(patch: Patch) -> None:
     """Skips a byte-order mark."""
     _reads(patch, lambda payload: json_text.parse_object(payload.removeprefix(b"\xef\xbb\xbf")))
 
 
-@mutant("JSN-8", check=BROKEN, reason="in a string (JSN-1)")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def reads_broken_utf_8(patch: Patch) -> None:
     """Replaces bytes that are not UTF-8."""
     _reads(
@@ -179,7 +179,7 @@ def reads_broken_utf_8(patch: Patch) -> None:
     )
 
 
-@mutant("JSN-8", check=BROKEN, reason="the message in UTF-16")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def guesses_the_encoding(patch: Patch) -> None:
     """Guesses the encoding of the text, as the parser of its language does by default."""
     _reads(
@@ -190,7 +190,7 @@ def guesses_the_encoding(patch: Patch) -> None:
     )
 
 
-@mutant("JSN-8", check=BROKEN, reason="two objects (JSN-1)")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def reads_the_first_object_of_a_payload(patch: Patch) -> None:
     """Does not look at what follows the first object of a payload."""
 
@@ -202,7 +202,7 @@ def reads_the_first_object_of_a_payload(patch: Patch) -> None:
     _reads(patch, first)
 
 
-@mutant("JSN-8", check=BROKEN, reason="levels")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def does_not_count_levels(patch: Patch) -> None:
     """Reads arrays and objects as deep as its parser goes."""
     patch.setattr(json_text, "_check_depth", lambda payload: None)
@@ -218,14 +218,14 @@ def does_not_count_levels(patch: Patch) -> None:
     wrap(patch, ipc_protocol, "parse_object", parse)
 
 
-@mutant("JSN-8", check=BROKEN, reason="1e400")
+@mutant("JSN-8", check=BROKEN, code="accepts")
 def reads_infinity_from_digits(patch: Patch) -> None:
     """Reads numbers beyond double precision as infinity."""
     patch.setattr(json_text, "_float", float)
     patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", reason="JSN-1")
+@mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", code="hangs")
 def deaf_after_broken_text(patch: Patch) -> None:
     """Keeps the connection after a text that is no JSON, and handles nothing more on it."""
     deaf: set[IpcProtocol] = set()
@@ -242,7 +242,7 @@ def deaf_after_broken_text(patch: Patch) -> None:
 @mutant(
     "JSN-9",
     check="check_handles_the_next_packet_on_the_message_channel",
-    reason="the packet after",
+    code="ignores",
 )
 def deaf_after_broken_text_on_the_message_channel(patch: Patch) -> None:
     """Keeps the message connection after a text that is no JSON, and handles nothing more."""
@@ -257,19 +257,19 @@ def deaf_after_broken_text_on_the_message_channel(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_payload", on_payload)
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="the testee died")
+@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
 def crashes_on_broken_text(patch: Patch) -> None:
     """Crashes on text that is no JSON, as a deployed plug-in does."""
     _crashes(patch, lambda problem: problem.code == "malformed_json")
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="the testee died")
+@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
 def crashes_on_a_missing_member(patch: Patch) -> None:
     """Crashes on a message that lacks a member."""
     _crashes(patch, lambda problem: "is missing" in str(problem))
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="the testee exited")
+@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="exits")
 def exits_on_text_that_is_no_object(patch: Patch) -> None:
     """Does not handle that a payload may be no object, and exits."""
 
@@ -284,7 +284,7 @@ def exits_on_text_that_is_no_object(patch: Patch) -> None:
     wrap(patch, decoding, "parse_object", parse)
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="levels")
+@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
 def recurses_without_limit(patch: Patch) -> None:
     """Recurses into arrays until its stack is full."""
 
@@ -299,7 +299,7 @@ def recurses_without_limit(patch: Patch) -> None:
 @mutant(
     "JSN-10",
     check="check_survives_broken_payloads_on_the_message_channel",
-    reason="on the msg channel: the testee died",
+    code="dies",
 )
 def crashes_on_broken_text_of_the_message_channel(patch: Patch) -> None:
     """Crashes on a reply that is no JSON."""
@@ -309,7 +309,7 @@ def crashes_on_broken_text_of_the_message_channel(patch: Patch) -> None:
 @mutant(
     "JSN-10",
     check="check_survives_names_twice_and_depths_on_the_message_channel",
-    reason="on the msg channel: the testee died",
+    code="dies",
 )
 def crashes_on_a_name_that_comes_twice(patch: Patch) -> None:
     """Crashes on a reply with two members of one name."""
@@ -319,7 +319,7 @@ def crashes_on_a_name_that_comes_twice(patch: Patch) -> None:
 @mutant(
     "JSN-10",
     check="check_survives_numbers_out_of_range_on_the_message_channel",
-    reason="on the msg channel: the testee died",
+    code="dies",
 )
 def crashes_on_a_number_that_is_not_finite(patch: Patch) -> None:
     """Crashes on a reply with a number that no type of numbers holds."""
@@ -329,7 +329,7 @@ def crashes_on_a_number_that_is_not_finite(patch: Patch) -> None:
 @mutant(
     "JSN-10",
     check="check_survives_odd_messages_on_the_message_channel",
-    reason="on the msg channel: the testee died",
+    code="dies",
 )
 def crashes_on_a_reply_without_its_member(patch: Patch) -> None:
     """Crashes on a reply that lacks a member."""
@@ -355,7 +355,7 @@ def _crashes(patch: Patch, at: Any, decoder: tuple[Any, str] = INIT_PACKETS) -> 
 @mutant(
     "JSN-10",
     check="check_survives_broken_payloads_unheard",
-    reason="(JSN-1) on the ipc channel: the testee died",
+    code="dies",
 )
 def crashes_on_broken_text_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and crashes on an init packet that is no JSON."""

@@ -29,41 +29,41 @@ def trusts_its_scene(patch: Patch) -> None:
     patch.setattr(api, "_checked", lambda scene: scene)
 
 
-@mutant("JSN-1", reason="no JSON")
+@mutant("JSN-1", code="not-a-json-object")
 def server_writes_a_trailing_comma(patch: Patch) -> None:
     """Writes a comma after the last member."""
     trusts_its_scene(patch)
     payloads(patch, lambda payload: payload[:-1] + b",}")
 
 
-@mutant("JSN-2", reason="byte-order mark")
+@mutant("JSN-2", code="byte-order-mark")
 def server_writes_a_byte_order_mark(patch: Patch) -> None:
     """Begins each payload with a byte-order mark."""
     trusts_its_scene(patch)
     payloads(patch, lambda payload: MARK + payload)
 
 
-@mutant("JSN-3", reason="'viewport_size' stands 2 times")
+@mutant("JSN-3", code="member-twice")
 def server_writes_the_size_twice(patch: Patch) -> None:
     """Writes a member twice."""
     size = b'"viewport_size":[64,48]'
     payloads(patch, lambda payload: payload.replace(size, size + b"," + size))
 
 
-@mutant("JSN-4", reason="string", through="REQ-7")
+@mutant("JSN-4", code="not-finite", through="REQ-7")
 def server_writes_numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of positions as strings."""
     zeros = b'"position":[0.0,0.0,0.0]'
     payloads(patch, lambda payload: payload.replace(zeros, zeros.replace(b"0.0", b'"0.0"')))
 
 
-@mutant("JSN-4", reason="overflows double precision", through="CHN-12")
+@mutant("JSN-4", code="not-finite", through="CHN-12")
 def server_counts_generations_too_far(patch: Patch) -> None:
     """Numbers its memory beyond double precision."""
     payloads(patch, lambda payload: GENERATION.sub(b"1e400", payload))
 
 
-@mutant("JSN-5", reason="nested 65 deep")
+@mutant("JSN-5", code="too-deep")
 def server_nests_too_deep(patch: Patch) -> None:
     """Adds a member to each message that is nested one level too deep."""
     trusts_its_scene(patch)
@@ -71,73 +71,73 @@ def server_nests_too_deep(patch: Patch) -> None:
     payloads(patch, lambda payload: payload[:-1] + deep)
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_of_requests", reason="the request '")
+@mutant("JSN-6", check="check_takes_any_spelling_of_requests", code="closes")
 def server_wants_no_space_before_a_request(patch: Patch) -> None:
     """Refuses requests that do not begin with a brace."""
     _refuses(patch, "message", lambda text: text[:1] != b"{", "get_")
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_of_poses", reason="the pose '")
+@mutant("JSN-6", check="check_takes_any_spelling_of_poses", code="ignores")
 def server_wants_no_space_before_a_pose(patch: Patch) -> None:
     """Refuses poses that do not begin with a brace."""
     _refuses(patch, "message", lambda text: text[:1] != b"{", "camera_pose")
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", reason="on the IPC channel")
+@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", code="closes")
 def server_wants_no_escapes_on_ipc(patch: Patch) -> None:
     """Refuses escapes on the IPC channel."""
     _refuses(patch, "ipc", lambda text: b"\\u" in text)
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", reason="the request '")
+@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", code="closes")
 def server_knows_all_members_of_requests(patch: Patch) -> None:
     """Refuses requests with members that it does not know."""
     _refuses(patch, "message", _has_unknown_members, "get_")
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_poses", reason="the pose '")
+@mutant("JSN-7", check="check_ignores_unknown_members_of_poses", code="ignores")
 def server_knows_all_members_of_poses(patch: Patch) -> None:
     """Refuses poses with members that it does not know."""
     _refuses(patch, "message", _has_unknown_members, "camera_pose")
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_on_ipc", reason="on the IPC channel")
+@mutant("JSN-7", check="check_ignores_unknown_members_on_ipc", code="closes")
 def server_knows_all_members_on_ipc(patch: Patch) -> None:
     """Refuses messages with members that it does not know on the IPC channel."""
     _refuses(patch, "ipc", _has_unknown_members)
 
 
-@mutant("JSN-8", check="check_does_not_answer_broken_text", reason="a byte-order mark")
+@mutant("JSN-8", check="check_does_not_answer_broken_text", code="replies")
 def server_skips_the_byte_order_mark(patch: Patch) -> None:
     """Answers requests that begin with a byte-order mark."""
     _reads(patch, b"get_", lambda payload: payload.removeprefix(MARK))
 
 
-@mutant("JSN-8", check="check_does_not_move_by_broken_text", reason="a pose with")
+@mutant("JSN-8", check="check_does_not_move_by_broken_text", code="applies")
 def server_takes_poses_in_an_array(patch: Patch) -> None:
     """Applies poses that stand in an array."""
     _reads(patch, b"camera_pose", lambda payload: payload.strip(b"[]"))
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet", reason="the request after")
+@mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
 def server_skips_the_packet_after_a_broken_one(patch: Patch) -> None:
     """Ignores the next packet too."""
     _skips_the_next_packet(patch, "message")
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", reason="the hello after")
+@mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", code="ignores")
 def server_skips_the_packet_after_a_broken_one_on_ipc(patch: Patch) -> None:
     """The same on the IPC channel."""
     _skips_the_next_packet(patch, "ipc")
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads", reason="SIGABRT")
+@mutant("JSN-10", check="check_survives_broken_payloads", code="dies")
 def server_dies_of_deep_text(patch: Patch) -> None:
     """Overflows its stack on deep text."""
     _dies(patch, "message", lambda payload: payload.count(b"[") > 50_000)
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", reason="SIGABRT")
+@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
 def server_dies_of_what_is_no_object(patch: Patch) -> None:
     """Takes the members of an array on the IPC channel."""
     _dies(patch, "ipc", lambda payload: payload.startswith(b"["))
@@ -201,7 +201,7 @@ def _has_unknown_members(payload: bytes) -> bool:
     return not set(_value(payload)) <= KNOWN
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", reason="and written plainly by")
+@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", code="another-answer")
 def server_reports_unknown_members(patch: Patch) -> None:
     """Says `invalid_message` of a request of 1.1 with members that it does not know."""
 

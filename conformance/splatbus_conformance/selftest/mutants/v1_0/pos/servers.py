@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.faults.surgery import Json, wrap
 from splatbus_conformance.selftest.mutant import mutant
 
 
-@mutant("POS-5", check="check_takes_members_by_name", reason="rotation w, z, y, x")
+@mutant("POS-5", check="check_takes_members_by_name", code="ignores")
 def server_takes_members_as_they_come(patch: Patch) -> None:
     """Takes the numbers of a rotation in the order in which they stand."""
 
@@ -31,13 +31,13 @@ def server_takes_members_as_they_come(patch: Patch) -> None:
     wrap(patch, decoding, "parse_object", parse)
 
 
-@mutant("POS-6", check="check_keeps_the_former_pose", reason="a pose with no position")
+@mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
 def server_fills_in_what_a_pose_lacks(patch: Patch) -> None:
     """Takes the origin for a position that is missing."""
     _repairs(patch, lambda message: {"position": dict.fromkeys("xyz", 0.0)} | message)
 
 
-@mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm")
+@mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
 def server_scales_every_rotation(patch: Patch) -> None:
     """Makes a unit quaternion of every rotation."""
 
@@ -51,13 +51,13 @@ def server_scales_every_rotation(patch: Patch) -> None:
     _repairs(patch, scaled)
 
 
-@mutant("POS-6", check="check_keeps_the_former_pose", reason="a rotation of norm 0.989999999")
+@mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
 def server_rounds_norms(patch: Patch) -> None:
     """Takes norms that are 0.99 or 1.01 in single precision for ones within the limits."""
     tolerating(patch, 0.01 + 2.0**-23)
 
 
-@mutant("POS-7", check="check_poses_at_the_limits_are_poses", reason="the valid pose")
+@mutant("POS-7", check="check_poses_at_the_limits_are_poses", code="pose-not-shown")
 def server_is_strict_with_norms(patch: Patch) -> None:
     """Refuses rotations whose norm differs from 1 by nearly 0.01."""
     tolerating(patch, 0.00999)
@@ -69,7 +69,7 @@ def tolerating(patch: Patch, tolerance: float) -> None:
         patch.setattr(module, "NORM_TOLERANCE", tolerance)
 
 
-@mutant("POS-10", reason="after a message of type", through="POS-5")
+@mutant("POS-10", code="answered", through="POS-5")
 def server_acknowledges_poses(patch: Patch) -> None:
     """Replies to each pose with the size of the image."""
 
@@ -82,7 +82,7 @@ def server_acknowledges_poses(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("POS-11", check="check_one_connection_has_control", reason="that has no control")
+@mutant("POS-11", check="check_one_connection_has_control", code="applied-without-control")
 def server_obeys_everyone(patch: Patch) -> None:
     """Applies the newest pose, whoever sent it."""
 
@@ -93,13 +93,13 @@ def server_obeys_everyone(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("POS-11", check="check_one_connection_has_control", reason="no frame shows the pose of the")
+@mutant("POS-11", check="check_one_connection_has_control", code="control-not-given")
 def server_obeys_the_first_forever(patch: Patch) -> None:
     """Does not pass control on when the connection that has it closes."""
     wrap(patch, Control, "leave", lambda original, self, connection: False)
 
 
-@mutant("POS-11", check="check_one_connection_has_control", reason="first to send a valid one")
+@mutant("POS-11", check="check_one_connection_has_control", code="control-not-given")
 def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
     """Gives control to who sends a broken pose first."""
 
@@ -111,9 +111,7 @@ def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant(
-    "POS-7", check="check_the_newest_camera_is_shown", reason="no frame after the camera had been"
-)
+@mutant("POS-7", check="check_the_newest_camera_is_shown", code="no-frame")
 def server_closes_its_readers_at_a_far_camera(patch: Patch) -> None:
     """Ends every reader when the camera is far away, though not when it is where nobody looks."""
 
@@ -137,7 +135,7 @@ def _repairs(patch: Patch, repair: Any) -> None:
     wrap(patch, decoding, "parse_object", parse)
 
 
-@mutant("POS-6", check="check_keeps_the_former_pose_of_the_gaussians", reason="norm")
+@mutant("POS-6", check="check_keeps_the_former_pose_of_the_gaussians", code="applies")
 def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
     """Moves the Gaussians by a pose whose rotation has another norm, and does not turn them."""
 
@@ -155,7 +153,7 @@ def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
     wrap(patch, from_client, "pose_of_1_0", pose)
 
 
-@mutant("POS-7", check="check_the_last_of_one_piece_is_shown", reason="came in one piece")
+@mutant("POS-7", check="check_the_last_of_one_piece_is_shown", code="not-the-newest")
 def server_takes_the_first_of_one_piece(patch: Patch) -> None:
     """Takes one camera until it has passed on what changed."""
     taken: list[Any] = []
@@ -175,7 +173,7 @@ def server_takes_the_first_of_one_piece(patch: Patch) -> None:
     wrap(patch, Session, "catch_up", catch_up)
 
 
-@mutant("POS-7", check="check_poses_at_the_limits_are_poses", reason="the valid pose")
+@mutant("POS-7", check="check_poses_at_the_limits_are_poses", code="pose-not-shown")
 def server_takes_no_half_turns(patch: Patch) -> None:
     """Passes poses over whose scalar is 0, as that of a rotation that was never set."""
 

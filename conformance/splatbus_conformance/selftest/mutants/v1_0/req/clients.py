@@ -13,25 +13,25 @@ from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 
 
-@mutant("REQ-1", reason='type is "getViewportSize" in what is else a request')
+@mutant("REQ-1", code="wrong-type")
 def types_in_camel_case(patch: Patch) -> None:
     """Writes the type of a request in camel case."""
     messages(patch, of_type("get_viewport_size", lambda it: it | {"type": "getViewportSize"}))
 
 
-@mutant("REQ-2", reason='cam_idx is "front"', through="NEG-5")
+@mutant("REQ-2", code="out-of-range", through="NEG-5")
 def camera_by_name(patch: Patch) -> None:
     """Asks for a camera by its name."""
     messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": "front"}))
 
 
-@mutant("REQ-2", reason="cam_idx is 0.5", through="NEG-5")
+@mutant("REQ-2", code="out-of-range", through="NEG-5")
 def camera_index_with_a_fraction(patch: Patch) -> None:
     """Asks for camera 0.5."""
     messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": 0.5}))
 
 
-@mutant("REQ-2", reason="cam_idx is missing", through="NEG-5")
+@mutant("REQ-2", code="out-of-range", through="NEG-5")
 def no_camera_index(patch: Patch) -> None:
     """Asks for a camera without saying which."""
     messages(patch, of_type("get_camera_pose", without("cam_idx")))
@@ -40,7 +40,7 @@ def no_camera_index(patch: Patch) -> None:
 @mutant(
     "REQ-11",
     check="check_matches_replies_by_their_order",
-    reason="it waited for a reply until it closed",
+    code="reply-not-taken",
     axes="opencv",
 )
 def understands_no_camera(patch: Patch) -> None:
@@ -54,13 +54,13 @@ def understands_no_camera(patch: Patch) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("REQ-12", check="check_asks_again_after_a_while", reason="it asked again")
+@mutant("REQ-12", check="check_asks_again_after_a_while", code="too-soon")
 def asks_again_at_once(patch: Patch) -> None:
     """Asks for the size again as soon as it is told that there is none."""
     _asks_again(patch, 0.0)
 
 
-@mutant("REQ-12", reason="after the size was told to be [0,0]", through="REQ-12")
+@mutant("REQ-12", code="too-soon", through="REQ-12")
 def asks_again_too_soon(patch: Patch) -> None:
     """Asks for the size again after 20 milliseconds."""
     _asks_again(patch, 0.02)
@@ -76,13 +76,13 @@ def _asks_again(patch: Patch, seconds: float) -> None:
     wrap(patch, MessageProtocol, "_on_reply", on_reply)
 
 
-@mutant("REQ-13", check="check_survives_bad_replies", reason="the reply {}: the testee died")
+@mutant("REQ-13", check="check_survives_bad_replies", code="dies")
 def crashes_on_a_reply_without_members(patch: Patch) -> None:
     """Crashes on a reply that lacks the member that it looks for."""
     _on_a_bad_reply(patch, lambda problem: crash() if "is missing" in str(problem) else None)
 
 
-@mutant("REQ-13", check="check_survives_bad_replies", reason="viewport_size")
+@mutant("REQ-13", check="check_survives_bad_replies", code="exits")
 def exits_on_a_size_that_is_no_array(patch: Patch) -> None:
     """Does not handle the error of a reply whose size is a string, and exits."""
 
@@ -93,15 +93,13 @@ def exits_on_a_size_that_is_no_array(patch: Patch) -> None:
     _on_a_bad_reply(patch, fail)
 
 
-@mutant("REQ-13", check="check_survives_bad_replies", reason="[64.0, 48.0]}: the testee died")
+@mutant("REQ-13", check="check_survives_bad_replies", code="dies")
 def crashes_on_a_size_with_a_fraction(patch: Patch) -> None:
     """Crashes on a size that is written with a fraction of zero."""
     _crashes(patch, lambda size: b".0," in size and b"." in size)
 
 
-@mutant(
-    "REQ-13", check="check_survives_bad_replies", reason='"viewport_size": null}: the testee died'
-)
+@mutant("REQ-13", check="check_survives_bad_replies", code="dies")
 def crashes_on_a_size_of_null(patch: Patch) -> None:
     """Crashes on a size that is null."""
     _crashes(patch, lambda size: b"null" in size)
@@ -120,7 +118,7 @@ def _crashes(patch: Patch, at: Any) -> None:
 @mutant(
     "JSN-6",
     check="check_takes_any_spelling_on_the_message_channel",
-    reason="messages on the message channel",
+    code="dies",
 )
 def asks_once_and_crashes_on_white_space(patch: Patch) -> None:
     """Asks on its first connection only, and crashes on a reply that begins with white space."""
@@ -156,7 +154,7 @@ def _on_a_bad_reply(patch: Patch, react: Any) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("REQ-14", reason='type is "nudge"')
+@mutant("REQ-14", code="unknown-type")
 def sends_a_type_of_its_own(patch: Patch) -> None:
     """Sends a `nudge` of its own after each request."""
     nudge = b'{"type":"nudge"}'

@@ -23,51 +23,49 @@ from splatbus_conformance.selftest.mutant import mutant
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
 
 
-@mutant("REQ-3", reason="64.0 is no plain integer")
+@mutant("REQ-3", code="out-of-range")
 def server_tells_a_size_with_fractions(patch: Patch) -> None:
     """Writes the size as fractions."""
     _size(patch, lambda size: [float(part) for part in size])
 
 
-@mutant("REQ-4", reason="the init packet said [64, 48]", through="CHN-12")
+@mutant("REQ-4", code="wrong-size", through="CHN-12")
 def server_tells_another_size(patch: Patch) -> None:
     """Tells twice the size of its images."""
     _size(patch, lambda size: [2 * part for part in size])
 
 
-@mutant("REQ-5", reason="rotation is missing", through="REQ-7")
+@mutant("REQ-5", code="not-an-array", through="REQ-7")
 def server_tells_no_rotation(patch: Patch) -> None:
     """Leaves the rotation out of its replies."""
     messages(patch, lambda it: {k: v for k, v in it.items() if k != "rotation"})
 
 
-@mutant(
-    "REQ-6", check="check_camera_index_is_taken_modulo", reason="every camera from index 2 to 1023"
-)
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", code="cameras-alike")
 def server_stops_at_its_last_camera(patch: Patch) -> None:
     """Tells the last camera for every index beyond."""
     _cameras(patch, lambda index: min(max(index, 0), 2))
 
 
-@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera -1 is")
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", code="another-camera")
 def server_counts_from_the_wrong_end(patch: Patch) -> None:
     """Takes the magnitude of negative indices."""
     _cameras(patch, lambda index: abs(index) % 3)
 
 
-@mutant("REQ-6", check="check_camera_index_is_taken_modulo", reason="camera 2147483648 is")
+@mutant("REQ-6", check="check_camera_index_is_taken_modulo", code="another-camera")
 def server_reads_indices_as_32_bits(patch: Patch) -> None:
     """Keeps the lowest 32 bits of an index."""
     _cameras(patch, lambda index: ((index + 2**31) % 2**32 - 2**31) % 3)
 
 
-@mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
+@mutant("REQ-7", check="check_one_reply_each_in_order", code="other-replies")
 def server_answers_in_its_own_order(patch: Patch) -> None:
     """Answers what arrives together with the sizes first."""
     _reorders(patch)
 
 
-@mutant("REQ-7", check="check_one_reply_each_in_order", reason="replies (")
+@mutant("REQ-7", check="check_one_reply_each_in_order", code="other-replies")
 def server_answers_a_hundred_at_most(patch: Patch) -> None:
     """Drops requests beyond a hundred that wait for an answer."""
 
@@ -81,7 +79,7 @@ def server_answers_a_hundred_at_most(patch: Patch) -> None:
     wrap(patch, Session, "handle", handle)
 
 
-@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="closed the connection")
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="closes")
 def server_closes_on_unknown_types(patch: Patch) -> None:
     """Closes the message connection on a type that it does not know."""
 
@@ -94,7 +92,7 @@ def server_closes_on_unknown_types(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("REQ-8", check="check_unknown_messages_are_ignored", reason="the testee replied to it")
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="replies")
 def server_answers_unknown_types(patch: Patch) -> None:
     """Answers what it does not know with the size of the image."""
 
@@ -106,7 +104,7 @@ def server_answers_unknown_types(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
 def server_answers_broken_requests(patch: Patch) -> None:
     """Takes camera 0 for an index that it cannot read."""
 
@@ -121,19 +119,19 @@ def server_answers_broken_requests(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="without an image")
+@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", code="no-reply")
 def server_answers_between_images(patch: Patch) -> None:
     """Answers when it has rendered the next image."""
     _answers_between_images(patch, GetViewportSize | GetCameraPose)
 
 
-@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", reason="'get_scene'")
+@mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", code="no-reply")
 def server_tells_of_its_scene_between_images(patch: Patch) -> None:
     """Tells of its scene when it has rendered the next image."""
     _answers_between_images(patch, GetScene)
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by camera")
+@mutant("NEG-29", check="check_answers_each_request_in_order", code="another-answer")
 def server_passes_over_the_size_that_it_has(patch: Patch) -> None:
     """Does not answer who asks for images of the size that they have."""
 
@@ -148,7 +146,7 @@ def server_passes_over_the_size_that_it_has(patch: Patch) -> None:
     wrap(patch, Session, "handle", handle)
 
 
-@mutant("NEG-28", reason="the request's was", through="NEG-29")
+@mutant("NEG-28", code="another-id", through="NEG-29")
 def server_numbers_its_pongs(patch: Patch) -> None:
     """Answers pings with ids of its own."""
     ids = itertools.count(1)
@@ -215,7 +213,7 @@ def _reorders(patch: Patch) -> None:
     wrap(patch, Connection, "send", send)
 
 
-@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
 def server_answers_broken_requests_by_the_size(patch: Patch) -> None:
     """Answers a request for a camera whose index it cannot read by the size of the image."""
 

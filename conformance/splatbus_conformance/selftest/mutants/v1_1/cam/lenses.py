@@ -22,7 +22,7 @@ SEEN, SHAPE = "check_images_are_seen_through_the_lens", "check_refuses_lenses_of
 KEEPS, TELLS = "check_keeps_the_lens_in_force", "check_tells_the_lens_of_its_cameras"
 
 
-@mutant("CAM-4", reason="fx is 0.0", through="CAM-8")
+@mutant("CAM-4", code="out-of-range", through="CAM-8")
 def server_tells_cameras_without_a_focal_length(patch: Patch) -> None:
     """Tells cameras whose focal length is 0."""
     lens_told(patch, lambda lens: lens | {"fx": 0.0})
@@ -38,13 +38,13 @@ def lens_told(patch: Patch, change: Any) -> None:
     messages(patch, told)
 
 
-@mutant("CAM-5", check=SEEN, reason="of the frame's camera fx is")
+@mutant("CAM-5", check=SEEN, code="other-intrinsics")
 def server_takes_lenses_as_they_are(patch: Patch) -> None:
     """Does not scale intrinsics to the size of its images."""
     patch.setattr(exchange, "scaled", lambda lens, width, height: lens)
 
 
-@mutant("CAM-5", check=SEEN, reason="of the frame's camera fy is")
+@mutant("CAM-5", check=SEEN, code="other-intrinsics")
 def server_scales_by_the_width_alone(patch: Patch) -> None:
     """Scales both axes by the width, as if a rounded size had the very shape of its images."""
 
@@ -54,7 +54,7 @@ def server_scales_by_the_width_alone(patch: Patch) -> None:
     wrap(patch, exchange, "scaled", scaled)
 
 
-@mutant("CAM-5", check="check_lenses_are_scaled_to_another_size", reason="images became")
+@mutant("CAM-5", check="check_lenses_are_scaled_to_another_size", code="other-intrinsics")
 def server_scales_lenses_to_its_first_size(patch: Patch) -> None:
     """Scales intrinsics to the size that images had at first, whatever they have now."""
     first: list[int] = []
@@ -66,7 +66,7 @@ def server_scales_lenses_to_its_first_size(patch: Patch) -> None:
     wrap(patch, exchange, "scaled", to_first)
 
 
-@mutant("CAM-5", check=SEEN, reason="of the pixels are not as seen so")
+@mutant("CAM-5", check=SEEN, code="other-pixels")
 def server_renders_with_its_own_lens(patch: Patch) -> None:
     """Names the intrinsics that it was sent, and renders with its own."""
     own: list[Any] = []
@@ -79,13 +79,13 @@ def server_renders_with_its_own_lens(patch: Patch) -> None:
     cameras(patch, former)
 
 
-@mutant("CAM-5", check=SEEN, reason="of the pixels are not as seen so")
+@mutant("CAM-5", check=SEEN, code="other-pixels")
 def server_has_clipping_planes_of_its_own(patch: Patch) -> None:
     """Names the clipping planes that it was sent, and renders with 0.01 and 100."""
     cameras(patch, lambda camera: replace(camera, near=0.01, far=100.0))
 
 
-@mutant("CAM-5", check=SEEN, reason="were answered by")
+@mutant("CAM-5", check=SEEN, code="refused")
 def server_wants_the_very_shape(patch: Patch) -> None:
     """Refuses intrinsics whose width and height are not exactly as those of its images."""
     patch.setattr(
@@ -93,13 +93,13 @@ def server_wants_the_very_shape(patch: Patch) -> None:
     )
 
 
-@mutant("CAM-6", check=SHAPE, reason="were answered by no error")
+@mutant("CAM-6", check=SHAPE, code="no-error")
 def server_stretches_images(patch: Patch) -> None:
     """Takes intrinsics of any shape."""
     patch.setattr(steering, "fits", lambda lens, width, height: True)
 
 
-@mutant("CAM-6", check=SHAPE, reason="and the pose was applied")
+@mutant("CAM-6", check=SHAPE, code="applies")
 def server_applies_the_rest(patch: Patch) -> None:
     """Reports intrinsics of another shape, and applies the pose without them."""
 
@@ -112,7 +112,7 @@ def server_applies_the_rest(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("CAM-6", check=SHAPE, reason='[["invalid_message", "/intrinsics/width"]]')
+@mutant("CAM-6", check=SHAPE, code="another-error")
 def server_points_into_the_lens(patch: Patch) -> None:
     """Points at the width of intrinsics of another shape."""
 
@@ -123,7 +123,7 @@ def server_points_into_the_lens(patch: Patch) -> None:
     messages(patch, of_type("error", pointed))
 
 
-@mutant("CAM-7", check=KEEPS, reason="the next pose had none")
+@mutant("CAM-7", check=KEEPS, code="other-intrinsics")
 def server_forgets_the_lens(patch: Patch) -> None:
     """Goes back to its own intrinsics with a pose that has none."""
 
@@ -136,7 +136,7 @@ def server_forgets_the_lens(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("CAM-7", check=KEEPS, reason="another client had sent its own")
+@mutant("CAM-7", check=KEEPS, code="other-intrinsics")
 def server_takes_the_lens_of_anyone(patch: Patch) -> None:
     """Takes the intrinsics of clients that have no control."""
 
@@ -152,7 +152,7 @@ def server_takes_the_lens_of_anyone(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("CAM-7", check=KEEPS, reason="others of another shape were refused")
+@mutant("CAM-7", check=KEEPS, code="other-intrinsics")
 def server_keeps_a_lens_that_it_refused(patch: Patch) -> None:
     """Reports intrinsics of another shape, keeps the pose, and looks through them all the same."""
 
@@ -166,7 +166,7 @@ def server_keeps_a_lens_that_it_refused(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("CAM-7", check=KEEPS, reason="another client had sent its own")
+@mutant("CAM-7", check=KEEPS, code="other-intrinsics")
 def server_has_the_lens_of_anyone_until_the_next_pose(patch: Patch) -> None:
     """Looks through the intrinsics of a client without control until the one in control poses."""
 
@@ -182,19 +182,19 @@ def server_has_the_lens_of_anyone_until_the_next_pose(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("CAM-8", check=TELLS, reason="are null")
+@mutant("CAM-8", check=TELLS, code="no-intrinsics")
 def server_tells_poses_alone(patch: Patch) -> None:
     """Leaves intrinsics out of its replies."""
     messages(patch, lambda m: {name: it for name, it in m.items() if name != "intrinsics"})
 
 
-@mutant("CAM-8", check=TELLS, reason="and images have")
+@mutant("CAM-8", check=TELLS, code="wrong-size")
 def server_tells_the_lens_of_larger_images(patch: Patch) -> None:
     """Tells intrinsics of images of twice the size."""
     lens_told(patch, lambda lens: lens | {n: 2 * lens[n] for n in ("width", "height")})
 
 
-@mutant("CAM-8", check=TELLS, reason="and after those of a client")
+@mutant("CAM-8", check=TELLS, code="intrinsics-changed")
 def server_tells_the_lens_of_its_client(patch: Patch) -> None:
     """Tells of its cameras the intrinsics that a client asked for."""
 
@@ -208,13 +208,13 @@ def server_tells_the_lens_of_its_client(patch: Patch) -> None:
     wrap(patch, Session, "_answer", answer)
 
 
-@mutant("CAM-9", check="check_keeps_the_former_camera", reason="applied it")
+@mutant("CAM-9", check="check_keeps_the_former_camera", code="applies")
 def server_leaves_bad_tags_out(patch: Patch) -> None:
     """Takes a pose whose tag is none as one without a tag."""
     read_without(patch, "tag")
 
 
-@mutant("CAM-9", check="check_keeps_the_former_camera", reason="applied it")
+@mutant("CAM-9", check="check_keeps_the_former_camera", code="applies")
 def server_leaves_bad_lenses_out(patch: Patch) -> None:
     """Takes a pose whose intrinsics are none as one without them."""
     read_without(patch, "intrinsics")

@@ -21,7 +21,7 @@ from splatbus_conformance.selftest.mutant import mutant
 EVERY_READER = "check_tells_every_reader_of_another_size"
 
 
-@mutant("BUF-3", check="check_colours_are_from_0_to_1", reason="is nan")
+@mutant("BUF-3", check="check_colours_are_from_0_to_1", code="out-of-range")
 def server_leaves_a_corner_undefined_in_another_size(patch: Patch) -> None:
     """Stores no number in one corner of images that have another size than the first."""
 
@@ -38,7 +38,7 @@ def server_leaves_a_corner_undefined_in_another_size(patch: Patch) -> None:
     wrap(patch, Memory, "writer", writer)
 
 
-@mutant("CAM-3", check="check_no_tag_comes_again_in_another_size", reason="came 2 times")
+@mutant("CAM-3", check="check_no_tag_comes_again_in_another_size", code="tag-twice")
 def server_repeats_a_tag_in_another_size(patch: Patch) -> None:
     """Forgets which poses a reader has seen when it opens other memory."""
 
@@ -49,7 +49,7 @@ def server_repeats_a_tag_in_another_size(patch: Patch) -> None:
     wrap(patch, Reader, "open", opened)
 
 
-@mutant("CAM-6", check="check_compares_shapes_with_the_size_now", reason="by no error")
+@mutant("CAM-6", check="check_compares_shapes_with_the_size_now", code="no-error")
 def server_compares_shapes_with_its_first_size(patch: Patch) -> None:
     """Refuses intrinsics by the size that images had at first."""
     first: list[tuple[int, int]] = []
@@ -61,7 +61,7 @@ def server_compares_shapes_with_its_first_size(patch: Patch) -> None:
     wrap(patch, steering, "fits", fits)
 
 
-@mutant("CAM-8", check="check_tells_lenses_for_the_size_now", reason="with intrinsics for")
+@mutant("CAM-8", check="check_tells_lenses_for_the_size_now", code="wrong-size")
 def server_tells_lenses_for_its_first_size(patch: Patch) -> None:
     """Tells its cameras with the intrinsics that it had at first."""
     first: list[Any] = []
@@ -80,7 +80,7 @@ def server_tells_lenses_for_its_first_size(patch: Patch) -> None:
     wrap(patch, Session, "_answer", answer)
 
 
-@mutant("VPT-5", check=EVERY_READER, reason="no init packet within 5 s")
+@mutant("VPT-5", check=EVERY_READER, code="no-init-packet")
 def server_sees_no_other_height(patch: Patch) -> None:
     """Takes a size of the same width for the one that images have."""
 
@@ -93,7 +93,7 @@ def server_sees_no_other_height(patch: Patch) -> None:
     wrap(patch, Viewport, "set", set)
 
 
-@mutant("POS-7", check="check_the_camera_stays_in_another_size", reason="of one at")
+@mutant("POS-7", check="check_the_camera_stays_in_another_size", code="another-camera")
 def server_begins_another_size_at_the_origin(patch: Patch) -> None:
     """Renders the first image of another size from where the server has begun."""
     begun = {1}

@@ -24,13 +24,13 @@ def tags(patch: Patch, change: Any) -> None:
     wrap(patch, Reader, "frame", frame)
 
 
-@mutant("CAM-2", check=FIRST, reason="has no tag")
+@mutant("CAM-2", check=FIRST, code="another-tag")
 def server_returns_no_tags(patch: Patch) -> None:
     """Never says which pose an image shows."""
     tags(patch, lambda reader, image, tag: None)
 
 
-@mutant("CAM-2", reason="tag is missing", through="CAM-2")
+@mutant("CAM-2", code="another-tag", through="CAM-2")
 def server_forgets_every_third_tag(patch: Patch) -> None:
     """Leaves out each third tag."""
     count = [0]
@@ -42,7 +42,7 @@ def server_forgets_every_third_tag(patch: Patch) -> None:
     tags(patch, third)
 
 
-@mutant("CAM-2", check=FIRST, reason="the first frame to reader 2")
+@mutant("CAM-2", check=FIRST, code="another-tag")
 def server_tells_tags_to_one_reader(patch: Patch) -> None:
     """Tells each tag once, to whoever is sent the image first."""
     told: set[str] = set()
@@ -56,7 +56,7 @@ def server_tells_tags_to_one_reader(patch: Patch) -> None:
     tags(patch, once)
 
 
-@mutant("CAM-2", check=FIRST, reason="the values of the pose before it")
+@mutant("CAM-2", check=FIRST, code="no-tag")
 def server_takes_equal_poses_for_one(patch: Patch) -> None:
     """Does not look at a pose that has the values of the one before it."""
 
@@ -67,13 +67,13 @@ def server_takes_equal_poses_for_one(patch: Patch) -> None:
     wrap(patch, Poses, "moved_by", moved)
 
 
-@mutant("CAM-3", check=OTHERS, reason="had come on that connection already")
+@mutant("CAM-3", check=OTHERS, code="tag-twice")
 def server_tells_tags_again(patch: Patch) -> None:
     """Gives every image the tag of its pose."""
     tags(patch, lambda reader, image, tag: image.view.poses.tag)
 
 
-@mutant("CAM-3", reason="poses before it had it", through="CAM-3")
+@mutant("CAM-3", code="too-often", through="CAM-3")
 def server_tells_tags_twice(patch: Patch) -> None:
     """Gives an image without a tag the last one that there was."""
     last: list[Any] = [None]
@@ -85,7 +85,7 @@ def server_tells_tags_twice(patch: Patch) -> None:
     tags(patch, lasting)
 
 
-@mutant("CAM-3", check=OTHERS, reason="and the image is of pose")
+@mutant("CAM-3", check=OTHERS, code="tag-of-another-pose")
 def server_is_one_tag_late(patch: Patch) -> None:
     """Gives each image the tag that the one before it should have had."""
     kept: dict[int, Any] = {}
@@ -97,7 +97,7 @@ def server_is_one_tag_late(patch: Patch) -> None:
     tags(patch, former)
 
 
-@mutant("CAM-3", check=OTHERS, reason="no pose had")
+@mutant("CAM-3", check=OTHERS, code="unknown-tag")
 def server_makes_tags_up(patch: Patch) -> None:
     """Gives images without a tag their number for one."""
     tags(patch, lambda reader, image, tag: tag or f"image {image.seq}")

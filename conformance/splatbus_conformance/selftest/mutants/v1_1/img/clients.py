@@ -12,7 +12,7 @@ from splatbus_conformance.selftest.faults.surgery import crash, messages, of_typ
 from splatbus_conformance.selftest.mutant import mutant
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was released more than once")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="released-twice")
 def releases_twice(patch: Patch) -> None:
     """Releases each frame twice."""
 
@@ -23,7 +23,7 @@ def releases_twice(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "release", release)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def loses_every_tenth_release(patch: Patch) -> None:
     """Does not release every tenth frame."""
 
@@ -34,7 +34,7 @@ def loses_every_tenth_release(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "release", release)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def keeps_frames_that_list_objects(patch: Patch) -> None:
     """Drops a frame that lists objects, and keeps its slot."""
 
@@ -44,15 +44,13 @@ def keeps_frames_that_list_objects(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-12", reason="no frame had generation 7", through="IMG-12")
+@mutant("IMG-12", code="unknown-image", through="IMG-12")
 def releases_with_another_generation(patch: Patch) -> None:
     """Names another generation in `release` than the `frame` did."""
     messages(patch, of_type("release", lambda release: release | {"generation": 7}))
 
 
-@mutant(
-    "IMG-15", check="check_ignores_frames_of_unknown_memory", reason="a frame with {'generation': "
-)
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts")
 def releases_frames_of_any_generation(patch: Patch) -> None:
     """Takes every frame for one of the memory that it has open."""
 
@@ -65,7 +63,7 @@ def releases_frames_of_any_generation(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_closed_memory", reason="a frame of closed memory")
+@mutant("IMG-15", check="check_ignores_frames_of_closed_memory", code="accepts")
 def releases_frames_of_closed_memory(patch: Patch) -> None:
     """Gives back every frame of memory that it had open once."""
     closed: set[tuple[IpcProtocol, int]] = set()
@@ -84,7 +82,7 @@ def releases_frames_of_closed_memory(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'slot': ")
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="hangs")
 def reads_slots_that_do_not_exist(patch: Patch) -> None:
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
 
@@ -96,14 +94,14 @@ def reads_slots_that_do_not_exist(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-19", reason='channels is "color"')
+@mutant("IMG-19", code="wrong-channels")
 def subscribes_to_one_channel_as_a_string(patch: Patch) -> None:
     """Names one channel instead of an array of them."""
     subscribes(patch, "color", "depth")
     messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": "color"}))
 
 
-@mutant("IMG-19", reason="channels is []")
+@mutant("IMG-19", code="wrong-channels")
 def subscribes_to_nothing(patch: Patch) -> None:
     """Subscribes to no channel at all."""
     subscribes(patch)
@@ -123,7 +121,7 @@ def subscribes(patch: Patch, *channels: str) -> None:
 @mutant(
     "JSN-6",
     check="check_reads_what_is_lent_in_any_spelling",
-    reason="and it was not read",
+    code="not-read",
     axes="opencv",
 )
 def reads_frames_of_one_spelling(patch: Patch) -> None:

@@ -28,7 +28,7 @@ def _whatever_happened(patch: Patch) -> None:
 @mutant(
     "IMG-13",
     check="check_releases_when_it_has_read",
-    reason="was released before it was read",
+    code="released-too-early",
     axes="opencv",
 )
 def releases_before_it_reads(patch: Patch) -> None:
@@ -47,7 +47,7 @@ def releases_before_it_reads(patch: Patch) -> None:
 @mutant(
     "IMG-14",
     check="check_reads_only_what_it_holds",
-    reason="was shown after the client had given",
+    code="read-without-lease",
     axes="opencv",
 )
 def keeps_no_copy(patch: Patch) -> None:
@@ -62,7 +62,7 @@ def keeps_no_copy(patch: Patch) -> None:
 @mutant(
     "IMG-22",
     check="check_reads_only_what_it_subscribed_to",
-    reason="it read",
+    code="read-unsubscribed",
     axes="opencv",
 )
 def reads_both_channels_always(patch: Patch) -> None:
@@ -77,7 +77,7 @@ def reads_both_channels_always(patch: Patch) -> None:
 @mutant(
     "IMG-22",
     check="check_reads_only_what_it_subscribed_to",
-    reason="it read depth with color",
+    code="read-unsubscribed",
     axes="opencv",
 )
 def reads_at_once_what_it_subscribes_to(patch: Patch) -> None:
@@ -93,7 +93,7 @@ def reads_at_once_what_it_subscribes_to(patch: Patch) -> None:
 @mutant(
     "CHN-18",
     check="check_leaves_the_buffers_when_the_connection_ends",
-    reason="is not what the client read while it was connected",
+    code="read-after-end",
     axes="opencv",
 )
 def reads_on_without_a_connection(patch: Patch) -> None:
@@ -122,7 +122,7 @@ def reads_on_without_a_connection(patch: Patch) -> None:
 @mutant(
     "MEM-13",
     check="check_shows_rows_from_the_bottom_up",
-    reason="rows top-down",
+    code="rows-top-down",
     axes="opencv",
 )
 def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
@@ -131,7 +131,7 @@ def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
         wrap(patch, HostImages, name, lambda original, self, slot: original(self, slot)[::-1])
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="(as straight)", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, code="another-alpha", axes="opencv")
 def blends_premultiplied_as_straight(patch: Patch) -> None:
     """Multiplies colour by alpha once more."""
     patch.setattr(display, "over_premultiplied", over_straight)
@@ -144,13 +144,13 @@ def _meant(patch: Patch, **otherwise: Any) -> None:
     wrap(patch, display, "planar_depth", planar)
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="(as planar_z)", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, code="another-depth-kind", axes="opencv")
 def takes_distances_for_depths(patch: Patch) -> None:
     """Compares the distance along the ray with the depth of its own geometry."""
     _meant(patch, depth_kind="planar_z")
 
 
-@mutant("MEM-13", check=SEMANTICS, reason="(as if inf alone were empty)", axes="opencv")
+@mutant("MEM-13", check=SEMANTICS, code="empty-value-ignored", axes="opencv")
 def knows_one_empty_depth(patch: Patch) -> None:
     """Takes only infinity for empty."""
     _meant(patch, depth_empty=float("inf"))
@@ -159,7 +159,7 @@ def knows_one_empty_depth(patch: Patch) -> None:
 @mutant(
     "BUF-8",
     check="check_shows_its_geometry_where_the_image_is_empty",
-    reason="an empty pixel",
+    code="empty-pixel-shown",
     axes="opencv",
 )
 def draws_empty_pixels_in_front(patch: Patch) -> None:
@@ -174,7 +174,7 @@ def draws_empty_pixels_in_front(patch: Patch) -> None:
 @mutant(
     "BUF-9",
     check="check_takes_no_odd_depth_for_a_surface",
-    reason="an opaque pixel",
+    code="odd-depth-shown",
     axes="opencv",
 )
 def takes_negative_depths(patch: Patch) -> None:
@@ -186,7 +186,7 @@ def takes_negative_depths(patch: Patch) -> None:
     wrap(patch, display, "planar_depth", planar)
 
 
-@mutant("ACC-10", check="check_composes_within_three_ulp", reason="colour: worst", axes="opencv")
+@mutant("ACC-10", check="check_composes_within_three_ulp", code="beyond-its-budget", axes="opencv")
 def composes_in_eight_bits(patch: Patch) -> None:
     """Truncates the image to eight bits a channel before it blends it."""
 

@@ -20,7 +20,7 @@ from splatbus_conformance.selftest.mutant import mutant
 UNUSABLE = "check_releases_frames_that_it_cannot_use"
 
 
-@mutant("IMG-14", check="check_reads_only_what_it_holds", reason="was shown after", axes="opencv")
+@mutant("IMG-14", check="check_reads_only_what_it_holds", code="read-without-lease", axes="opencv")
 def guesses_the_slot(patch: Patch) -> None:
     """Reads the slot that the number of an image would have in a ring that goes round."""
 
@@ -32,7 +32,7 @@ def guesses_the_slot(patch: Patch) -> None:
     wrap(patch, Reading, "_lend", lend)
 
 
-@mutant("IMG-14", check="check_reads_only_what_it_holds", reason="was shown after", axes="opencv")
+@mutant("IMG-14", check="check_reads_only_what_it_holds", code="read-without-lease", axes="opencv")
 def guesses_the_layout(patch: Patch) -> None:
     """Takes the ring for colour without gaps, and depth behind it."""
 
@@ -51,7 +51,7 @@ def guesses_the_layout(patch: Patch) -> None:
     wrap(patch, reading, "HostImages", images)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def has_three_slots(patch: Patch) -> None:
     """Keeps three slots of a ring, and takes a frame of a later one for a mistake."""
 
@@ -64,7 +64,7 @@ def has_three_slots(patch: Patch) -> None:
 @mutant(
     "MEM-13",
     check="check_shows_images_by_their_semantics",
-    reason="'kind': 'ray_distance'",
+    code="another-depth-kind",
     axes="opencv",
 )
 def takes_the_principal_point_for_the_middle(patch: Patch) -> None:
@@ -89,13 +89,13 @@ def _shortens(patch: Patch, member: str) -> None:
     wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def holds_image_numbers_in_32_bits(patch: Patch) -> None:
     """Has 32 bits for the number of an image."""
     _shortens(patch, "seq")
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def holds_image_numbers_in_single_precision(patch: Patch) -> None:
     """Reads the number of an image as one of single precision."""
 
@@ -105,7 +105,7 @@ def holds_image_numbers_in_single_precision(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="frame 0 was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def takes_the_first_number_for_none(patch: Patch) -> None:
     """Takes an image whose number is 0 for none at all."""
 
@@ -115,7 +115,7 @@ def takes_the_first_number_for_none(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", reason="was not released within")
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
 def takes_the_last_number_for_none(patch: Patch) -> None:
     """Takes the greatest number of an image for none at all."""
 
@@ -125,13 +125,13 @@ def takes_the_last_number_for_none(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_frame", on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", reason="'generation': 4")
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts")
 def holds_generations_of_frames_in_32_bits(patch: Patch) -> None:
     """Has 32 bits for the generation of a frame."""
     _shortens(patch, "generation")
 
 
-@mutant("OPN-5", check="check_closes_the_former_memory", reason="was not closed after")
+@mutant("OPN-5", check="check_closes_the_former_memory", code="not-closed")
 def guesses_the_former_generation(patch: Patch) -> None:
     """Says that it has closed the generation before the newest, as if they were counted."""
 
@@ -144,7 +144,7 @@ def guesses_the_former_generation(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "closed", closed)
 
 
-@mutant("INI-8", check="check_accepts_good_init_packets", reason="was not opened")
+@mutant("INI-8", check="check_accepts_good_init_packets", code="not-opened")
 def takes_generations_from_one_on_alone(patch: Patch) -> None:
     """Takes the first init packet of a connection for a further one unless its generation is 1."""
 
@@ -166,19 +166,19 @@ def _keeps(patch: Patch, *pointers: str) -> None:
     wrap(patch, IpcProtocol, "_on_broken", on_broken)
 
 
-@mutant("IMG-12", check=UNUSABLE, reason="camera")
+@mutant("IMG-12", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_without_a_camera(patch: Patch) -> None:
     """Does not give back a frame whose camera is missing or no object."""
     _keeps(patch, "/camera [")
 
 
-@mutant("IMG-12", check=UNUSABLE, reason="camera/rotation")
+@mutant("IMG-12", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_without_a_rotation(patch: Patch) -> None:
     """Does not give back a frame whose camera has a rotation that is none."""
     _keeps(patch, "/camera/rotation")
 
 
-@mutant("IMG-12", check=UNUSABLE, reason="camera/width")
+@mutant("IMG-12", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_of_another_width(patch: Patch) -> None:
     """Does not give back a frame whose camera has another width than its memory."""
 
@@ -190,19 +190,19 @@ def keeps_the_slot_of_a_frame_of_another_width(patch: Patch) -> None:
     wrap(patch, Reading, "_lend", lend)
 
 
-@mutant("IMG-12", check=UNUSABLE, reason="time")
+@mutant("IMG-12", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_without_time(patch: Patch) -> None:
     """Does not give back a frame whose time is missing or no number."""
     _keeps(patch, "/time")
 
 
-@mutant("IMG-12", check=UNUSABLE, reason="objects")
+@mutant("IMG-12", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_with_odd_objects(patch: Patch) -> None:
     """Does not give back a frame whose objects are malformed."""
     _keeps(patch, "/objects")
 
 
-@mutant("IMG-12", check=UNUSABLE, reason="the testee died")
+@mutant("IMG-12", check=UNUSABLE, code="dies")
 def crashes_on_a_malformed_frame(patch: Patch) -> None:
     """Crashes on a frame that lacks a member."""
 

@@ -18,7 +18,7 @@ SLOW_SECONDS = 0.5
 REFUSES = "check_refuses_readers_that_it_has_no_slot_for"
 
 
-@mutant("IMG-9", check="check_waits_for_no_reader", reason="was not seen while")
+@mutant("IMG-9", check="check_waits_for_no_reader", code="no-frame")
 def server_publishes_when_nobody_reads(patch: Patch) -> None:
     """Publishes when nobody holds an image."""
 
@@ -33,7 +33,7 @@ def server_publishes_when_nobody_reads(patch: Patch) -> None:
 IGNORES = "check_ignores_release_of_what_is_not_held"
 
 
-@mutant("IMG-16", check=IGNORES, reason="another frame came")
+@mutant("IMG-16", check=IGNORES, code="another-frame")
 def server_takes_any_release(patch: Patch) -> None:
     """Ends the lease at any release, whatever it names."""
 
@@ -45,7 +45,7 @@ def server_takes_any_release(patch: Patch) -> None:
     wrap(patch, Session, "_release", release)
 
 
-@mutant("IMG-16", check=IGNORES, reason="closed the connection")
+@mutant("IMG-16", check=IGNORES, code="closes")
 def server_closes_at_a_wrong_release(patch: Patch) -> None:
     """Ends a connection that releases what it does not hold."""
 
@@ -58,7 +58,7 @@ def server_closes_at_a_wrong_release(patch: Patch) -> None:
     wrap(patch, Session, "_release", release)
 
 
-@mutant("IMG-17", check="check_ends_leases_with_the_connection", reason="readers left with a lease")
+@mutant("IMG-17", check="check_ends_leases_with_the_connection", code="no-frame")
 def server_keeps_the_leases_of_the_dead(patch: Patch) -> None:
     """Waits for the release of an image although the connection that holds it has ended."""
     wrap(patch, Exchange, "forget", lambda original, *arguments: None)
@@ -91,7 +91,7 @@ def _lends_to_any_number(patch: Patch) -> None:
     wrap(patch, Exchange, "next_view", next_view)
 
 
-@mutant("IMG-18", check=REFUSES, reason="was told nothing")
+@mutant("IMG-18", check=REFUSES, code="no-error")
 def server_does_not_say_that_it_is_full(patch: Patch) -> None:
     """Closes the connection of a reader that is too many without a word."""
 
@@ -101,7 +101,7 @@ def server_does_not_say_that_it_is_full(patch: Patch) -> None:
     wrap(patch, Connection, "complain", complain)
 
 
-@mutant("IMG-18", check=REFUSES, reason="the testee waited")
+@mutant("IMG-18", check=REFUSES, code="waits")
 def server_lets_readers_queue(patch: Patch) -> None:
     """Says that it is full, and keeps the connection until somebody leaves."""
 
@@ -112,7 +112,7 @@ def server_lets_readers_queue(patch: Patch) -> None:
     wrap(patch, Connection, "end", end)
 
 
-@mutant("IMG-18", check=REFUSES, reason="was lent none of its own")
+@mutant("IMG-18", check=REFUSES, code="no-frame")
 def server_takes_more_readers_than_slots(patch: Patch) -> None:
     """Makes a ring for four readers, and takes whoever comes."""
 
@@ -123,7 +123,7 @@ def server_takes_more_readers_than_slots(patch: Patch) -> None:
     _lends_to_any_number(patch)
 
 
-@mutant("IMG-4", check="check_what_two_hold_is_not_written", reason="that of the first was written")
+@mutant("IMG-4", check="check_what_two_hold_is_not_written", code="written-while-held")
 def server_keeps_the_newest_lease_alone(patch: Patch) -> None:
     """Of images that several readers hold, keeps the one that was lent last."""
 
@@ -137,7 +137,7 @@ def server_keeps_the_newest_lease_alone(patch: Patch) -> None:
     wrap(patch, Ring, "begin_write", begin_write)
 
 
-@mutant("IMG-16", check=IGNORES, reason="another frame came")
+@mutant("IMG-16", check=IGNORES, code="another-frame")
 def server_takes_any_release_and_draws_slowly(patch: Patch) -> None:
     """Ends the lease at any release, and takes half a second for an image."""
     server_takes_any_release(patch)

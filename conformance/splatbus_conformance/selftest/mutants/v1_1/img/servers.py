@@ -17,7 +17,7 @@ FURTHEST = 1_000_000
 RESTS = "check_publishes_what_changed_only"
 
 
-@mutant("IMG-1", reason="fx is")
+@mutant("IMG-1", code="not-positive")
 def server_tells_no_focal_length(patch: Patch) -> None:
     """Leaves an intrinsic out of the camera of a frame."""
 
@@ -27,7 +27,7 @@ def server_tells_no_focal_length(patch: Patch) -> None:
     messages(patch, of_type("frame", change))
 
 
-@mutant("IMG-1", reason="comes after", through="IMG-2")
+@mutant("IMG-1", code="not-growing", through="IMG-2")
 def server_counts_images_down(patch: Patch) -> None:
     """Gives each image a number less than the last."""
     messages(patch, of_type("frame", lambda frame: frame | {"seq": FURTHEST - frame["seq"]}))
@@ -50,19 +50,19 @@ def lends_unopened(patch: Patch) -> None:
     wrap(patch, Session, "_announce", announce)
 
 
-@mutant("IMG-2", check="check_lends_one_at_a_time", reason="a frame came before opened")
+@mutant("IMG-2", check="check_lends_one_at_a_time", code="before-opened")
 def server_lends_at_once(patch: Patch) -> None:
     """Sends a frame behind the init packet."""
     lends_unopened(patch)
 
 
-@mutant("IMG-2", reason="has not been opened", through="IMG-2")
+@mutant("IMG-2", code="not-opened", through="IMG-2")
 def server_does_not_wait_for_opened(patch: Patch) -> None:
     """Sends a frame behind the init packet."""
     lends_unopened(patch)
 
 
-@mutant("IMG-2", check="check_lends_one_at_a_time", reason="came while one was held")
+@mutant("IMG-2", check="check_lends_one_at_a_time", code="another-frame")
 def server_takes_images_back(patch: Patch) -> None:
     """Ends each lease as soon as the frame is sent, and sends the next image when there is one."""
 
@@ -87,20 +87,20 @@ def grants_frames(patch: Patch) -> None:
 @mutant(
     "IMG-23",
     check="check_sends_no_frames_that_were_not_agreed",
-    reason="although welcome lists no frames",
+    code="not-granted",
 )
 def server_sends_frames_to_all(patch: Patch) -> None:
     """Sends frames to whoever has opened the memory."""
     grants_frames(patch)
 
 
-@mutant("IMG-23", reason="although no welcome lists frames", through="IMG-23")
+@mutant("IMG-23", code="not-granted", through="IMG-23")
 def server_forgets_who_takes_frames(patch: Patch) -> None:
     """Sends frames to whoever has opened the memory."""
     grants_frames(patch)
 
 
-@mutant("IMG-3", check="check_announces_the_newest", reason="although that of")
+@mutant("IMG-3", check="check_announces_the_newest", code="not-the-newest")
 def server_lends_the_image_before(patch: Patch) -> None:
     """Lends one who has missed images the last but one."""
     shown: dict[int, Image] = {}
@@ -118,7 +118,7 @@ def server_lends_the_image_before(patch: Patch) -> None:
     wrap(patch, Exchange, "lend", lend)
 
 
-@mutant("IMG-10", check=RESTS, reason="images were published that show the same")
+@mutant("IMG-10", check=RESTS, code="published-unprompted")
 def server_never_rests(patch: Patch) -> None:
     """Renders as often as it can, whether or not anything moves."""
 
@@ -128,7 +128,7 @@ def server_never_rests(patch: Patch) -> None:
     wrap(patch, Exchange, "next_view", next_view)
 
 
-@mutant("IMG-10", check=RESTS, reason="after a pose that changed nothing")
+@mutant("IMG-10", check=RESTS, code="published-unchanged")
 def server_renders_each_pose(patch: Patch) -> None:
     """Renders whenever a pose comes, even if it is the same."""
 
@@ -139,7 +139,7 @@ def server_renders_each_pose(patch: Patch) -> None:
     wrap(patch, Exchange, "move", move)
 
 
-@mutant("IMG-11", check="check_sends_what_is_new", reason="no frame came when the camera had moved")
+@mutant("IMG-11", check="check_sends_what_is_new", code="no-frame")
 def server_forgets_who_was_reading(patch: Patch) -> None:
     """Sends each image when it is made, and to nobody who was still reading another then."""
 
@@ -152,7 +152,7 @@ def server_forgets_who_was_reading(patch: Patch) -> None:
     wrap(patch, Session, "_release", release)
 
 
-@mutant("IMG-21", check="check_writes_only_what_is_wanted", reason="which no open connection wants")
+@mutant("IMG-21", check="check_writes_only_what_is_wanted", code="written-unwanted")
 def server_writes_both_always(patch: Patch) -> None:
     """Writes colour and depth, whatever its readers subscribe to."""
 
@@ -180,19 +180,19 @@ def published_after(patch: Patch, is_reason: Any) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("IMG-10", check=NOTHING, reason="which changes nothing")
+@mutant("IMG-10", check=NOTHING, code="published-unchanged")
 def server_publishes_when_it_refuses(patch: Patch) -> None:
     """Makes a further image when it has refused a pose."""
     published_after(patch, lambda message, refusal: refusal is not None)
 
 
-@mutant("IMG-10", check=NOTHING, reason="which changes nothing")
+@mutant("IMG-10", check=NOTHING, code="published-unchanged")
 def server_publishes_at_the_same_time(patch: Patch) -> None:
     """Makes a further image for a time, though the scene was shown at that already."""
     published_after(patch, lambda message, refusal: isinstance(message, SetTime))
 
 
-@mutant("IMG-2", check="check_lends_nothing_after_closed", reason="came after open_failed")
+@mutant("IMG-2", check="check_lends_nothing_after_closed", code="after-closed")
 def server_lends_after_open_failed(patch: Patch) -> None:
     """Goes on lending to a reader that says, after `opened`, that it could not open the memory."""
 

@@ -19,19 +19,19 @@ RING = "check_keeps_the_ring_within_the_memory"
 MEMBERS = "check_refuses_broken_members"
 
 
-@mutant("MEM-6", check=MEASURES, reason="one byte shorter than announced")
+@mutant("MEM-6", check=MEASURES, code="accepts")
 def does_not_measure_the_memory(patch: Patch) -> None:
     """Answers `opened` without a look at how long the memory is."""
     says_opened(patch, "bytes long")
 
 
-@mutant("MEM-6", check=MEASURES, reason="missing: the testee took it as valid")
+@mutant("MEM-6", check=MEASURES, code="accepts")
 def answers_opened_without_memory(patch: Patch) -> None:
     """Answers `opened` although there is no such memory."""
     says_opened(patch, "no shared memory")
 
 
-@mutant("MEM-6", check=MEASURES, reason="the testee died")
+@mutant("MEM-6", check=MEASURES, code="dies")
 def reads_past_the_end_of_the_memory(patch: Patch) -> None:
     """Maps memory that is too short, reads past its end, and is killed."""
 
@@ -58,44 +58,44 @@ def says_opened(patch: Patch, where: str) -> None:
     wrap(patch, IpcProtocol, "open_failed", open_failed)
 
 
-@mutant("MEM-7", check=NAMES, reason="(a path)")
+@mutant("MEM-7", check=NAMES, code="accepts")
 def opens_any_name(patch: Patch) -> None:
     """Opens whatever file the name leads to."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(".*", re.DOTALL))
 
 
-@mutant("MEM-7", check=NAMES, reason="31 characters")
+@mutant("MEM-7", check=NAMES, code="accepts")
 def takes_longer_names(patch: Patch) -> None:
     """Takes names of up to 255 characters."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[A-Za-z0-9._-]{1,255}"))
 
 
-@mutant("MEM-7", check=NAMES, reason="a dot before it")
+@mutant("MEM-7", check=NAMES, code="accepts")
 def takes_hidden_names(patch: Patch) -> None:
     """Takes names that begin with a dot."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(r"[A-Za-z0-9._-]{1,30}"))
 
 
-@mutant("MEM-7", check=NAMES, reason="a line break behind it")
+@mutant("MEM-7", check=NAMES, code="accepts")
 def takes_a_line_break_after_the_name(patch: Patch) -> None:
     """Tests names by a pattern that ends in `$`, which a line break may follow."""
     pattern = re.compile(r"(?!\.)[A-Za-z0-9._-]{1,30}\n?")
     patch.setattr(init_packet, "_SHM_NAME", pattern)
 
 
-@mutant("MEM-7", check=NAMES, reason="beyond ASCII")
+@mutant("MEM-7", check=NAMES, code="accepts")
 def takes_letters_beyond_ascii(patch: Patch) -> None:
     r"""Tests names by `\\w`, which is more than ASCII."""
     patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[\w.-]{1,30}"))
 
 
-@mutant("MEM-10", check=RING, reason="with memory/bytes")
+@mutant("MEM-10", check=RING, code="accepts")
 def does_not_compare_the_ring_with_the_memory(patch: Patch) -> None:
     """Does not compare the ring with the size of the memory."""
     patch.setattr(init_packet, "_check_slots", lambda *_: None)
 
 
-@mutant("MEM-10", check=RING, reason="18446744073709551616")
+@mutant("MEM-10", check=RING, code="accepts")
 def computes_in_64_bits_that_overflow(patch: Patch) -> None:
     """Takes integers of 64 bits modulo 2⁶⁴."""
 
@@ -106,7 +106,7 @@ def computes_in_64_bits_that_overflow(patch: Patch) -> None:
     init_packets(patch, wrap_around)
 
 
-@mutant("MEM-10", check=RING, reason="4611686018427387904, ring/slots 5")
+@mutant("MEM-10", check=RING, code="accepts")
 def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
     """Computes the end of the ring in 64 bits without a look at overflow."""
     patch.setattr(init_packet, "MAX_SAFE_INTEGER", 1 << 63)
@@ -122,7 +122,7 @@ def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
     wrap(patch, init_packet, "_check_slots", check_slots)
 
 
-@mutant("MEM-11", check=MEMBERS, reason="with version '1.2'")
+@mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_any_version_that_begins_with_1(patch: Patch) -> None:
     """Takes an init packet of a version that it does not know."""
 
@@ -133,31 +133,31 @@ def takes_any_version_that_begins_with_1(patch: Patch) -> None:
     init_packets(patch, later)
 
 
-@mutant("MEM-11", check=MEMBERS, reason="memory/kind 'posix_shm'")
+@mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_any_kind_of_memory(patch: Patch) -> None:
     """Takes every kind of memory for memory of the host."""
     init_packets(patch, lambda it: it["memory"].update(kind="host_shm"))
 
 
-@mutant("MEM-11", check=MEMBERS, reason="ring/")
+@mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_slots_that_overlap(patch: Patch) -> None:
     """Does not see that slots overlap."""
     patch.setattr(init_packet, "_check_overlaps", lambda _: None)
 
 
-@mutant("MEM-11", check=MEMBERS, reason="ring/colorOffset")
+@mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_slots_that_are_not_aligned(patch: Patch) -> None:
     """Takes offsets that are no multiples of 16."""
     patch.setattr(init_packet, "_ALIGNMENT", 1)
 
 
-@mutant("MEM-11", check=MEMBERS, reason="semantics/alpha")
+@mutant("MEM-11", check=MEMBERS, code="accepts")
 def guesses_an_unknown_alpha(patch: Patch) -> None:
     """Takes an alpha that it does not know for straight."""
     init_packets(patch, lambda it: it["semantics"].update(alpha="straight"))
 
 
-@mutant("MEM-11", check=MEMBERS, reason="no semantics")
+@mutant("MEM-11", check=MEMBERS, code="accepts")
 def does_without_semantics(patch: Patch) -> None:
     """Takes what it likes for granted where the packet does not say what pixels mean."""
     good = {
@@ -171,7 +171,7 @@ def does_without_semantics(patch: Patch) -> None:
     init_packets(patch, lambda it: it.setdefault("semantics", good))
 
 
-@mutant("MEM-11", check="check_refuses_generations_that_do_not_grow", reason="after generation")
+@mutant("MEM-11", check="check_refuses_generations_that_do_not_grow", code="accepts")
 def takes_old_generations(patch: Patch) -> None:
     """Takes an init packet whose generation it has seen before."""
 

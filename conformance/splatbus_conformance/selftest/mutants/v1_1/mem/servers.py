@@ -31,73 +31,73 @@ def announces(patch: Patch, **changes: Any) -> None:
     messages(patch, changed)
 
 
-@mutant("MEM-1", reason="generation is missing")
+@mutant("MEM-1", code="out-of-range")
 def server_counts_no_generations(patch: Patch) -> None:
     """Leaves the generation out of the init packet."""
     messages(patch, without("generation"))
 
 
-@mutant("MEM-1", reason='not "1.1"')
+@mutant("MEM-1", code="wrong-version")
 def server_announces_version_1_0(patch: Patch) -> None:
     """Names 1.0 in the init packet of 1.1."""
     announces(patch, version="1.0")
 
 
-@mutant("MEM-2", reason="is no name for memory")
+@mutant("MEM-2", code="not-a-name")
 def server_names_a_path(patch: Patch) -> None:
     """Announces where the memory lies, not what it is called."""
     announces(patch, memory={"name": "/dev/shm/splatbus"})
 
 
-@mutant("MEM-2", reason="bytes is")
+@mutant("MEM-2", code="out-of-range")
 def server_does_not_count_bytes(patch: Patch) -> None:
     """Announces memory of no bytes."""
     announces(patch, memory={"bytes": 0})
 
 
-@mutant("MEM-3", reason="stands beside shared memory")
+@mutant("MEM-3", code="stray-member")
 def server_announces_a_handle_as_well(patch: Patch) -> None:
     """Puts a CUDA handle beside memory of the host."""
     announces(patch, mem_color=EXAMPLE_HANDLE.decode())
 
 
-@mutant("MEM-8", reason="slots is")
+@mutant("MEM-8", code="out-of-range")
 def server_counts_slots_from_zero(patch: Patch) -> None:
     """Announces a ring without slots."""
     announces(patch, ring={"slots": 0})
 
 
-@mutant("MEM-8", reason="a multiple of 16")
+@mutant("MEM-8", code="misaligned")
 def server_has_odd_strides(patch: Patch) -> None:
     """Announces a stride that no 16 bytes fit into."""
     announces(patch, ring={"colorStride": 16 * 64 * 48 + 4})
 
 
-@mutant("MEM-9", reason="overlap")
+@mutant("MEM-9", code="overlapping")
 def server_lays_depth_over_colour(patch: Patch) -> None:
     """Announces depth where colour begins."""
     announces(patch, ring={"depthOffset": 0})
 
 
-@mutant("MEM-9", reason="the memory at")
+@mutant("MEM-9", code="beyond-memory")
 def server_announces_too_little(patch: Patch) -> None:
     """Announces memory that ends before its slots do."""
     announces(patch, memory={"bytes": 4096})
 
 
-@mutant("MEM-12", reason="semantics is missing")
+@mutant("MEM-12", code="missing-member")
 def server_does_not_say_what_it_means(patch: Patch) -> None:
     """Leaves the semantics out of the init packet."""
     messages(patch, without("semantics"))
 
 
-@mutant("MEM-12", reason="alpha is")
+@mutant("MEM-12", code="unknown-value")
 def server_has_an_alpha_of_its_own(patch: Patch) -> None:
     """Announces a kind of alpha that is not in the table."""
     announces(patch, semantics={"alpha": "inverted"})
 
 
-@mutant("MEM-4", check="check_lets_only_its_user_in", reason="others may open the memory")
+@mutant("MEM-4", check="check_lets_only_its_user_in", code="others-may-open")
 def server_lets_everybody_read(patch: Patch) -> None:
     """Makes its memory readable for all users."""
 
@@ -109,7 +109,7 @@ def server_lets_everybody_read(patch: Patch) -> None:
     wrap(patch, shared_memory, "create", create)
 
 
-@mutant("MEM-4", check="check_creates_memory_of_its_own", reason="was there before, and is used")
+@mutant("MEM-4", check="check_creates_memory_of_its_own", code="not-its-own")
 def server_uses_memory_that_it_finds(patch: Patch) -> None:
     """Has one name for its memory, and takes what has that name."""
 
@@ -132,7 +132,7 @@ def resizes(memory: Memory, factor: float) -> None:
         os.truncate(DIRECTORY / name, int(size * factor))
 
 
-@mutant("MEM-5", check="check_keeps_the_size", reason="after the server ended")
+@mutant("MEM-5", check="check_keeps_the_size", code="size-changed")
 def server_truncates_its_memory_at_the_end(patch: Patch) -> None:
     """Makes its memory empty before it removes it."""
 
@@ -143,7 +143,7 @@ def server_truncates_its_memory_at_the_end(patch: Patch) -> None:
     wrap(patch, Memory, "close", close)
 
 
-@mutant("MEM-5", check="check_keeps_the_size", reason="its size was")
+@mutant("MEM-5", check="check_keeps_the_size", code="size-changed")
 def server_makes_room(patch: Patch) -> None:
     """Makes its memory larger for a client that could not open it."""
 

@@ -18,7 +18,7 @@ from splatbus_conformance.selftest.faults.surgery import wrap
 from splatbus_conformance.selftest.mutant import mutant
 
 
-@mutant("NEG-6", check="check_answers_a_hello_that_comes_late", reason="had no welcome")
+@mutant("NEG-6", check="check_answers_a_hello_that_comes_late", code="no-welcome")
 def server_greets_only_who_greets_first(patch: Patch) -> None:
     """Ignores a hello that is not the first message of its connection."""
 
@@ -32,7 +32,7 @@ def server_greets_only_who_greets_first(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("NEG-26", check="check_goes_on_after_an_error", reason="the connection did not go on")
+@mutant("NEG-26", check="check_goes_on_after_an_error", code="no-longer-served")
 def server_has_enough_of_errors(patch: Patch) -> None:
     """Closes a connection after a hundred errors."""
 
@@ -46,7 +46,7 @@ def server_has_enough_of_errors(patch: Patch) -> None:
     wrap(patch, Connection, "_send_error", send_error)
 
 
-@mutant("NEG-28", check="check_answers_repeat_an_id_that_was_used", reason="was answered by")
+@mutant("NEG-28", check="check_answers_repeat_an_id_that_was_used", code="wrong-id")
 def server_gives_an_id_back_once(patch: Patch) -> None:
     """Leaves the id out of a reply whose id the reply before it had."""
 
@@ -61,7 +61,7 @@ def server_gives_an_id_back_once(patch: Patch) -> None:
     wrap(patch, Connection, "send", send)
 
 
-@mutant("REQ-7", check="check_answers_what_came_before_a_broken_request", reason="replies to")
+@mutant("REQ-7", check="check_answers_what_came_before_a_broken_request", code="wrong-count")
 def server_discards_replies_when_it_closes(patch: Patch) -> None:
     """Throws away what is unsent when a broken request has it close the connection."""
 
@@ -74,17 +74,13 @@ def server_discards_replies_when_it_closes(patch: Patch) -> None:
     wrap(patch, Connection, "_refuse_packet", refuse)
 
 
-@mutant(
-    "NEG-29", check="check_answers_what_follows_another_size_after_it", reason="and their answers"
-)
+@mutant("NEG-29", check="check_answers_what_follows_another_size_after_it", code="out-of-order")
 def server_lets_pings_pass_another_size(patch: Patch) -> None:
     """Answers a ping behind a set_viewport whose reply is held back, if it is the next."""
     _handles_while_held(patch, b'"ping"')
 
 
-@mutant(
-    "NEG-29", check="check_answers_what_follows_another_size_after_it", reason="and their answers"
-)
+@mutant("NEG-29", check="check_answers_what_follows_another_size_after_it", code="out-of-order")
 def server_forgets_sizes_behind_another(patch: Patch) -> None:
     """Drops a set_viewport that came behind one whose reply is held back."""
 
@@ -102,7 +98,7 @@ def server_forgets_sizes_behind_another(patch: Patch) -> None:
 @mutant(
     "CHN-16",
     check="check_answers_behind_another_size_before_the_end",
-    reason="answers to 40 requests",
+    code="wrong-count",
 )
 def server_keeps_few_requests_behind_another_size(patch: Patch) -> None:
     """Keeps thirty of the requests that came behind one whose reply is held back."""
@@ -116,7 +112,7 @@ def server_keeps_few_requests_behind_another_size(patch: Patch) -> None:
     wrap(patch, Connection, "go_on", go_on)
 
 
-@mutant("REQ-4", check="check_tells_everybody_of_the_newest_size", reason="who asked before")
+@mutant("REQ-4", check="check_tells_everybody_of_the_newest_size", code="wrong-size")
 def server_tells_each_the_size_of_the_first_time(patch: Patch) -> None:
     """Tells a connection the size that images had when it first asked."""
 
@@ -132,7 +128,7 @@ def server_tells_each_the_size_of_the_first_time(patch: Patch) -> None:
     wrap(patch, Session, "_answer", answer)
 
 
-@mutant("VPT-6", check="check_announces_no_other_memory_unasked", reason="further init packets")
+@mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
 def server_makes_memory_anew_of_a_later_size(patch: Patch) -> None:
     """Takes only the size that images had at first for the one that they have."""
 
@@ -150,7 +146,7 @@ def server_makes_memory_anew_of_a_later_size(patch: Patch) -> None:
     wrap(patch, Viewport, "set", begin)
 
 
-@mutant("CAM-2", check="check_a_tag_that_was_used_comes_again", reason="and the first frame of it")
+@mutant("CAM-2", check="check_a_tag_that_was_used_comes_again", code="another-tag")
 def server_sends_a_tag_once(patch: Patch) -> None:
     """Takes a tag that it has sent on a connection for one that was answered."""
 
@@ -166,9 +162,7 @@ def server_sends_a_tag_once(patch: Patch) -> None:
     wrap(patch, Reader, "frame", frame)
 
 
-@mutant(
-    "CTL-3", check="check_lens_and_time_end_with_their_client", reason="had reset its connection"
-)
+@mutant("CTL-3", check="check_lens_and_time_end_with_their_client", code="intrinsics-kept")
 def server_keeps_the_lens_of_who_was_lost(patch: Patch) -> None:
     """Leaves intrinsics and time in force of a connection that did not end its stream."""
 
@@ -182,7 +176,7 @@ def server_keeps_the_lens_of_who_was_lost(patch: Patch) -> None:
     wrap(patch, Control, "leave", leave)
 
 
-@mutant("POS-7", check="check_poses_of_any_time_are_poses", reason="with the timestamp")
+@mutant("POS-7", check="check_poses_of_any_time_are_poses", code="pose-not-shown")
 def server_passes_over_older_poses(patch: Patch) -> None:
     """Ignores a pose whose timestamp is less than the greatest that anybody has sent."""
 
@@ -198,7 +192,7 @@ def server_passes_over_older_poses(patch: Patch) -> None:
     wrap(patch, Session, "_move", move)
 
 
-@mutant("OBJ-5", check="check_a_scale_that_is_absent_is_1", reason="a pose without one came")
+@mutant("OBJ-5", check="check_a_scale_that_is_absent_is_1", code="another-placement")
 def server_keeps_a_scale_that_is_not_said(patch: Patch) -> None:
     """Leaves an object its scale when a pose of it has none."""
 

@@ -26,7 +26,7 @@ def without(name: str) -> Any:
     return lambda message: {key: value for key, value in message.items() if key != name}
 
 
-@mutant("NEG-1", reason="this came before hello", through="CHN-17")
+@mutant("NEG-1", code="before-hello", through="CHN-17")
 def request_before_hello(patch: Patch) -> None:
     """Asks for the size before it says hello."""
 
@@ -37,25 +37,25 @@ def request_before_hello(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "__init__", init)
 
 
-@mutant("NEG-2", reason="client is missing", through="CHN-17")
+@mutant("NEG-2", code="missing-member", through="CHN-17")
 def hello_without_client(patch: Patch) -> None:
     """Says hello without saying who it is."""
     messages(patch, of_type("hello", without("client")))
 
 
-@mutant("NEG-2", reason="is no version", through="CHN-17")
+@mutant("NEG-2", code="not-a-version", through="CHN-17")
 def version_as_a_number(patch: Patch) -> None:
     """Lists its versions as numbers."""
     messages(patch, of_type("hello", lambda hello: hello | {"versions": [1.1, 1.0]}))
 
 
-@mutant("NEG-2", reason="capabilities is null", through="CHN-17")
+@mutant("NEG-2", code="not-an-array", through="CHN-17")
 def capabilities_of_null(patch: Patch) -> None:
     """Says that it has no capabilities by null."""
     messages(patch, of_type("hello", lambda hello: hello | {"capabilities": None}))
 
 
-@mutant("NEG-2", reason="listed twice", through="CHN-17")
+@mutant("NEG-2", code="not-unique", through="CHN-17")
 def capability_twice(patch: Patch) -> None:
     """Declares a capability twice."""
 
@@ -65,7 +65,7 @@ def capability_twice(patch: Patch) -> None:
     messages(patch, of_type("hello", twice))
 
 
-@mutant("NEG-3", reason="a further hello")
+@mutant("NEG-3", code="sent-twice")
 def hello_twice(patch: Patch) -> None:
     """Says hello again after the first welcome."""
 
@@ -77,13 +77,13 @@ def hello_twice(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
 
 
-@mutant("NEG-4", check="check_can_do_what_it_declares", reason="frames: no frame was released")
+@mutant("NEG-4", check="check_can_do_what_it_declares", code="not-released")
 def frames_declared_and_not_released(patch: Patch) -> None:
     """Declares `frames`, and never releases one."""
     patch.setattr(IpcProtocol, "release", lambda self, frame: None)
 
 
-@mutant("NEG-4", check="check_can_do_what_it_declares", reason="reinit: the first generation")
+@mutant("NEG-4", check="check_can_do_what_it_declares", code="not-closed")
 def reinit_declared_and_not_done(patch: Patch) -> None:
     """Declares `reinit`, and ignores every further init packet."""
 
@@ -93,7 +93,7 @@ def reinit_declared_and_not_done(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
 
 
-@mutant("NEG-5", check="check_sends_only_what_was_granted", reason="subscribe before welcome")
+@mutant("NEG-5", check="check_sends_only_what_was_granted", code="before-welcome")
 def subscribes_before_welcome(patch: Patch) -> None:
     """Subscribes right after hello."""
 
@@ -104,7 +104,7 @@ def subscribes_before_welcome(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "__init__", init)
 
 
-@mutant("NEG-5", check="check_sends_only_what_was_granted", reason="which welcome did not grant")
+@mutant("NEG-5", check="check_sends_only_what_was_granted", code="not-granted")
 def subscribes_without_the_capability(patch: Patch) -> None:
     """Subscribes whether `welcome` lists `subscribe` or not."""
 
@@ -115,7 +115,7 @@ def subscribes_without_the_capability(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "opened", opened)
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="the memory was not opened")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="not-opened")
 def refuses_unknown_capabilities(patch: Patch) -> None:
     """Takes a `welcome` that lists a capability which it does not know for broken."""
 
@@ -129,9 +129,7 @@ def refuses_unknown_capabilities(patch: Patch) -> None:
     wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
 
 
-@mutant(
-    "NEG-9", check="check_ignores_unknown_types", reason="on the IPC channel: the testee closed"
-)
+@mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
 def closes_on_unknown_types(patch: Patch) -> None:
     """Closes the IPC connection on a message of a type that it does not know."""
 
@@ -146,7 +144,7 @@ def closes_on_unknown_types(patch: Patch) -> None:
 @mutant(
     "NEG-8",
     check="check_ignores_unknown_capabilities_of_the_message_channel",
-    reason="on the message channel: the testee closed",
+    code="closes",
 )
 def refuses_unknown_capabilities_of_the_message_channel(patch: Patch) -> None:
     """Closes the message connection on a `welcome` with a capability that it does not know."""
@@ -162,7 +160,7 @@ def refuses_unknown_capabilities_of_the_message_channel(patch: Patch) -> None:
 @mutant(
     "NEG-9",
     check="check_ignores_unknown_types_of_the_message_channel",
-    reason="message channel: the testee closed",
+    code="closes",
 )
 def closes_on_unknown_types_of_the_message_channel(patch: Patch) -> None:
     """Closes the message connection on a message of a type that it does not know."""
@@ -175,7 +173,7 @@ def closes_on_unknown_types_of_the_message_channel(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_payload", on_payload)
 
 
-@mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="to a 1.0 server")
+@mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
 def subscribes_on_the_message_channel_of_1_0(patch: Patch) -> None:
     """Subscribes on the message channel, after the reply of a 1.0 server."""
 
@@ -186,7 +184,7 @@ def subscribes_on_the_message_channel_of_1_0(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_reply", on_reply)
 
 
-@mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="closed the connection")
+@mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="closes")
 def closes_when_no_welcome_comes(patch: Patch) -> None:
     """Closes the message connection when a reply comes instead of `welcome`."""
 
@@ -198,7 +196,7 @@ def closes_when_no_welcome_comes(patch: Patch) -> None:
     wrap(patch, MessageProtocol, "_on_reply", on_reply)
 
 
-@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", reason="to a 1.0 server")
+@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", code="newer-version")
 def declines_to_a_1_0_server(patch: Patch) -> None:
     """Answers `open_failed` to an init packet of a 1.0 server."""
 
@@ -210,13 +208,13 @@ def declines_to_a_1_0_server(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "open_failed", open_failed)
 
 
-@mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="welcome too late")
+@mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
 def takes_a_late_welcome_on_the_message_channel(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the reply of a server of 1.0."""
     _goes_over(patch, MessageProtocol)
 
 
-@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", reason="welcome too late")
+@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", code="newer-version")
 def takes_a_late_welcome_on_ipc(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the init packet of a server of 1.0."""
     _goes_over(patch, IpcProtocol)
@@ -230,13 +228,13 @@ def _goes_over(patch: Patch, machine: type) -> None:
     wrap(patch, machine, "_on_welcome", on_welcome)
 
 
-@mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", reason="on the ipc channel")
+@mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", code="accepts")
 def takes_any_version_on_ipc(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the IPC channel."""
     _takes_any_version(patch, IpcProtocol)
 
 
-@mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", reason="on the msg channel")
+@mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", code="accepts")
 def takes_any_version_on_the_message_channel(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the message channel."""
     _takes_any_version(patch, MessageProtocol)
@@ -251,7 +249,7 @@ def _takes_any_version(patch: Patch, machine: type) -> None:
     )
 
 
-@mutant("NEG-24", check="check_survives_errors", reason="on the IPC channel: the testee died")
+@mutant("NEG-24", check="check_survives_errors", code="dies")
 def crashes_on_an_error(patch: Patch) -> None:
     """Crashes on an `error` on the IPC channel."""
 
@@ -262,7 +260,7 @@ def crashes_on_an_error(patch: Patch) -> None:
     wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
 
 
-@mutant("NEG-24", check="check_survives_errors", reason="in place of a reply: the testee")
+@mutant("NEG-24", check="check_survives_errors", code="dies")
 def crashes_on_an_error_in_place_of_a_reply(patch: Patch) -> None:
     """Crashes on an `error` on the message channel."""
 
@@ -273,13 +271,13 @@ def crashes_on_an_error_in_place_of_a_reply(patch: Patch) -> None:
     wrap(patch, message_protocol, "decode_from_server_message", decode)
 
 
-@mutant("NEG-13", check="check_falls_back_on_the_message_channel", reason="it sent id to a 1.0")
+@mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
 def ids_to_a_1_0_server(patch: Patch) -> None:
     """Numbers the requests to a 1.0 server, which knows no `id`."""
     messages(patch, of_type("get_viewport_size", lambda request: {"id": 7} | request))
 
 
-@mutant("NEG-14", reason="to a server that speaks 1.0", through="NEG-14")
+@mutant("NEG-14", code="no-fallback", through="NEG-14")
 def subscribes_on_the_ipc_channel_of_1_0(patch: Patch) -> None:
     """Subscribes after the init packet of a 1.0 server."""
 
@@ -290,13 +288,13 @@ def subscribes_on_the_ipc_channel_of_1_0(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_init_packet_of_1_0", of_1_0)
 
 
-@mutant("NEG-27", reason="no integer from 0")
+@mutant("NEG-27", code="out-of-range")
 def ids_as_strings(patch: Patch) -> None:
     """Writes the `id` of a request as a string."""
     messages(patch, lambda message: message | {"id": "a"} if "id" in message else message)
 
 
-@mutant("NEG-5", reason="frames, which welcome does not list", through="CHN-10")
+@mutant("NEG-5", code="not-granted", through="CHN-10")
 def releases_without_the_capability(patch: Patch) -> None:
     """Declares no `frames`, and releases a frame each time it has opened memory."""
     patch.setattr(reading, "CAPABILITIES", ("host_shm", "reinit"))

@@ -26,37 +26,37 @@ def reports_to_all(patch: Patch) -> None:
     wrap(patch, Connection, "_send_error", send_error)
 
 
-@mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
+@mutant("NEG-22", check="check_reports_nothing_before_hello", code="before-hello")
 def server_reports_to_clients_of_1_0(patch: Patch) -> None:
     """Tells everybody what was wrong, on both channels."""
     reports_to_all(patch)
 
 
-@mutant("NEG-22", check="check_reports_nothing_before_hello", reason="before hello")
+@mutant("NEG-22", check="check_reports_nothing_before_hello", code="before-hello")
 def server_reports_before_hello(patch: Patch) -> None:
     """Tells everybody what was wrong."""
     reports_to_all(patch)
 
 
-@mutant("NEG-23", reason="is not in the table", through="NEG-26")
+@mutant("NEG-23", code="unknown-code", through="NEG-26")
 def server_has_codes_of_its_own(patch: Patch) -> None:
     """Makes up a code."""
     messages(patch, of_type("error", lambda error: error | {"code": "bad_" + error["code"]}))
 
 
-@mutant("NEG-23", reason="no JSON Pointer", through="NEG-26")
+@mutant("NEG-23", code="not-a-pointer", through="NEG-26")
 def server_points_without_a_slash(patch: Patch) -> None:
     """Writes pointers without the slash before them."""
     messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))
 
 
-@mutant("NEG-23", reason="no string of up to", through="NEG-26")
+@mutant("NEG-23", code="bad-string", through="NEG-26")
 def server_reports_at_length(patch: Patch) -> None:
     """Says more than 1,024 characters."""
     messages(patch, of_type("error", lambda error: error | {"message": "wrong! " * 200}))
 
 
-@mutant("NEG-23", reason="waits for an answer", through="NEG-29")
+@mutant("NEG-23", code="unknown-id", through="NEG-29")
 def server_reports_what_it_answers_twice(patch: Patch) -> None:
     """Says twice what is wrong with a request."""
 
@@ -67,7 +67,7 @@ def server_reports_what_it_answers_twice(patch: Patch) -> None:
     wrap(patch, Connection, "_send_error", send_error)
 
 
-@mutant("NEG-25", check="check_closes_after_an_error_that_ends", reason="the testee waited")
+@mutant("NEG-25", check="check_closes_after_an_error_that_ends", code="waits")
 def server_reads_on_after_a_bad_header(patch: Patch) -> None:
     """Reports a bad header, drops it and what was read with it, and goes on."""
 
@@ -80,7 +80,7 @@ def server_reads_on_after_a_bad_header(patch: Patch) -> None:
     wrap(patch, Connection, "end", end)
 
 
-@mutant("NEG-25", reason="sent after", through="NEG-25")
+@mutant("NEG-25", code="after-error", through="NEG-25")
 def server_repeats_its_last_error(patch: Patch) -> None:
     """Says twice why it closes."""
 
@@ -91,7 +91,7 @@ def server_repeats_its_last_error(patch: Patch) -> None:
     wrap(patch, Connection, "_send_error", send_error)
 
 
-@mutant("NEG-26", check="check_goes_on_after_an_error", reason="the connection did not go on")
+@mutant("NEG-26", check="check_goes_on_after_an_error", code="no-longer-served")
 def server_closes_after_every_error(patch: Patch) -> None:
     """Ends a connection after whatever it reports on it."""
 
@@ -105,19 +105,19 @@ def server_closes_after_every_error(patch: Patch) -> None:
     wrap(patch, Connection, "_refuse_packet", refuse)
 
 
-@mutant("NEG-28", reason="type is missing", through="NEG-29")
+@mutant("NEG-28", code="wrong-type", through="NEG-29")
 def server_replies_as_in_1_0(patch: Patch) -> None:
     """Leaves the type out of its replies after welcome too."""
     messages(patch, of_type("viewport_size", without("type")))
 
 
-@mutant("NEG-28", reason="id is missing", through="NEG-29")
+@mutant("NEG-28", code="another-id", through="NEG-29")
 def server_forgets_ids(patch: Patch) -> None:
     """Does not say which request a camera answers."""
     messages(patch, of_type("camera", without("id")))
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by one with id")
+@mutant("NEG-29", check="check_answers_each_request_in_order", code="wrong-id")
 def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
     """Says nothing to a request that breaks REQ-2."""
 
@@ -143,19 +143,19 @@ def last_comes_first(patch: Patch) -> None:
     wrap(patch, Connection, "send", send)
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", reason="was answered by")
+@mutant("NEG-29", check="check_answers_each_request_in_order", code="another-answer")
 def server_answers_the_last_first(patch: Patch) -> None:
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)
 
 
-@mutant("NEG-29", reason="answers a request after", through="NEG-29")
+@mutant("NEG-29", code="out-of-order", through="NEG-29")
 def server_answers_backwards(patch: Patch) -> None:
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)
 
 
-@mutant("NEG-32", check="check_reports_what_is_no_rotation", reason="no error")
+@mutant("NEG-32", check="check_reports_what_is_no_rotation", code="ignores")
 def server_keeps_quiet_about_rotations(patch: Patch) -> None:
     """Drops a pose whose quaternion is no rotation without a word."""
 
@@ -166,7 +166,7 @@ def server_keeps_quiet_about_rotations(patch: Patch) -> None:
     wrap(patch, Connection, "_send_error", send_error)
 
 
-@mutant("NEG-32", check="check_reports_what_is_no_rotation", reason="invalid_message")
+@mutant("NEG-32", check="check_reports_what_is_no_rotation", code="ignores")
 def server_calls_rotations_messages(patch: Patch) -> None:
     """Reports `invalid_message` for whatever is wrong with a pose."""
     messages(
@@ -181,20 +181,20 @@ def server_calls_rotations_messages(patch: Patch) -> None:
 @mutant(
     "NEG-23",
     check="check_errors_name_the_request_that_they_answer",
-    reason="which lacks its id",
+    code="wrong-id",
 )
 def server_takes_the_first_id_for_none(patch: Patch) -> None:
     """Leaves the id out of an error where it is 0."""
     messages(patch, of_type("error", lambda it: it if it.get("id") else without("id")(it)))
 
 
-@mutant("NEG-34", check="check_ends_in_good_order", reason="still reads what a client says")
+@mutant("NEG-34", check="check_ends_in_good_order", code="reads-on")
 def server_listens_to_last_words_for_ever(patch: Patch) -> None:
     """Reads on after an error that ends, for as long as the client does not end its side."""
     patch.setattr(connections, "LINGER_SECONDS", 600.0)
 
 
-@mutant("NEG-34", check="check_ends_in_good_order", reason="the connection was reset")
+@mutant("NEG-34", check="check_ends_in_good_order", code="reset")
 def server_closes_with_bytes_unread(patch: Patch) -> None:
     """Closes a connection as soon as the error is on its way."""
     patch.setattr(
@@ -202,7 +202,7 @@ def server_closes_with_bytes_unread(patch: Patch) -> None:
     )
 
 
-@mutant("NEG-35", check="check_refuses_broken_hellos", reason="was answered by null")
+@mutant("NEG-35", check="check_refuses_broken_hellos", code="no-reply")
 def server_ignores_broken_hellos(patch: Patch) -> None:
     """Waits for a better `hello`."""
 
@@ -214,7 +214,7 @@ def server_ignores_broken_hellos(patch: Patch) -> None:
     wrap(patch, Connection, "_refuse_packet", refuse)
 
 
-@mutant("NEG-35", check="check_refuses_broken_hellos", reason="waited")
+@mutant("NEG-35", check="check_refuses_broken_hellos", code="waits")
 def server_forgives_broken_hellos(patch: Patch) -> None:
     """Reports a broken `hello`, and waits for a better one."""
 
@@ -228,7 +228,7 @@ def server_forgives_broken_hellos(patch: Patch) -> None:
 @mutant(
     "NEG-23",
     check="check_errors_about_no_request_name_none",
-    reason="which has the id of a request",
+    code="has-an-id",
 )
 def server_names_the_last_request_in_errors(patch: Patch) -> None:
     """Puts the id of the newest request into every error."""

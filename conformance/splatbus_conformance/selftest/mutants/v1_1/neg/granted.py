@@ -65,14 +65,14 @@ def _without(patch: Patch, kind: str, member: str) -> None:
     messages(patch, of_type(kind, without(member)))
 
 
-@mutant("CAM-1", reason="no string of 1 to 64")
+@mutant("CAM-1", code="bad-string")
 def empty_tags(patch: Patch) -> None:
     """Gives its pose an empty tag."""
     says(patch)
     messages(patch, lambda message: message | {"tag": ""} if "tag" in message else message)
 
 
-@mutant("CAM-4", reason="fx is 0")
+@mutant("CAM-4", code="out-of-range")
 def a_lens_of_no_length(patch: Patch) -> None:
     """Sends intrinsics with a focal length of 0."""
     says(patch)
@@ -83,49 +83,49 @@ def a_lens_of_no_length(patch: Patch) -> None:
     messages(patch, lambda message: flatten(message) if "intrinsics" in message else message)
 
 
-@mutant("OBJ-1", reason="scale is 0")
+@mutant("OBJ-1", code="out-of-range")
 def objects_of_no_size(patch: Patch) -> None:
     """Shrinks an object to nothing."""
     _broken(patch, "object_pose", scale=0.0)
 
 
-@mutant("OBJ-1", reason="object is missing")
+@mutant("OBJ-1", code="bad-string")
 def poses_of_no_object(patch: Patch) -> None:
     """Does not say which object it moves."""
     _without(patch, "object_pose", "object")
 
 
-@mutant("SCN-1", reason="getScene")
+@mutant("SCN-1", code="wrong-type")
 def asks_for_scenes_in_camel_case(patch: Patch) -> None:
     """Writes the type of its request for the scene otherwise."""
     _broken(patch, "get_scene", type="getScene")
 
 
-@mutant("VPT-1", reason="width is 32.5")
+@mutant("VPT-1", code="out-of-range")
 def half_a_pixel(patch: Patch) -> None:
     """Asks for images of 32½ columns."""
     _broken(patch, "set_viewport", width=32.5)
 
 
-@mutant("TIM-1", reason="time is null")
+@mutant("TIM-1", code="not-a-number")
 def no_time_in_particular(patch: Patch) -> None:
     """Sets the time to null."""
     _broken(patch, "set_time", time=None)
 
 
-@mutant("PNG-1", reason="t is missing")
+@mutant("PNG-1", code="not-a-number")
 def pings_without_a_time(patch: Patch) -> None:
     """Does not say when it sends a ping."""
     _without(patch, "ping", "t")
 
 
-@mutant("TEL-1", reason='names is "all"')
+@mutant("TEL-1", code="wrong-names")
 def subscribes_to_all_by_name(patch: Patch) -> None:
     """Subscribes to all series with a word instead of null."""
     _broken(patch, "subscribe_telemetry", names="all")
 
 
-@mutant("TEL-6", check="check_ignores_series_of_unknown_kinds", reason="a series of the kind")
+@mutant("TEL-6", check="check_ignores_series_of_unknown_kinds", code="dies")
 def crashes_on_unknown_series(patch: Patch) -> None:
     """Dies of a series whose kind it does not know."""
     says(patch)
@@ -140,7 +140,7 @@ def crashes_on_unknown_series(patch: Patch) -> None:
 @mutant(
     "JSN-10",
     check="check_survives_bad_replies_of_1_1",
-    reason="the reply {",
+    code="dies",
 )
 def crashes_on_a_broken_scene(patch: Patch) -> None:
     """Dies of a scene that breaks a rule."""
@@ -158,7 +158,7 @@ def crashes_on_a_broken_scene(patch: Patch) -> None:
 @mutant(
     "NEG-5",
     check="check_sends_only_what_was_granted_on_the_message_channel",
-    reason="which needs",
+    code="not-granted",
 )
 def sends_what_was_not_granted(patch: Patch) -> None:
     """Says all that it can, whatever `welcome` lists."""
@@ -166,14 +166,14 @@ def sends_what_was_not_granted(patch: Patch) -> None:
     patch.setattr(message_protocol, "permitted", lambda message, *agreed: message)
 
 
-@mutant("NEG-5", reason="which welcome does not list", through="NEG-5")
+@mutant("NEG-5", code="not-granted", through="NEG-5")
 def pings_without_the_capability(patch: Patch) -> None:
     """Sends `ping` whether `welcome` lists it or not."""
     says(patch, (), (Ping(0.0),))
     patch.setattr(MessageProtocol, "lacks", lambda self, message: None)
 
 
-@mutant("NEG-5", check="check_sends_only_what_was_granted", reason="tag before welcome")
+@mutant("NEG-5", check="check_sends_only_what_was_granted", code="before-welcome")
 def tags_before_welcome(patch: Patch) -> None:
     """Gives poses their tags before it knows what its server speaks."""
     says(patch, [CameraPose(POSE, None, "mutant-1")], ())
@@ -181,7 +181,7 @@ def tags_before_welcome(patch: Patch) -> None:
     patch.setattr(message_protocol, "permitted", lambda message, *agreed: message)
 
 
-@mutant("NEG-13", reason="a message of type", through="NEG-13")
+@mutant("NEG-13", code="no-fallback", through="NEG-13")
 def tags_to_a_1_0_server(patch: Patch) -> None:
     """Gives poses their tags whatever its server speaks."""
 
@@ -195,7 +195,7 @@ def tags_to_a_1_0_server(patch: Patch) -> None:
 @mutant(
     "NEG-24",
     check="check_survives_errors_on_the_message_channel",
-    reason="errors in place of all replies: the testee died",
+    code="dies",
 )
 def crashes_when_another_has_control(patch: Patch) -> None:
     """Dies when it is told that another client has control."""
@@ -209,14 +209,14 @@ def crashes_when_another_has_control(patch: Patch) -> None:
 @mutant(
     "IMG-12",
     check="check_releases_before_it_closes",
-    reason="and had not released its frame",
+    code="closed-before-release",
 )
 def closes_before_it_releases(patch: Patch) -> None:
     """Sends what it gives back behind all else."""
     _releases_last(patch)
 
 
-@mutant("IMG-12", reason="is closed, and its image", through="IMG-12")
+@mutant("IMG-12", code="not-released", through="IMG-12")
 def releases_what_it_has_closed(patch: Patch) -> None:
     """Gives images back last of all, also those of memory that it has closed."""
     _releases_last(patch)

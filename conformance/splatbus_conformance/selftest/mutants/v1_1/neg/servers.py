@@ -48,7 +48,7 @@ def stays(patch: Patch, reason: str) -> None:
     wrap(patch, Connection, "end", end)
 
 
-@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="welcome names 1.1")
+@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", code="another-version")
 def server_prefers_its_newest_version(patch: Patch) -> None:
     """Speaks 1.1 wherever hello lists it, whatever stands before it."""
 
@@ -63,7 +63,7 @@ def server_prefers_its_newest_version(patch: Patch) -> None:
 HAS = "check_has_what_it_grants"
 
 
-@mutant("NEG-7", check=HAS, reason="it grants subscribe, and says unsupported")
+@mutant("NEG-7", check=HAS, code="denied")
 def server_grants_what_it_denies(patch: Patch) -> None:
     """Answers each subscription to colour and depth as if that had not been agreed upon."""
 
@@ -73,7 +73,7 @@ def server_grants_what_it_denies(patch: Patch) -> None:
     wrap(patch, Session, "_subscribe", subscribe)
 
 
-@mutant("NEG-7", check=HAS, reason="it grants telemetry, and says unknown_type")
+@mutant("NEG-7", check=HAS, code="denied")
 def server_grants_what_it_does_not_know(patch: Patch) -> None:
     """Grants telemetry, and does not know what a subscription to it is."""
 
@@ -85,7 +85,7 @@ def server_grants_what_it_does_not_know(patch: Patch) -> None:
     wrap(patch, Session, "handle", handle)
 
 
-@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="sent no welcome")
+@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", code="no-welcome")
 def server_wants_to_know_who_says_hello(patch: Patch) -> None:
     """Takes a hello whose client has no name for a broken one."""
 
@@ -98,13 +98,13 @@ def server_wants_to_know_who_says_hello(patch: Patch) -> None:
     greets(patch, answer)
 
 
-@mutant("NEG-6", reason="hello lists", through="NEG-10")
+@mutant("NEG-6", code="not-listed", through="NEG-10")
 def server_welcomes_who_speaks_another_version(patch: Patch) -> None:
     """Names its own version in welcome, whether or not hello lists it."""
     greets(patch, lambda usual, hello, terms: usual(hello._replace(versions=("1.1",))))
 
 
-@mutant("NEG-7", check="check_grants_what_both_have", reason="and granted")
+@mutant("NEG-7", check="check_grants_what_both_have", code="other-capabilities")
 def server_grants_frames_with_reinit_only(patch: Patch) -> None:
     """Forgets that it has frames where hello does not list reinit."""
 
@@ -116,7 +116,7 @@ def server_grants_frames_with_reinit_only(patch: Patch) -> None:
     greets(patch, answer)
 
 
-@mutant("NEG-7", reason="hello does not list", through="NEG-7")
+@mutant("NEG-7", code="not-listed", through="NEG-7")
 def server_lists_all_that_it_can(patch: Patch) -> None:
     """Lists in welcome what it has, whatever hello lists."""
 
@@ -129,7 +129,7 @@ def server_lists_all_that_it_can(patch: Patch) -> None:
     greets(patch, answer)
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given no welcome")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="no-welcome")
 def server_refuses_unknown_capabilities(patch: Patch) -> None:
     """Takes a hello with a capability that it does not know for an invalid message."""
 
@@ -142,7 +142,7 @@ def server_refuses_unknown_capabilities(patch: Patch) -> None:
     greets(patch, answer)
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given nothing")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="other-capabilities")
 def server_reads_four_capabilities(patch: Patch) -> None:
     """Has room for four capabilities, and reads none of a longer list."""
 
@@ -154,7 +154,7 @@ def server_reads_four_capabilities(patch: Patch) -> None:
     greets(patch, answer)
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="neither reacted nor went on")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="hangs")
 def server_announces_nothing_to_strangers(patch: Patch) -> None:
     """Welcomes a client with a capability that it does not know, and announces no memory to it."""
 
@@ -167,7 +167,7 @@ def server_announces_nothing_to_strangers(patch: Patch) -> None:
     wrap(patch, Session, "handle", handle)
 
 
-@mutant("NEG-9", check="check_ignores_unknown_types", reason="closed the connection")
+@mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
 def server_closes_at_unknown_types(patch: Patch) -> None:
     """Ends a connection on which it does not know the type of a message."""
 
@@ -181,19 +181,19 @@ def server_closes_at_unknown_types(patch: Patch) -> None:
     wrap(patch, Connection, "_refuse_packet", refuse)
 
 
-@mutant("NEG-10", check="check_refuses_unknown_versions", reason="not told what is supported")
+@mutant("NEG-10", check="check_refuses_unknown_versions", code="no-versions")
 def server_keeps_its_versions_to_itself(patch: Patch) -> None:
     """Refuses versions without saying which it speaks."""
     messages(patch, of_type("error", without("supported")))
 
 
-@mutant("NEG-10", check="check_refuses_unknown_versions", reason="was refused, and not closed")
+@mutant("NEG-10", check="check_refuses_unknown_versions", code="not-closed")
 def server_keeps_whom_it_does_not_understand(patch: Patch) -> None:
     """Refuses versions, and waits for another hello."""
     stays(patch, "unsupported_version")
 
 
-@mutant("NEG-10", reason="is no version", through="NEG-10")
+@mutant("NEG-10", code="not-a-version", through="NEG-10")
 def server_supports_what_is_no_version(patch: Patch) -> None:
     """Names its versions with a letter before them."""
 
@@ -207,7 +207,7 @@ def server_supports_what_is_no_version(patch: Patch) -> None:
 @mutant(
     "NEG-11",
     check="check_waits_for_who_can_open_its_memory",
-    reason="an init packet after a hello that lists nothing",
+    code="unwanted-init-packet",
 )
 def server_announces_host_memory_after_each_hello(patch: Patch) -> None:
     """Sends the init packet after each hello."""
@@ -221,13 +221,13 @@ def server_announces_host_memory_after_each_hello(patch: Patch) -> None:
     wrap(patch, Session, "_greet", greet)
 
 
-@mutant("NEG-30", reason="server is")
+@mutant("NEG-30", code="missing-member")
 def server_welcomes_without_a_name(patch: Patch) -> None:
     """Does not say in welcome who it is."""
     messages(patch, of_type("welcome", without("server")))
 
 
-@mutant("NEG-31", reason="a second welcome", through="NEG-26")
+@mutant("NEG-31", code="sent-twice", through="NEG-26")
 def server_welcomes_twice(patch: Patch) -> None:
     """Answers a second hello like the first."""
 
@@ -279,13 +279,13 @@ def at_once(patch: Patch, made: list[Memory], *, version: bool = True) -> None:
     patch.setattr(Session, "_answered", lambda *_: None)
 
 
-@mutant("NEG-15", check="check_sends_cuda_memory_at_once", reason="the version of its init packet")
+@mutant("NEG-15", check="check_sends_cuda_memory_at_once", code="another-version")
 def server_announces_cuda_memory_as_in_1_0(patch: Patch) -> None:
     """Sends each connection at once what 1.0 has, although it speaks 1.1."""
     at_once(patch, announces_cuda_memory(patch), version=False)
 
 
-@mutant("NEG-15", check="check_sends_cuda_memory_at_once", reason="no init packet came before")
+@mutant("NEG-15", check="check_sends_cuda_memory_at_once", code="no-init-packet")
 def server_announces_cuda_memory_after_hello(patch: Patch) -> None:
     """Waits for hello before it says where in CUDA memory its images are."""
     made = announces_cuda_memory(patch)
@@ -298,16 +298,14 @@ def server_announces_cuda_memory_after_hello(patch: Patch) -> None:
     patch.setattr(Session, "_answered", lambda *_: None)
 
 
-@mutant(
-    "NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="welcome names 1.0 and lists"
-)
+@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="other-capabilities")
 def server_grants_capabilities_to_1_0(patch: Patch) -> None:
     """Lists in a `welcome` for 1.0 what it can do."""
     grant = {"capabilities": ["host_shm"]}
     messages(patch, of_type("welcome", lambda w: w | grant if w["version"] == "1.0" else w))
 
 
-@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="was sent")
+@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="newer-version")
 def server_speaks_1_1_after_all(patch: Patch) -> None:
     """Agrees to 1.0, and replies as in 1.1."""
 

@@ -17,7 +17,7 @@ from splatbus_conformance.selftest.mutants.v1_1.neg.servers import stays
 REFUSES = "check_refuses_other_tokens"
 
 
-@mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
+@mutant("NEG-12", check="check_closes_who_says_no_hello", code="waits")
 def server_waits_for_hello_for_ever(patch: Patch) -> None:
     """Has no deadline for hello."""
 
@@ -28,7 +28,7 @@ def server_waits_for_hello_for_ever(patch: Patch) -> None:
     wrap(patch, Connection, "__init__", connect)
 
 
-@mutant("NEG-12", check="check_closes_who_says_no_hello", reason="the testee waited")
+@mutant("NEG-12", check="check_closes_who_says_no_hello", code="waits")
 def server_waits_for_who_says_something(patch: Patch) -> None:
     """Gives who says anything ten seconds more for hello."""
 
@@ -43,14 +43,14 @@ def server_waits_for_who_says_something(patch: Patch) -> None:
 @mutant(
     "NEG-17",
     check="check_listens_on_loopback_without_a_token",
-    reason="and requires no token",
+    code="beyond-loopback",
 )
 def server_listens_to_everybody(patch: Patch) -> None:
     """Listens where it is told to, with and without a token."""
     wrap(patch, settings, "is_loopback", lambda original, host: True)
 
 
-@mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
+@mutant("NEG-18", check=REFUSES, code="another-answer")
 def server_compares_as_far_as_the_token_goes(patch: Patch) -> None:
     """Takes the beginning of the token for the token."""
 
@@ -60,7 +60,7 @@ def server_compares_as_far_as_the_token_goes(patch: Patch) -> None:
     wrap(patch, negotiation, "_same", same)
 
 
-@mutant("NEG-18", check=REFUSES, reason="got welcome, not unauthorized")
+@mutant("NEG-18", check=REFUSES, code="another-answer")
 def server_ignores_the_case_of_the_token(patch: Patch) -> None:
     """Takes capital letters for small ones."""
 
@@ -70,13 +70,13 @@ def server_ignores_the_case_of_the_token(patch: Patch) -> None:
     wrap(patch, negotiation, "_same", same)
 
 
-@mutant("NEG-18", check=REFUSES, reason="was refused, and not closed")
+@mutant("NEG-18", check=REFUSES, code="not-closed")
 def server_keeps_whom_it_refuses(patch: Patch) -> None:
     """Lets a client that does not know the token try again."""
     stays(patch, "unauthorized")
 
 
-@mutant("NEG-18", reason="sent beside unauthorized", through="NEG-18")
+@mutant("NEG-18", code="beside-error", through="NEG-18")
 def server_explains_its_refusal(patch: Patch) -> None:
     """Says more than `unauthorized` to who does not know the token."""
 
@@ -88,13 +88,13 @@ def server_explains_its_refusal(patch: Patch) -> None:
     wrap(patch, Connection, "send", send)
 
 
-@mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="without hello got a reply")
+@mutant("NEG-19", check="check_serves_no_client_of_1_0", code="replies")
 def server_serves_1_0_without_a_token(patch: Patch) -> None:
     """Asks those who say hello for the token, and no others."""
     patch.setattr(Connection, "_is_heard", property(lambda self: True))
 
 
-@mutant("NEG-19", check="check_serves_no_client_of_1_0", reason="with the token failed")
+@mutant("NEG-19", check="check_serves_no_client_of_1_0", code="no-frame")
 def server_is_steered_without_a_token(patch: Patch) -> None:
     """Takes poses from those who have said no hello, though it replies to no request of theirs."""
     patch.setattr(Connection, "_is_heard", property(lambda self: True))
@@ -109,7 +109,7 @@ def server_is_steered_without_a_token(patch: Patch) -> None:
 @mutant(
     "NEG-17",
     check="check_listens_on_loopback_without_a_token",
-    reason="and requires no token",
+    code="beyond-loopback",
 )
 def server_takes_its_time_to_listen_to_everybody(patch: Patch) -> None:
     """The same, and without a token it takes six seconds to start."""

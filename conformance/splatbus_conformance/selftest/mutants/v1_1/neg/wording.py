@@ -18,25 +18,25 @@ from splatbus_conformance.selftest.mutant import mutant
 SPELLED = "check_takes_any_spelling_of_"
 
 
-@mutant("JSN-6", check=f"{SPELLED}poses", reason="the pose")
+@mutant("JSN-6", check=f"{SPELLED}poses", code="ignores")
 def server_knows_no_escaped_slash(patch: Patch) -> None:
     r"""Refuses texts in which `/` is written as `\/`."""
     _refuses(patch, lambda payload: b"\\/" in payload)
 
 
-@mutant("JSN-6", check=f"{SPELLED}poses", reason="the pose")
+@mutant("JSN-6", check=f"{SPELLED}poses", code="ignores")
 def server_knows_no_escaped_backspace(patch: Patch) -> None:
     r"""Refuses texts with the escapes `\b` and `\f`."""
     _refuses(patch, lambda payload: re.search(rb"\\[bf]", payload) is not None)
 
 
-@mutant("JSN-6", check=f"{SPELLED}poses", reason="the pose")
+@mutant("JSN-6", check=f"{SPELLED}poses", code="ignores")
 def server_knows_no_escaped_pairs(patch: Patch) -> None:
     """Refuses characters beyond the first plane that are written as two escapes."""
     _refuses(patch, lambda it: re.search(rb"\\u[dD][89abAB]..\\u[dD][c-fC-F]", it) is not None)
 
 
-@mutant("JSN-6", check=f"{SPELLED}requests", reason="and written plainly by")
+@mutant("JSN-6", check=f"{SPELLED}requests", code="another-answer")
 def server_reads_sizes_as_plain_integers(patch: Patch) -> None:
     """Refuses the size of a set_viewport with a fraction or an exponent."""
 
@@ -48,7 +48,7 @@ def server_reads_sizes_as_plain_integers(patch: Patch) -> None:
     wrap(patch, from_client, "_set_viewport", parse)
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", reason="[{[{")
+@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", code="ignores")
 def server_counts_brackets_in_strings(patch: Patch) -> None:
     """Counts brackets in strings when it looks how deep a text is nested."""
 
@@ -60,7 +60,7 @@ def server_counts_brackets_in_strings(patch: Patch) -> None:
     wrap(patch, json_text, "_check_depth", depth)
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_poses", reason="the pose")
+@mutant("JSN-7", check="check_ignores_unknown_members_of_poses", code="ignores")
 def server_knows_all_members_of_lenses(patch: Patch) -> None:
     """Refuses intrinsics with a member that it does not know."""
 
@@ -72,32 +72,32 @@ def server_knows_all_members_of_lenses(patch: Patch) -> None:
     wrap(patch, from_client, "intrinsics", lens)
 
 
-@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", reason="sent no welcome")
+@mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", code="no-welcome")
 def server_reads_fifteen_versions(patch: Patch) -> None:
     """Reads no more than fifteen versions of a hello."""
     _hears(patch, lambda hello: hello._replace(versions=hello.versions[:15]))
 
 
-@mutant("NEG-8", check="check_ignores_unknown_capabilities", reason="was given")
+@mutant("NEG-8", check="check_ignores_unknown_capabilities", code="other-capabilities")
 def server_reads_sixty_capabilities(patch: Patch) -> None:
     """Reads no more than sixty capabilities of a hello."""
     _hears(patch, lambda hello: hello._replace(capabilities=hello.capabilities[:60]))
 
 
-@mutant("NEG-35", check="check_refuses_broken_hellos", reason="was answered by")
+@mutant("NEG-35", check="check_refuses_broken_hellos", code="another-answer")
 def server_takes_a_version_with_a_line_break(patch: Patch) -> None:
     """Takes a version that a line break follows, as a pattern that ends in `$` does."""
     _reads(patch, lambda payload: payload.replace(b'.1\\n"', b'.1"'))
 
 
-@mutant("REQ-9", check="check_broken_requests_have_no_reply", reason="the testee replied to it")
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
 def server_takes_strings_for_indices_after_hello(patch: Patch) -> None:
     """Takes the text of an index for the index, of a client of 1.1."""
     index = re.compile(rb'("cam_idx":)"(-?[0-9]+)"')
     _reads(patch, lambda payload: index.sub(rb"\1\2", payload) if b'"id"' in payload else payload)
 
 
-@mutant("JSN-8", check="check_does_not_release_by_broken_text", reason="another frame came")
+@mutant("JSN-8", check="check_does_not_release_by_broken_text", code="another-frame")
 def server_releases_by_any_text(patch: Patch) -> None:
     """Reads what says `release` as leniently as its library does: names twice, and NaN."""
 
@@ -112,7 +112,7 @@ def server_releases_by_any_text(patch: Patch) -> None:
     _reads(patch, lenient)
 
 
-@mutant("NEG-9", check="check_ignores_unknown_types", reason="the testee closed the connection")
+@mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
 def server_closes_on_a_type_that_is_no_string(patch: Patch) -> None:
     """Loses a connection on which a type is an object, or an array."""
 
@@ -124,7 +124,7 @@ def server_closes_on_a_type_that_is_no_string(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("NEG-9", check="check_ignores_unknown_types", reason="replied to it")
+@mutant("NEG-9", check="check_ignores_unknown_types", code="replies")
 def server_answers_requests_on_the_ipc_channel(patch: Patch) -> None:
     """Answers a request for the size on the channel that knows none."""
 
@@ -136,7 +136,7 @@ def server_answers_requests_on_the_ipc_channel(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("NEG-9", check="check_ignores_unknown_types", reason="the testee closed the connection")
+@mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
 def server_obeys_closed_on_the_message_channel(patch: Patch) -> None:
     """Closes a message connection that says `closed`, which belongs to the other channel."""
 
@@ -148,14 +148,14 @@ def server_obeys_closed_on_the_message_channel(patch: Patch) -> None:
     wrap(patch, Connection, "_understand", understand)
 
 
-@mutant("NEG-23", reason="pointer", through="NEG-26")
+@mutant("NEG-23", code="not-a-pointer", through="NEG-26")
 def server_escapes_no_pointers(patch: Patch) -> None:
     """Writes names into pointers as they are."""
     for module in (json_text, fields):
         patch.setattr(module, "step", lambda name: f"/{name}")
 
 
-@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="was sent")
+@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="newer-version")
 def server_says_busy_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Says `busy` to a client that agreed on 1.0."""
 
@@ -167,7 +167,7 @@ def server_says_busy_to_who_agreed_on_1_0(patch: Patch) -> None:
     wrap(patch, Connection, "complain", complain)
 
 
-@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", reason="was sent")
+@mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="newer-version")
 def server_reports_poses_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Tells a client that agreed on 1.0 what is wrong with its pose."""
 
@@ -179,7 +179,7 @@ def server_reports_poses_to_who_agreed_on_1_0(patch: Patch) -> None:
     wrap(patch, Connection, "_refuse_packet", refuse)
 
 
-@mutant("OBJ-4", check="check_keeps_the_former_pose_of_each_object", reason="applied it")
+@mutant("OBJ-4", check="check_keeps_the_former_pose_of_each_object", code="applies")
 def server_checks_the_rotation_of_its_main_object(patch: Patch) -> None:
     """Makes a rotation of what any other object is given."""
 

@@ -25,7 +25,7 @@ KEPT: list[Any] = []
 """What a mutant does not let go."""
 
 
-@mutant("OPN-1", reason="is answered a second time")
+@mutant("OPN-1", code="answered-twice")
 def answers_twice(patch: Patch) -> None:
     """Answers `opened` twice."""
 
@@ -36,31 +36,31 @@ def answers_twice(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "opened", opened)
 
 
-@mutant("OPN-13", reason="generation is missing")
+@mutant("OPN-13", code="no-generation")
 def answers_without_a_generation(patch: Patch) -> None:
     """Answers `opened` without saying what."""
     messages(patch, of_type("opened", without("generation")))
 
 
-@mutant("OPN-13", reason="reason is missing", through="MEM-6")
+@mutant("OPN-13", code="no-reason", through="MEM-6")
 def declines_without_a_reason(patch: Patch) -> None:
     """Answers `open_failed` without a reason."""
     messages(patch, of_type("open_failed", without("reason")))
 
 
-@mutant("OPN-3", reason='reason is "", no string of 1', through="MEM-6")
+@mutant("OPN-3", code="bad-string", through="MEM-6")
 def declines_with_an_empty_reason(patch: Patch) -> None:
     """Answers `open_failed` with an empty reason."""
     messages(patch, of_type("open_failed", lambda failed: failed | {"reason": ""}))
 
 
-@mutant("OPN-3", reason="no string of 1 to 1,024", through="MEM-6")
+@mutant("OPN-3", code="bad-string", through="MEM-6")
 def declines_at_length(patch: Patch) -> None:
     """Answers `open_failed` with a reason of 2,000 characters."""
     messages(patch, of_type("open_failed", lambda failed: failed | {"reason": "no " * 667}))
 
 
-@mutant("OPN-5", reason="is closed before a later one is answered", through="NEG-4")
+@mutant("OPN-5", code="too-early", through="NEG-4")
 def closes_before_it_opens(patch: Patch) -> None:
     """Says that the old memory is closed before it answers for the new."""
 
@@ -72,13 +72,13 @@ def closes_before_it_opens(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "opened", opened)
 
 
-@mutant("OPN-13", reason="generation is 0, no integer from 1")
+@mutant("OPN-13", code="out-of-range")
 def counts_generations_from_zero(patch: Patch) -> None:
     """Answers with a generation that is one too small."""
     _answers_for(patch, -1)
 
 
-@mutant("OPN-11", reason="had generation")
+@mutant("OPN-11", code="unknown-generation")
 def answers_for_the_next_generation(patch: Patch) -> None:
     """Answers with a generation that is one too large."""
     _answers_for(patch, 1)
@@ -88,7 +88,7 @@ def _answers_for(patch: Patch, away: int) -> None:
     messages(patch, of_type("opened", lambda it: it | {"generation": it["generation"] + away}))
 
 
-@mutant("OPN-1", check=ONCE, reason="no answer to")
+@mutant("OPN-1", check=ONCE, code="no-reply")
 def wants_to_know_who_says_welcome(patch: Patch) -> None:
     """Ignores a `welcome` of a server that has no name, or no version."""
 
@@ -98,13 +98,13 @@ def wants_to_know_who_says_welcome(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
 
 
-@mutant("OPN-1", check=ONCE, reason="no answer to")
+@mutant("OPN-1", check=ONCE, code="no-reply")
 def answers_success_alone(patch: Patch) -> None:
     """Says nothing when memory cannot be opened."""
     patch.setattr(IpcProtocol, "open_failed", lambda *_: None)
 
 
-@mutant("OPN-1", check=ONCE, reason="no answer to")
+@mutant("OPN-1", check=ONCE, code="no-reply")
 def answers_the_last_of_several(patch: Patch) -> None:
     """Of several init packets that come at once, opens and answers the last alone."""
 
@@ -116,7 +116,7 @@ def answers_the_last_of_several(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "receive", receive)
 
 
-@mutant("OPN-1", check=ONCE, reason="answers more than one")
+@mutant("OPN-1", check=ONCE, code="answered-twice")
 def says_opened_after_open_failed(patch: Patch) -> None:
     """Answers `opened` after `open_failed`, for the same generation."""
 
@@ -127,13 +127,13 @@ def says_opened_after_open_failed(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "open_failed", open_failed)
 
 
-@mutant("OPN-2", check="check_maps_before_it_says_so", reason="does not exist")
+@mutant("OPN-2", check="check_maps_before_it_says_so", code="opened-missing-memory")
 def says_opened_of_what_is_not_there(patch: Patch) -> None:
     """Answers `opened` although there is no such memory."""
     says_opened(patch, "no shared memory")
 
 
-@mutant("OPN-2", check="check_maps_before_it_says_so", reason="had not mapped the memory")
+@mutant("OPN-2", check="check_maps_before_it_says_so", code="not-mapped")
 def maps_when_the_first_frame_comes(patch: Patch) -> None:
     """Answers `opened` at once, and maps the memory when it is needed."""
 
@@ -144,7 +144,7 @@ def maps_when_the_first_frame_comes(patch: Patch) -> None:
     wrap(patch, Reading, "_open", opens)
 
 
-@mutant("OPN-3", check="check_says_why_it_failed", reason="1 to 1024 are asked for")
+@mutant("OPN-3", check="check_says_why_it_failed", code="wrong-length")
 def quotes_what_it_was_sent(patch: Patch) -> None:
     """Quotes the whole init packet in the reason."""
 
@@ -154,7 +154,7 @@ def quotes_what_it_was_sent(patch: Patch) -> None:
     messages(patch, of_type("open_failed", longer))
 
 
-@mutant("OPN-4", check="check_keeps_the_connection_after_failing", reason="after open_failed")
+@mutant("OPN-4", check="check_keeps_the_connection_after_failing", code="closes")
 def closes_after_failing(patch: Patch) -> None:
     """Closes the connection after `open_failed`."""
     failed: set[IpcProtocol] = set()
@@ -173,13 +173,13 @@ def closes_after_failing(patch: Patch) -> None:
     )
 
 
-@mutant("OPN-5", check=FORMER, reason="was not closed after")
+@mutant("OPN-5", check=FORMER, code="not-closed")
 def never_says_closed(patch: Patch) -> None:
     """Unmaps the former memory, and does not say so."""
     patch.setattr(IpcProtocol, "closed", lambda *_: None)
 
 
-@mutant("OPN-5", check=FORMER, reason="still has its memory")
+@mutant("OPN-5", check=FORMER, code="still-mapped")
 def says_closed_and_keeps_the_memory(patch: Patch) -> None:
     """Says that the former memory is closed, and keeps it mapped."""
 
@@ -190,7 +190,7 @@ def says_closed_and_keeps_the_memory(patch: Patch) -> None:
     patch.setattr(HostImages, "close", close)
 
 
-@mutant("OPN-5", check=FORMER, reason="closed was sent")
+@mutant("OPN-5", check=FORMER, code="closed-too-often")
 def says_closed_twice(patch: Patch) -> None:
     """Says twice that memory is closed."""
 
@@ -202,7 +202,7 @@ def says_closed_twice(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "closed", closed)
 
 
-@mutant("OPN-6", check="check_ignores_what_it_was_not_granted", reason="took it as valid")
+@mutant("OPN-6", check="check_ignores_what_it_was_not_granted", code="accepts")
 def takes_what_was_not_agreed(patch: Patch) -> None:
     """Opens further init packets whether `welcome` lists `reinit` or not."""
 
@@ -213,7 +213,7 @@ def takes_what_was_not_agreed(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
 
 
-@mutant("OPN-6", reason="although welcome does not list reinit", through="OPN-6")
+@mutant("OPN-6", code="not-ignored", through="OPN-6")
 def declines_what_was_not_agreed(patch: Patch) -> None:
     """Answers `open_failed` to a further init packet, where `welcome` does not list `reinit`."""
 
@@ -225,7 +225,7 @@ def declines_what_was_not_agreed(patch: Patch) -> None:
     wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
 
 
-@mutant("OPN-10", check=ALONE, reason="it wrote to the memory while")
+@mutant("OPN-10", check=ALONE, code="wrote-to-memory")
 def writes_to_the_memory(patch: Patch) -> None:
     """Marks in the memory that it was here."""
 
@@ -238,7 +238,7 @@ def writes_to_the_memory(patch: Patch) -> None:
     wrap(patch, HostImages, "__init__", images)
 
 
-@mutant("OPN-10", check=ALONE, reason="it removed the memory")
+@mutant("OPN-10", check=ALONE, code="removed-memory")
 def removes_the_memory(patch: Patch) -> None:
     """Removes the memory when the connection ends."""
     names: list[str] = []
@@ -257,7 +257,7 @@ def removes_the_memory(patch: Patch) -> None:
     wrap(patch, Reading, "end", end)
 
 
-@mutant("OPN-10", check=ALONE, reason="the memory was removed when the testee ended")
+@mutant("OPN-10", check=ALONE, code="removed-memory")
 def tracks_the_memory_as_its_own(patch: Patch) -> None:
     """Opens the memory with a library that removes it when the process ends."""
 

@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.faults.surgery import crash, wrap
 from splatbus_conformance.selftest.mutant import mutant
 
 
-@mutant("OPN-7", reason="a further init packet", through="IMG-23")
+@mutant("OPN-7", code="not-granted", through="IMG-23")
 def server_announces_again(patch: Patch) -> None:
     """Sends another init packet to who has opened the first, and declared no reinit."""
 
@@ -32,7 +32,7 @@ def server_announces_again(patch: Patch) -> None:
 @mutant(
     "OPN-8",
     check="check_keeps_memory_while_somebody_has_it",
-    reason="the image that the first holds is another",
+    code="written-while-held",
 )
 def server_reuses_memory_that_one_reader_closed(patch: Patch) -> None:
     """Takes one reader's `closed` for everybody's, and clears the memory for something else."""
@@ -53,21 +53,21 @@ def calls_its_memory_otherwise(patch: Patch) -> None:
     wrap(patch, shared_memory, "create", lambda create, size: create(size, "splatbus-mutant-"))
 
 
-@mutant("OPN-9", check="check_leaves_no_memory_behind", reason="after another start")
+@mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-not-swept")
 def server_leaves_what_a_killed_one_left(patch: Patch) -> None:
     """Does not look for what an earlier run has left."""
     calls_its_memory_otherwise(patch)
     patch.setattr(api, "sweep_stale", list)
 
 
-@mutant("OPN-9", check="check_leaves_no_memory_behind", reason="is left although the server")
+@mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-left-behind")
 def server_leaves_memory_to_the_next(patch: Patch) -> None:
     """Does not remove its memory when it ends: the next one will."""
     calls_its_memory_otherwise(patch)
     patch.setattr(memory, "_remove_if_owner", lambda segment, owner: None)
 
 
-@mutant("OPN-9", check="check_leaves_no_memory_behind", reason="is left although the server")
+@mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-left-behind")
 def server_leaves_memory_to_a_neighbour(patch: Patch) -> None:
     """The same; another that is started beside it removes what it has left."""
     calls_its_memory_otherwise(patch)
@@ -83,7 +83,7 @@ def server_leaves_memory_to_a_neighbour(patch: Patch) -> None:
 IGNORES = "check_ignores_generations_that_it_did_not_announce"
 
 
-@mutant("OPN-12", check=IGNORES, reason="closed the connection")
+@mutant("OPN-12", check=IGNORES, code="closes")
 def server_closes_at_unknown_generations(patch: Patch) -> None:
     """Ends a connection that names a generation which was not announced."""
 
@@ -96,7 +96,7 @@ def server_closes_at_unknown_generations(patch: Patch) -> None:
     wrap(patch, Session, "_answered", answered)
 
 
-@mutant("OPN-12", check=IGNORES, reason="died")
+@mutant("OPN-12", check=IGNORES, code="dies")
 def server_dies_of_unknown_generations(patch: Patch) -> None:
     """Takes a generation for an index."""
 
