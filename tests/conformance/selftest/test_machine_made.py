@@ -231,7 +231,8 @@ def test_what_no_run_executes_is_not_run(monkeypatch):
 
 
 def report(*cells):
-    results = [{"check": "check_it", "verdict": verdict, "text": "so"} for verdict in cells]
+    told = {"check": "check_it", "text": "so", "code": "so"}
+    results = [{**told, "verdict": verdict} for verdict in cells]
     return {"requirements": [{"id": "FRM-1", "results": results}], "others": []}
 
 
@@ -250,7 +251,13 @@ def test_the_worst_verdict_decides(monkeypatch, verdicts, fate):
 
 
 def test_a_mutant_that_cannot_be_met_is_neither_killed_nor_alive(monkeypatch):
-    nobody = {"requirement": "", "check": "run", "verdict": "harness-error", "text": "nobody came"}
+    nobody = {
+        "requirement": "",
+        "check": "run",
+        "verdict": "harness-error",
+        "text": "nobody came",
+        "code": "",
+    }
     given = {"requirements": [], "others": [nobody]}
     monkeypatch.setattr(trials, "run_harness", lambda *_: (given, 3, ""))
     assert trials.run("m:f:bound:1", Phase("client")).fate is MutantFate.UNMET

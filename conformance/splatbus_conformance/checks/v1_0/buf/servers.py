@@ -295,14 +295,13 @@ def _expect_right(
     """These channels are what the camera of the image sees: by the scene, where that is known, or
     by a further image of a camera that is put there.
     """
-    codes = ("other-colours", "other-depths")
     shares = _right(trial, capture, image)
-    for channel, code, right in zip(("color", "depth"), codes, shares, strict=True):
+    for channel, right in zip(("color", "depth"), shares, strict=True):
         if channel not in channels or right >= WHOLE:
             continue
         _expect_still(trial, capture, image)
         trial.violated(
-            code,
+            "other-pixels",
             f"{1 - right:.0%} of the {channel} of image {image.frame['seq']}, rendered {when}, is"
             f" not of the camera that its frame names, {image.pose}",
         )

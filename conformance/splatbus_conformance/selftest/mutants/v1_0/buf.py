@@ -135,7 +135,7 @@ def server_lends_before_it_has_written(patch: Patch) -> None:
     wrap(patch, Exchange, "publish", publish)
 
 
-@mutant("IMG-20", check="check_what_is_subscribed_to_is_written", code="other-colours")
+@mutant("IMG-20", check="check_what_is_subscribed_to_is_written", code="other-pixels")
 def server_lends_what_it_has(patch: Patch) -> None:
     """Lends images in which only what was wanted before is written."""
     wrap(

@@ -221,7 +221,7 @@ def server_is_one_camera_late(patch: Patch) -> None:
     cameras(patch, former)
 
 
-@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", code="other-colours")
+@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", code="other-pixels")
 def server_names_the_newest_camera(patch: Patch) -> None:
     """Names the camera that it has when it sends a frame, not the one that the image is of."""
 
@@ -239,7 +239,7 @@ def replace_view(image: Any, view: Any) -> Any:
     return image._replace(view=view) if hasattr(image, "_replace") else replace(image, view=view)
 
 
-@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", code="other-depths")
+@mutant("IMG-5", check="check_colour_and_depth_are_of_one_moment", code="other-pixels")
 def server_stores_the_depth_before(patch: Patch) -> None:
     """Stores with each colour the depth of the image before."""
     seen: list[Any] = []
