@@ -6,7 +6,7 @@ accepts is the one that the specification lists for its requirement.
 """
 
 import functools
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -100,14 +100,15 @@ class Check:
 
     def lacks(self, facts: Facts) -> str | None:
         """Why it can be tried on no channel with this testee; None if it can."""
-        return None if self.shown_on(facts) else next(self._reasons(facts))
+        reasons = list(self.shown_on(facts).values())
+        return None if None in reasons else reasons[0]
 
-    def shown_on(self, facts: Facts) -> list[Channel | None]:
-        """Where the testee has shown all that the check needs."""
-        return [at for at, needs in self.places.items() if not any(map(facts.lacks, needs))]
-
-    def _reasons(self, facts: Facts) -> Iterator[str]:
-        return (why for needs in self.places.values() for why in map(facts.lacks, needs) if why)
+    def shown_on(self, facts: Facts) -> dict[Channel | None, str | None]:
+        """Of each channel, why the testee has not shown all that the check needs there, if so."""
+        return {
+            channel: next(filter(None, map(facts.lacks, needs)), None)
+            for channel, needs in self.places.items()
+        }
 
 
 def check(
@@ -134,17 +135,17 @@ def check(
 
     def declare(function: Callable[..., None]) -> Callable[[Any], None]:
         def play(trial: Any) -> None:
-            skipped: list[BaseException] = []
-            channels = found[trial.side].shown_on(trial.facts) if on else [None]
-            for channel in channels:
-                where = () if channel is None else (channel,)
+            shown = found[trial.side].shown_on(trial.facts)
+            for channel, why_not in shown.items() if on else [(None, None)]:
                 try:
+                    if why_not:
+                        pytest.skip(why_not)
                     for case in _through(trial, cases):
-                        function(trial, *where, *case)
+                        function(trial, *filter(None, [channel]), *case)
                 except pytest.skip.Exception as nothing:
-                    skipped.append(nothing)
-            if skipped and len(skipped) == len(channels):
-                raise skipped[0]
+                    if channel is None or {*trial.unseen, channel} == shown.keys():
+                        raise
+                    trial.unseen[channel] = str(nothing)
 
         functools.update_wrapper(play, function, updated=())
         del play.__wrapped__  # type: ignore[attr-defined]  # whoever collects it gives it a trial

@@ -287,6 +287,9 @@ class CheckPlugin:
             verdict, text = Verdict.SKIP, NOTHING_PROVEN
         elif error is None and not text:
             text = f"{delivered} delivered; seen of each: {check.observable}"
+        if error is None and self.trial_now:
+            unseen = self.trial_now.unseen.items()
+            text += "".join(f"; nothing is said of the {at} channel: {why}" for at, why in unseen)
         evidence: tuple[str, ...] = ()
         script = code = ""
         if error is not None:
