@@ -117,7 +117,7 @@ def check(
     observable: str,
     needs: Needs = (),
     on: Mapping[End, Needs] | None = None,
-    cases: Cases | None = None,
+    cases: Mapping[End, Cases] | None = None,
     may_crash: bool = False,
     profile: str = "brief",
 ) -> Callable[[Callable[..., None]], Callable[[Any], None]]:
@@ -128,7 +128,7 @@ def check(
         observable: what of the requirement is seen.
         needs: what the testee must have shown, where the check is of one side, that of its trial.
         on: the same for each end at which it judges; then the function takes a channel, too.
-        cases: what to go through on each channel; then the function takes one case, too.
+        cases: what to go through at each of these ends; then the function takes one case, too.
         may_crash: as of a `Check`.
         profile: as of a `Check`.
     """
@@ -140,8 +140,8 @@ def check(
                 try:
                     if why_not:
                         pytest.skip(why_not)
-                    for case in _through(trial, cases):
-                        function(trial, *filter(None, [channel]), *case)
+                    for arguments in _through(trial, channel, cases):
+                        function(trial, *arguments)
                 except pytest.skip.Exception as nothing:
                     if channel is None or {*trial.unseen, channel} == shown.keys():
                         raise
@@ -158,8 +158,13 @@ def check(
     return declare
 
 
-def _through(trial: Any, cases: Cases | None) -> Iterable[tuple[Any, ...]]:
-    return [()] if cases is None else ((case,) for case in trial.each(**cases._asdict()))
+def _through(
+    trial: Any, channel: Channel | None, cases: Mapping[End, Cases] | None
+) -> Iterable[tuple[Any, ...]]:
+    if channel is None or cases is None:
+        return [() if channel is None else (channel,)]
+    chosen = cases[End(trial.side, channel)]
+    return ((channel, case) for case in trial.each(**chosen._asdict()))
 
 
 def _sides(

@@ -31,22 +31,26 @@ class Exchange(NamedTuple):
     """Good messages for it; none where nobody knows what it awaits."""
     taken: Callable[[], bool | None]
     """Whether it is seen in time to take them, once; None where nothing shows it either way."""
+    answers: Callable[[], int] = lambda: 0
+    """How many replies have come on the connection by now, of a server."""
 
 
-def exchange(trial: ClientTrial | ServerTrial, channel: Channel, later: bool) -> Exchange:
+def exchange(trial: ClientTrial | ServerTrial, channel: Channel, later: bool) -> Exchange | None:
     """A connection on which the testee awaits something: the first that it does there, or what
-    comes later, once it has taken that.
+    comes later, once it has taken that; None where nobody can see that it has.
     """
     if isinstance(trial, ClientTrial):
         return _with_a_client(trial, channel, later)
     return _with_a_server(trial, channel, later)
 
 
-def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchange:
+def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchange | None:
     if channel == "msg":
         return _replies(trial)
     trial.role.offers_memory = trial.role.lends_frames = False
     if not trial.facts.speaks_1_1("ipc"):
+        if later:
+            return None
         silent = silent_connection(trial)
         legacy = [trial.role.legacy_init_packet()]
         return Exchange(silent, legacy, lambda: outcome_at_the_end(trial, silent) == "lives")
@@ -141,7 +145,7 @@ def _requests(trial: ServerTrial, later: bool) -> Exchange:
         in_time = trial.wait(lambda: count() >= len(ASKED) or connection.ended)
         return in_time and trial.answers(connection) and count() == len(ASKED) + 1
 
-    return Exchange(connection, list(ASKED), taken)
+    return Exchange(connection, list(ASKED), taken, count)
 
 
 def _served(trial: ServerTrial) -> Connection:

@@ -32,9 +32,12 @@ class BadHeader(NamedTuple):
     """Once the testee has taken a packet on the connection, not first."""
     follows: str = "nothing"
     """Or `a good packet`, or as much as it `announces`."""
+    behind: bool = False
+    """It comes right behind a good packet."""
 
     def __str__(self) -> str:
         place = " on a connection that was in use" if self.later else ""
+        place += " behind a good packet" if self.behind else ""
         return f"a header that announces {self.length:,} bytes{place}, and {self.follows} behind it"
 
 
@@ -42,23 +45,24 @@ EXTREME = (0, MOST + 1, 0xFFFF_FFFF)
 SWAPPED = (28 << 24, 1 << 24)
 """Lengths that are good when their bytes are read from the other end."""
 OTHERS = (HTTP, 2**31 - 1, 2**31, 0xFFFF_FF00)
-BAD_HEADERS = (
-    *(
-        BadHeader(length, later)
-        for length in (*EXTREME, *SWAPPED, *OTHERS)
-        for later in (False, True)
-    ),
+FIRST = (
+    *(BadHeader(length) for length in (*EXTREME, *SWAPPED, *OTHERS)),
     *(BadHeader(length, follows="a good packet") for length in (*EXTREME, *SWAPPED)),
     BadHeader(MOST + 1, follows="as much as it announces"),
 )
+LATER = tuple(BadHeader(length, later=True) for length in (*EXTREME, *SWAPPED, *OTHERS))
+BAD_HEADERS = (*FIRST, *LATER)
+TO_CLIENTS = tuple(it for it in FIRST if it.follows == "nothing")
+"""In place of a reply, of which a client waits for no later one."""
 TOO_LONG = encode({"type": "weather_report"}).ljust(MOST + 1)
 LENGTHS = st.integers(MOST + 1, 0xFFFF_FFFF)
+DRAWN = st.tuples(LENGTHS, st.booleans(), st.just("a good packet"))
 
 
 def kind_of(header: BadHeader) -> object:
     """What is too extreme, or too near to what is right, to stand for another."""
-    if header.later or header.follows == "as much as it announces":
-        return header.follows
+    if header.later or header.behind or header.follows == "as much as it announces":
+        return header.follows, header.behind
     return header.length if header.length in EXTREME else header.length in SWAPPED
 
 
@@ -66,14 +70,14 @@ def kind_of(header: BadHeader) -> object:
     "FRM-3",
     observable="the end of the connection, and that the testee is there for another",
     on={CLIENT_IPC: ("ipc",), CLIENT_MSG: ("asks",), SERVER_IPC: (), SERVER_MSG: ()},
-    cases=Cases(
-        BAD_HEADERS,
-        st.tuples(LENGTHS, st.booleans(), st.just("a good packet")),
-        kind_of,
-        spare=4,
-        quick=2,
-        full=60,
-    ),
+    cases={
+        CLIENT_IPC: Cases(BAD_HEADERS, kind=kind_of),
+        CLIENT_MSG: Cases(TO_CLIENTS, kind=kind_of),
+        SERVER_IPC: Cases(BAD_HEADERS, DRAWN, kind_of, spare=4, quick=2, full=60),
+        SERVER_MSG: Cases(
+            (*BAD_HEADERS, BadHeader(0, behind=True)), DRAWN, kind_of, spare=4, quick=2, full=60
+        ),
+    },
     may_crash=True,
 )
 def check_bad_length_closes(
@@ -84,7 +88,13 @@ def check_bad_length_closes(
     """
     bad = BadHeader(*case)
     it = exchange(trial, channel, bad.later)
+    if it is None:
+        return
     good = b"".join(packet(encode(message)) for message in it.awaited)
-    behind = {"nothing": b"", "a good packet": good, "as much as it announces": TOO_LONG}
-    it.connection.send(bad.length.to_bytes(4, "little") + behind[bad.follows])
-    trial.judge(trial.end_of(it.connection), f"{bad}, on the {channel} channel")
+    follows = {"nothing": b"", "a good packet": good, "as much as it announces": TOO_LONG}
+    header = bad.length.to_bytes(4, "little")
+    it.connection.send((good if bad.behind else b"") + header + follows[bad.follows])
+    outcome = trial.end_of(it.connection)
+    if it.answers() > (len(it.awaited) if bad.behind else 0):
+        outcome = "replies"
+    trial.judge(outcome, f"{bad}, on the {channel} channel")

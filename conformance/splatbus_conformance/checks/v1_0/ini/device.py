@@ -19,8 +19,8 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
 from splatbus_conformance.checks.v1_0.frm.pieces import (
     APART_SECONDS,
-    DRAWN,
-    NAMED,
+    DRAWN_FIRST,
+    FIRST,
     Cuts,
     fewer,
     in_utf_8,
@@ -211,7 +211,7 @@ def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
     """
     with ExitStack() as held:
         listening = DeviceListener(trial, held)
-        for cuts in trial.each(NAMED[::2], DRAWN, quick=2, full=300, simpler=fewer):
+        for cuts in trial.each(FIRST, DRAWN_FIRST, quick=2, full=300, simpler=fewer):
             connection, good = listening.fresh(), listening.image()
             data = b"".join(map(in_utf_8, (STRANGER, good.init_packet(), STRANGER)))
             send_cut(trial, connection, data, Cuts(*cuts))
