@@ -66,6 +66,21 @@ def server_waits_for_any_length(patch: Patch) -> None:
     wrap(patch, Connection, "receive", receive)
 
 
+@mutant("FRM-3", check="check_bad_length_closes", code="replies")
+def server_answers_behind_a_bad_length(patch: Patch) -> None:
+    """Answers what came with a bad header before it closes."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        length = int.from_bytes(data[:4], "little")
+        bad = self.channel == "message" and len(data) > 4 and not 1 <= length <= LONGEST
+        if bad and not self._reader.incomplete:
+            original(self, data[4:], now)
+            data = data[:4]
+        original(self, data, now)
+
+    wrap(patch, Connection, "receive", receive)
+
+
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
     """Accepts nobody any more on the IPC channel once a length there was bad."""
