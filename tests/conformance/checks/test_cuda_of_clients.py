@@ -2,12 +2,19 @@
 
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from splatbus_conformance.checks.v1_0.cud import clients as device
 from splatbus_conformance.checks.v1_0.ini import device as device_packets
 from splatbus_conformance.checks.v1_1.img import clients_device
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.device_listener import DeviceListener
+from splatbus_conformance.trials.moves.exchange import STRANGER
+from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.packets import packet
 
 from tests.conformance.images.cuda_stand_in.library import checks_in, judged
 
@@ -282,6 +289,24 @@ def test_an_unusual_miniature_fails_no_check(name: str, tmp_path: Path) -> None:
     found = judged("client", program, CHECKS[OF_IMAGES])
     failed = {check: what for check, what in found.items() if what and "skipped" not in what}
     assert not failed
+
+
+def test_who_opens_one_image_a_connection_is_shown_nothing_after_it(tmp_path: Path) -> None:
+    """It looks at nothing there, so a broken packet that came later would show nothing."""
+    old, new = UNUSUAL["reads one packet a connection"]
+    program = tmp_path / "one_image.py"
+    program.write_text(OF_IMAGES.read_text("utf-8").replace(old, new), "utf-8")
+
+    def play(trial: ClientTrial) -> None:
+        with ExitStack() as held:
+            listening = DeviceListener(trial, held)
+            assert listening.outcome_of(packet(encode(STRANGER))) == "ignores"
+            unseen = listening.image()
+            listening.outcome_of(packet(encode(unseen.init_packet())), later=True)
+            trial.expect(unseen.opened(trial.calls()), "unseen", "it was not seen")
+
+    name = "check_opens_nothing_of_broken_packets"
+    assert judged("client", program, {name: replace(ALL_CHECKS[name], play=play)}) == {name: ""}
 
 
 @pytest.fixture(scope="module")

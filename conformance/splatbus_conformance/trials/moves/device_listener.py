@@ -27,7 +27,9 @@ class DeviceListener:
         trial.role.speaks, trial.role.offers_memory = "1.0", False
         held.callback(self._leave)
         self._further: Connection | None = None
-        """A connection on which a further packet was taken."""
+        """A connection on which an image was opened, of a testee that opens more than one there."""
+        self._opens_more: bool | None = None
+        """Whether it does; None until that was tried."""
         first = self.image()
         if not self.opens(self.fresh(), first):
             trial.not_observable("the testee did not open good device memory")
@@ -80,7 +82,7 @@ class DeviceListener:
 
         Args:
             script: what is sent.
-            later: on a connection on which it has taken another packet, if it does take more.
+            later: on a connection on which it has opened another image, if it opens more there.
         """
         trial, good = self._trial, self.image()
         at_first = self._further is None or self._further.ended is not None or not later
@@ -93,7 +95,7 @@ class DeviceListener:
                 lambda: good.opened(trial.calls()) or connection.ended, REACTION_SECONDS
             )
             if seen and not connection.ended:
-                self._further = connection
+                self._try_for_more(connection)
                 trial.delivered += 1
                 return "ignores"
         outcome = "closes" if connection.ended else "ignores"
@@ -109,6 +111,14 @@ class DeviceListener:
             return trial.fate() or "hangs"
         trial.delivered += 1
         return outcome
+
+    def _try_for_more(self, connection: Connection) -> None:
+        """Whoever opens one image a connection looks at no later packet, whatever it holds."""
+        if self._opens_more is None:
+            another = self.image()
+            connection.send(packet(encode(another.init_packet())))
+            self._opens_more = self._trial.uses(lambda: another.opened(self._trial.calls()))
+        self._further = connection if self._opens_more else None
 
     def _died(self) -> str:
         return "dies" if self._trial.fate() == "dies" else ""
