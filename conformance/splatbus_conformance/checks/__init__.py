@@ -1,12 +1,13 @@
 """Checks: each plays one scenario with the testee and judges one requirement by it.
 
-A check is a function `check_*` of a `Trial`, and, where it says so, of one case of many and of the
-channel that it is tried on. Its docstring is what `explain` shows. The set of outcomes that it
-accepts is the one that the specification lists for its requirement.
+A check is a function `check_*` of a `Trial`, and, where it says so, of the channel that it is tried
+on, of what is set up for it, and of one case of many. Its docstring is what `explain` shows. The
+set of outcomes that it accepts is the one that the specification lists for its requirement.
 """
 
 import functools
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -44,13 +45,18 @@ class Facts(Protocol):
 class Cases(NamedTuple):
     """What a check goes through, one after the other: as `Trial.each` has it."""
 
-    listed: Sequence[Any] = ()
+    listed: Iterable[Any] = ()
     drawn: SearchStrategy[Any] | None = None
     kind: Callable[[Any], Hashable] | None = None
     spare: int | None = None
     quick: int = 0
     full: int = 0
     simpler: Callable[[Any], Iterable[Any]] = lambda case: ()
+    search: str = ""
+
+
+Choice = Cases | Callable[..., Cases]
+"""Cases, or what chooses them for a trial, its channel if the check takes one, and its setting."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,8 @@ def check(
     observable: str,
     needs: Needs = (),
     on: Mapping[End, Needs] | None = None,
-    cases: Mapping[End, Cases] | None = None,
+    given: Callable[..., AbstractContextManager[Any]] | None = None,
+    cases: Choice | Mapping[End, Choice] | None = None,
     may_crash: bool = False,
     profile: str = "brief",
 ) -> Callable[[Callable[..., None]], Callable[[Any], None]]:
@@ -128,7 +135,9 @@ def check(
         observable: what of the requirement is seen.
         needs: what the testee must have shown, where the check is of one side, that of its trial.
         on: the same for each end at which it judges; then the function takes a channel, too.
-        cases: what to go through at each of these ends; then the function takes one case, too.
+        given: what sets up, once for all cases, what the function takes next, and ends it; it is
+            given the trial and the channel. What is to be judged when all is over, it judges.
+        cases: what to go through, at each of these ends; then the function takes one case, too.
         may_crash: as of a `Check`.
         profile: as of a `Check`.
     """
@@ -140,8 +149,7 @@ def check(
                 try:
                     if why_not:
                         pytest.skip(why_not)
-                    for arguments in _through(trial, channel, cases):
-                        function(trial, *arguments)
+                    _through(function, trial, channel, given, cases)
                 except pytest.skip.Exception as nothing:
                     if channel is None or {*trial.unseen, channel} == shown.keys():
                         raise
@@ -159,12 +167,27 @@ def check(
 
 
 def _through(
-    trial: Any, channel: Channel | None, cases: Mapping[End, Cases] | None
-) -> Iterable[tuple[Any, ...]]:
-    if channel is None or cases is None:
-        return [() if channel is None else (channel,)]
-    chosen = cases[End(trial.side, channel)]
-    return ((channel, case) for case in trial.each(**chosen._asdict()))
+    function: Callable[..., None],
+    trial: Any,
+    channel: Channel | None,
+    given: Callable[..., AbstractContextManager[Any]] | None,
+    cases: Choice | Mapping[End, Choice] | None,
+) -> None:
+    arguments = [trial] if channel is None else [trial, channel]
+    with ExitStack() as held:
+        if given:
+            arguments.append(held.enter_context(given(*arguments)))
+        if cases is None:
+            function(*arguments)
+            return
+        chosen = cases
+        if isinstance(chosen, Mapping):
+            assert channel, "cases of each end, of a check that names no end"
+            chosen = chosen[End(trial.side, channel)]
+        if not isinstance(chosen, Cases):
+            chosen = chosen(*arguments)
+        for case in trial.each(**chosen._asdict()):
+            function(*arguments, case)
 
 
 def _sides(

@@ -3,7 +3,11 @@
 What was computed once, for the first size, and kept, is right until then.
 """
 
-from splatbus_conformance.checks import check
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_1.cam.lenses import lens_of, same_shape
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
@@ -25,6 +29,7 @@ from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import show, whole, within
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import Connection
 
 LENSES = ("1.1", "capability:viewport", "capability:intrinsics")
 TAG = "of the former size"
@@ -32,148 +37,203 @@ BEHIND = 40
 """Requests in one write."""
 
 
-@check("CAM-6", observable="the errors for intrinsics of either shape", needs=LENSES)
-def check_compares_shapes_with_the_size_now(trial: ServerTrial) -> None:
-    """Images become of another shape; then intrinsics of the shape that they had are refused, and
-    those of their own are not.
-    """
-    first, former = first_view(trial, 0.0), trial.facts.size
-    with resizing(trial) as client:
-        heard = trial.viewer.with_(client).heard
-        for size in trial.each(_other_shapes(trial)):
-            changed(trial, client, size)
-            for shape, code in ((former, "invalid_message"), (size, None)):
-                before = len(heard)
-                lens = lens_of(first, *shape, 1.25, 1.25, 0.0, 0.0)
-                trial.viewer.say(client, camera_pose(*elsewhere(trial)) | {"intrinsics": lens})
-                trial.expect(
-                    answers(trial, client), "no-reply", "the request behind a pose was not answered"
-                )
-                codes = [it.get("code") for it in heard[before:] if it.get("type") == "error"]
-                trial.expect(
-                    codes == ([code] if code else []),
-                    ("another-error" if code else "refused") if codes else "no-error",
-                    f"images became {size[0]}×{size[1]}, and intrinsics for {shape[0]}×{shape[1]}"
-                    f" were answered by {show(codes) if codes else 'no error'}",
-                )
-            trial.delivered += 1
+def other(most: int) -> Callable[..., Cases]:
+    """So many sizes that images do not have; few, since each has its own memory."""
+    return lambda trial, *_: Cases(other_sizes(trial)[:most])
 
 
-@check("CAM-8", observable="the size in replies to get_camera_pose", needs=LENSES)
-def check_tells_lenses_for_the_size_now(trial: ServerTrial) -> None:
-    """A camera is asked for whenever images have become of another size."""
-    with resizing(trial) as client:
-        for size in trial.each(other_sizes(trial)[:3]):
-            changed(trial, client, size)
-            reply = trial.ask(client, {"type": "get_camera_pose", "cam_idx": 0, "id": 3}) or {}
-            told = tuple(within(reply, "intrinsics", name) for name in ("width", "height"))
-            trial.expect(
-                told == size,
-                "wrong-size",
-                f"images became {size[0]}×{size[1]}, and a camera is told with intrinsics for"
-                f" {show(told[0])}×{show(told[1])}",
-            )
-            trial.delivered += 1
-
-
-@check("CAM-3", observable="the tags of frames of either size", needs=RESIZES)
-def check_no_tag_comes_again_in_another_size(trial: ServerTrial) -> None:
-    """An image of a pose with a tag is shown; then images become of another size, and are of that
-    pose still.
-    """
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        for number, size in enumerate(trial.each(other_sizes(trial)[:3])):
-            tag = f"{TAG}, {number}"
-            capture.take(elsewhere(trial), None, tag=tag)
-            changed(trial, client, size)
-            packets = dealings_of(trial, capture.reader).init_packets
-            trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
-            frames = frames_of(trial, capture.reader)
-            now = whole(packets[-1].get("generation"))
-            trial.wait(lambda: frames[-1].get("generation") == now)  # noqa: B023
-            capture.take(elsewhere(trial), None)
-            tags = [within(frame, "camera", "tag") for frame in frames]
-            trial.expect(
-                tags.count(tag) <= 1,
-                "tag-twice",
-                f"the tag {tag!r} came {tags.count(tag)} times, since images became of another"
-                " size",
-            )
-            trial.delivered += 1
-
-
-@check("POS-7", observable="the camera of the first frame of another size", needs=RESIZES)
-def check_the_camera_stays_in_another_size(trial: ServerTrial) -> None:
-    """The camera is moved; then images become of another size, and nothing else is said."""
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        for size in trial.each(other_sizes(trial)[:3]):
-            wanted = elsewhere(trial)
-            capture.take(wanted, None)
-            frames = frames_of(trial, capture.reader)
-            before, former = len(frames), frames[-1]["generation"]
-            changed(trial, client, size)
-            trial.wait(lambda: frames[-1]["generation"] != former)  # noqa: B023
-            later = [frame for frame in frames[before:] if frame["generation"] != former]
-            if not later:
-                fell_silent(trial, capture.reader, "the server sent no image of the new size")
-            camera = camera_in(later[0])
-            shown = camera and camera.shows(camera_of(camera_pose(*wanted)))
-            trial.expect(
-                shown,
-                "another-camera",
-                f"the camera was put at {wanted}; then images became {size[0]}×{size[1]}, and the"
-                f" first of them is of one at {camera}",
-            )
-            capture.new()
-            trial.delivered += 1
-
-
-@check("REQ-4", observable="the size that all are told", needs=RESIZES)
-def check_tells_everybody_of_the_newest_size(trial: ServerTrial) -> None:
-    """Clients of 1.0 and 1.1 ask for the size before images get another, and again afterwards."""
-    with resizing(trial) as client:
-        others = [further(trial, client), trial.dial("msg")]
-        trial.require_all(client, *others)
-        for size in trial.each(other_sizes(trial)[:2]):
-            changed(trial, client, size)
-            for other in others:
-                told: Json = trial.ask(other, VIEWPORT_REQUEST) or {}
-                now = told.get("viewport_size")
-                what = f"images have {size[0]}×{size[1]} now, and who asked before is told"
-                trial.expect(now in (list(size), [0, 0]), "wrong-size", f"{what} {show(now)}")
-            trial.delivered += 1
-
-
-@check("CHN-16", observable="every answer, and then the end of the stream", needs=RESIZES)
-def check_answers_behind_another_size_before_the_end(trial: ServerTrial) -> None:
-    """A `set_viewport`, whose reply takes a server time, many requests behind it in the same write,
-    and then the client's end of stream.
-    """
-    with resizing(trial):
-        for size in trial.each(other_sizes(trial)[:2]):
-            trial.peer.close_all()
-            client = trial.greeted("msg")
-            heard = dealings_of(trial, client).heard
-            before = len(heard)
-            request = {"type": "set_viewport", "width": size[0], "height": size[1], "id": 0}
-            asked = [request, *(VIEWPORT_REQUEST | {"id": n} for n in range(1, BEHIND))]
-            client.send(b"".join(packet(encode(each)) for each in asked))
-            client.end_stream()
-            closed = trial.ends(client, 2 * REINIT_SECONDS)
-            told = [it["id"] for it in heard[before:] if "id" in it]
-            what = f"{BEHIND} requests, of which the first is for another size, and the end"
-            trial.expect(
-                told == list(range(BEHIND)), "wrong-count", f"{len(told)} answers to {what}"
-            )
-            trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
-            trial.delivered += 1
-
-
-def _other_shapes(trial: ServerTrial) -> list[Size]:
+def of_another_shape(trial: ServerTrial, *_: object) -> Cases:
     """Sizes of another shape than images have."""
     found = [size for size in other_sizes(trial) if not same_shape(*trial.facts.size, size)]
     if not found:
         trial.not_observable("no other size has another shape than its images")
-    return found[:2]
+    return Cases(found[:2])
+
+
+class Sitting(NamedTuple):
+    """A client that changes the size, and one that reads frames."""
+
+    client: Connection
+    capture: FrameCapture
+
+
+@contextmanager
+def sitting(trial: ServerTrial) -> Iterator[Sitting]:
+    """Both connected; afterwards images have the size that they had before."""
+    with resizing(trial) as client:
+        yield Sitting(client, FrameCapture(trial))
+
+
+@check(
+    "CAM-6",
+    observable="the errors for intrinsics of either shape",
+    needs=LENSES,
+    given=resizing,
+    cases=of_another_shape,
+)
+def check_compares_shapes_with_the_size_now(
+    trial: ServerTrial, client: Connection, size: Size
+) -> None:
+    """Images become of another shape; then intrinsics of the shape that they had are refused, and
+    those of their own are not.
+    """
+    heard = trial.viewer.with_(client).heard
+    changed(trial, client, size)
+    for shape, code in ((trial.facts.size, "invalid_message"), (size, None)):
+        before = len(heard)
+        lens = lens_of(first_view(trial, 0.0), *shape, 1.25, 1.25, 0.0, 0.0)
+        trial.viewer.say(client, camera_pose(*elsewhere(trial)) | {"intrinsics": lens})
+        trial.expect(
+            answers(trial, client), "no-reply", "the request behind a pose was not answered"
+        )
+        codes = [it.get("code") for it in heard[before:] if it.get("type") == "error"]
+        trial.expect(
+            codes == ([code] if code else []),
+            ("another-error" if code else "refused") if codes else "no-error",
+            f"images became {size[0]}×{size[1]}, and intrinsics for {shape[0]}×{shape[1]} were"
+            f" answered by {show(codes) if codes else 'no error'}",
+        )
+    trial.delivered += 1
+
+
+@check(
+    "CAM-8",
+    observable="the size in replies to get_camera_pose",
+    needs=LENSES,
+    given=resizing,
+    cases=other(3),
+)
+def check_tells_lenses_for_the_size_now(trial: ServerTrial, client: Connection, size: Size) -> None:
+    """A camera is asked for whenever images have become of another size."""
+    changed(trial, client, size)
+    reply = trial.ask(client, {"type": "get_camera_pose", "cam_idx": 0, "id": 3}) or {}
+    told = tuple(within(reply, "intrinsics", name) for name in ("width", "height"))
+    trial.expect(
+        told == size,
+        "wrong-size",
+        f"images became {size[0]}×{size[1]}, and a camera is told with intrinsics for"
+        f" {show(told[0])}×{show(told[1])}",
+    )
+    trial.delivered += 1
+
+
+@check(
+    "CAM-3",
+    observable="the tags of frames of either size",
+    needs=RESIZES,
+    given=sitting,
+    cases=other(3),
+)
+def check_no_tag_comes_again_in_another_size(
+    trial: ServerTrial, given: Sitting, size: Size
+) -> None:
+    """An image of a pose with a tag is shown; then images become of another size, and are of that
+    pose still.
+    """
+    client, capture = given
+    tag = f"{TAG}, {size[0]}×{size[1]}"
+    capture.take(elsewhere(trial), None, tag=tag)
+    changed(trial, client, size)
+    packets = dealings_of(trial, capture.reader).init_packets
+    trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
+    frames = frames_of(trial, capture.reader)
+    now = whole(packets[-1].get("generation"))
+    trial.wait(lambda: frames[-1].get("generation") == now)
+    capture.take(elsewhere(trial), None)
+    tags = [within(frame, "camera", "tag") for frame in frames]
+    trial.expect(
+        tags.count(tag) <= 1,
+        "tag-twice",
+        f"the tag {tag!r} came {tags.count(tag)} times, since images became of another size",
+    )
+    trial.delivered += 1
+
+
+@check(
+    "POS-7",
+    observable="the camera of the first frame of another size",
+    needs=RESIZES,
+    given=sitting,
+    cases=other(3),
+)
+def check_the_camera_stays_in_another_size(trial: ServerTrial, given: Sitting, size: Size) -> None:
+    """The camera is moved; then images become of another size, and nothing else is said."""
+    client, capture = given
+    wanted = elsewhere(trial)
+    capture.take(wanted, None)
+    frames = frames_of(trial, capture.reader)
+    before, former = len(frames), frames[-1]["generation"]
+    changed(trial, client, size)
+    trial.wait(lambda: frames[-1]["generation"] != former)
+    later = [frame for frame in frames[before:] if frame["generation"] != former]
+    if not later:
+        fell_silent(trial, capture.reader, "the server sent no image of the new size")
+    camera = camera_in(later[0])
+    shown = camera and camera.shows(camera_of(camera_pose(*wanted)))
+    trial.expect(
+        shown,
+        "another-camera",
+        f"the camera was put at {wanted}; then images became {size[0]}×{size[1]}, and the first of"
+        f" them is of one at {camera}",
+    )
+    capture.new()
+    trial.delivered += 1
+
+
+@contextmanager
+def everybody(trial: ServerTrial) -> Iterator[list[Connection]]:
+    """Clients of 1.1 and 1.0, the first of which changes the size; all have been answered."""
+    with resizing(trial) as client:
+        clients = [client, further(trial, client), trial.dial("msg")]
+        trial.require_all(*clients)
+        yield clients
+
+
+@check(
+    "REQ-4",
+    observable="the size that all are told",
+    needs=RESIZES,
+    given=everybody,
+    cases=other(2),
+)
+def check_tells_everybody_of_the_newest_size(
+    trial: ServerTrial, clients: list[Connection], size: Size
+) -> None:
+    """Clients of 1.0 and 1.1 ask for the size before images get another, and again afterwards."""
+    client, *others = clients
+    changed(trial, client, size)
+    for each in others:
+        told: Json = trial.ask(each, VIEWPORT_REQUEST) or {}
+        now = told.get("viewport_size")
+        what = f"images have {size[0]}×{size[1]} now, and who asked before is told"
+        trial.expect(now in (list(size), [0, 0]), "wrong-size", f"{what} {show(now)}")
+    trial.delivered += 1
+
+
+@check(
+    "CHN-16",
+    observable="every answer, and then the end of the stream",
+    needs=RESIZES,
+    given=resizing,
+    cases=other(2),
+)
+def check_answers_behind_another_size_before_the_end(
+    trial: ServerTrial, _: Connection, size: Size
+) -> None:
+    """A `set_viewport`, whose reply takes a server time, many requests behind it in the same write,
+    and then the client's end of stream.
+    """
+    trial.peer.close_all()
+    client = trial.greeted("msg")
+    heard = dealings_of(trial, client).heard
+    before = len(heard)
+    request = {"type": "set_viewport", "width": size[0], "height": size[1], "id": 0}
+    asked = [request, *(VIEWPORT_REQUEST | {"id": n} for n in range(1, BEHIND))]
+    client.send(b"".join(packet(encode(each)) for each in asked))
+    client.end_stream()
+    closed = trial.ends(client, 2 * REINIT_SECONDS)
+    told = [it["id"] for it in heard[before:] if "id" in it]
+    what = f"{BEHIND} requests, of which the first is for another size, and the end"
+    trial.expect(told == list(range(BEHIND)), "wrong-count", f"{len(told)} answers to {what}")
+    trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
+    trial.delivered += 1
