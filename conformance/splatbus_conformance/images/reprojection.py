@@ -56,6 +56,7 @@ class ViewPair(NamedTuple):
 class Misreading(NamedTuple):
     """What the numbers of a frame may have been taken for."""
 
+    code: str
     words: str
     """Completes "the images fit …"."""
     pose: Callable[[DepthView], Rigid] = lambda view: view.camera.pose
@@ -109,7 +110,7 @@ def explain(pairs: Iterable[ViewPair], readings: Sequence[Misreading]) -> NDArra
     return worst
 
 
-AS_SPECIFIED = Misreading("what the frames say")
+AS_SPECIFIED = Misreading("as-specified", "what the frames say")
 
 
 def _posed(change: Callable[[Rigid], Rigid]) -> Callable[[DepthView], Rigid]:
@@ -129,7 +130,9 @@ def _axes(world: Sequence[float], camera: Sequence[float]) -> Callable[[DepthVie
 
 def _scaled(factor: float) -> Misreading:
     return Misreading(
-        f"depths of which {1 / factor:g} make a scene unit", depth=lambda view: view.depth * factor
+        "depths-scaled",
+        f"depths of which {1 / factor:g} make a scene unit",
+        depth=lambda view: view.depth * factor,
     )
 
 
@@ -147,52 +150,80 @@ def _inverse(view: DepthView) -> Reals:
 
 QUATERNIONS = (
     Misreading(
+        "rotation-read-w-first",
         "a camera whose rotation was read as w, x, y, z",
         _turned((1, 1.0), (2, 1.0), (3, 1.0), (0, 1.0)),
     ),
     Misreading(
+        "rotation-sent-w-first",
         "a camera whose rotation was taken for x, y, z, w when it was w, x, y, z",
         _turned((3, 1.0), (0, 1.0), (1, 1.0), (2, 1.0)),
     ),
     Misreading(
+        "rotation-inverted",
         "a camera whose rotation is the inverse, as of a JPL quaternion",
         _turned((0, -1.0), (1, -1.0), (2, -1.0), (3, 1.0)),
     ),
 )
 POSES = (
-    Misreading("a pose that was taken for world-to-camera", _posed(Rigid.inverse)),
     Misreading(
-        "a camera in OpenGL's axes, with y up and looking along −z", _axes((1, 1, 1), (1, -1, -1))
+        "world-to-camera", "a pose that was taken for world-to-camera", _posed(Rigid.inverse)
     ),
-    Misreading("a pose in Unity's axes, with y up", _axes((1, -1, 1), (1, -1, 1))),
+    Misreading(
+        "axes-of-opengl",
+        "a camera in OpenGL's axes, with y up and looking along −z",
+        _axes((1, 1, 1), (1, -1, -1)),
+    ),
+    Misreading("axes-of-unity", "a pose in Unity's axes, with y up", _axes((1, -1, 1), (1, -1, 1))),
 )
-MIRRORED = Misreading("rows stored top-down", depth=lambda view: view.depth[::-1])
+MIRRORED = Misreading("rows-top-down", "rows stored top-down", depth=lambda view: view.depth[::-1])
 """Of a scene that nobody knows, images with these rows and a pose in Unity's axes are the same."""
 ROWS = (
     MIRRORED,
-    Misreading("columns stored from right to left", depth=lambda view: view.depth[:, ::-1]),
-    Misreading("images turned by 180 degrees", depth=lambda view: view.depth[::-1, ::-1]),
+    Misreading(
+        "columns-from-the-right",
+        "columns stored from right to left",
+        depth=lambda view: view.depth[:, ::-1],
+    ),
+    Misreading(
+        "images-turned", "images turned by 180 degrees", depth=lambda view: view.depth[::-1, ::-1]
+    ),
 )
 DEPTHS = (
-    Misreading("distances along the ray instead of planar depths", depth=_planar),
-    Misreading("inverse depths", depth=_inverse),
+    Misreading("ray-distances", "distances along the ray instead of planar depths", depth=_planar),
+    Misreading("inverse-depths", "inverse depths", depth=_inverse),
     *(_scaled(factor) for factor in (1e-3, 1e-2, 0.1, 0.3048, 0.5, 2.0, 10.0, 100.0, 1e3)),
 )
 MOMENTS = (
-    Misreading("the camera before, which is not the one that their frame names", still=True),
-    Misreading("a camera whose position is not applied", _posed(lambda pose: Rigid(pose.rotation))),
     Misreading(
+        "former-camera",
+        "the camera before, which is not the one that their frame names",
+        still=True,
+    ),
+    Misreading(
+        "position-not-applied",
+        "a camera whose position is not applied",
+        _posed(lambda pose: Rigid(pose.rotation)),
+    ),
+    Misreading(
+        "rotation-not-applied",
         "a camera whose rotation is not applied",
         _posed(lambda pose: Rigid(position=pose.position)),
     ),
 )
 SCENES = (
-    Misreading("a scene that did not move at all", scene=lambda moved: Rigid()),
-    Misreading("a scene moved by the inverse of the pose", scene=Rigid.inverse),
+    Misreading("scene-unmoved", "a scene that did not move at all", scene=lambda moved: Rigid()),
+    Misreading("scene-moved-back", "a scene moved by the inverse of the pose", scene=Rigid.inverse),
     Misreading(
-        "a scene that was moved, but not turned", scene=lambda moved: Rigid(position=moved.position)
+        "scene-not-turned",
+        "a scene that was moved, but not turned",
+        scene=lambda moved: Rigid(position=moved.position),
     ),
-    Misreading("a scene that was turned, but not moved", scene=lambda moved: Rigid(moved.rotation)),
+    Misreading(
+        "scene-not-moved",
+        "a scene that was turned, but not moved",
+        scene=lambda moved: Rigid(moved.rotation),
+    ),
 )
 EVERY = (AS_SPECIFIED, *QUATERNIONS, *POSES, *ROWS, *DEPTHS, *MOMENTS)
 

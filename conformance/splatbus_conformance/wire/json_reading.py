@@ -29,6 +29,7 @@ class PayloadFault(NamedTuple):
     """One way in which a payload breaks a requirement."""
 
     requirement: str
+    code: str
     text: str
     pointer: str = ""
     """JSON Pointer to the fault, where it has a place in the message."""
@@ -95,34 +96,48 @@ def _read_closely(payload: bytes) -> ReadPayload:
     """Read one payload as `read` does, and find every fault."""
     faults: list[PayloadFault] = []
     if payload.startswith(b"\xef\xbb\xbf"):
-        faults.append(PayloadFault("JSN-2", "the payload begins with a byte-order mark"))
+        faults.append(
+            PayloadFault("JSN-2", "byte-order-mark", "the payload begins with a byte-order mark")
+        )
         payload = payload[3:]
     try:
         text = payload.decode("utf-8")
     except UnicodeDecodeError as error:
-        fault = PayloadFault("JSN-1", f"byte {error.start} of the payload is not UTF-8")
+        fault = PayloadFault(
+            "JSN-1", "not-utf-8", f"byte {error.start} of the payload is not UTF-8"
+        )
         return ReadPayload(None, (*faults, fault))
     deepest: int = LIMITS["max_json_depth"]
     # Counting brackets is cheap, and nearly every text has too few of them to be nested too deep.
     if text.count("{") + text.count("[") > deepest and (depth := nesting(text)) > deepest:
-        return ReadPayload(None, (*faults, PayloadFault("JSN-5", f"nested {depth} deep")))
+        return ReadPayload(
+            None, (*faults, PayloadFault("JSN-5", "too-deep", f"nested {depth} deep"))
+        )
 
     def members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         for name, times in Counter(name for name, _ in pairs).items():
             if times > 1:
                 faults.append(
-                    PayloadFault("JSN-3", f"the member {shorten(repr(name))} stands {times} times")
+                    PayloadFault(
+                        "JSN-3",
+                        "member-twice",
+                        f"the member {shorten(repr(name))} stands {times} times",
+                    )
                 )
         return dict(pairs)
 
     def constant(spelling: str) -> float:
-        faults.append(PayloadFault("JSN-4", f"{spelling} is no JSON number"))
+        faults.append(PayloadFault("JSN-4", "not-finite", f"{spelling} is no JSON number"))
         return math.nan
 
     def number(spelling: str) -> int | float:
         value = spelled(spelling)
         if not math.isfinite(value):
-            faults.append(PayloadFault("JSN-4", f"{shorten(spelling)} overflows double precision"))
+            faults.append(
+                PayloadFault(
+                    "JSN-4", "overflows", f"{shorten(spelling)} overflows double precision"
+                )
+            )
         return value
 
     try:
@@ -134,15 +149,20 @@ def _read_closely(payload: bytes) -> ReadPayload:
             parse_int=number,
         )
     except ValueError as error:
-        return ReadPayload(None, (*faults, PayloadFault("JSN-1", f"no JSON: {error}")))
+        return ReadPayload(None, (*faults, PayloadFault("JSN-1", "no-json", f"no JSON: {error}")))
     if "\\u" in text and any(_HALF_A_PAIR.search(each) for each in _strings(value)):
         faults.append(
-            PayloadFault("JSN-1", "a string holds an escape of half a pair of surrogates")
+            PayloadFault(
+                "JSN-1",
+                "half-a-surrogate-pair",
+                "a string holds an escape of half a pair of surrogates",
+            )
         )
     if not isinstance(value, dict):
         kind = type(value).__name__
         return ReadPayload(
-            None, (*faults, PayloadFault("JSN-1", f"the payload is a {kind}, no object"))
+            None,
+            (*faults, PayloadFault("JSN-1", "no-object", f"the payload is a {kind}, no object")),
         )
     return ReadPayload(value, tuple(faults))
 
@@ -185,7 +205,7 @@ def take_numbers(value: dict[str, Any], shape: Shape) -> ReadPayload:
         return ReadPayload(value, ())
     pointer, spelling = found[0]
     text = f'numbers written as strings: {len(found)}, the first "{shorten(spelling)}"'
-    return ReadPayload(taken, (PayloadFault("JSN-4", text, pointer),))
+    return ReadPayload(taken, (PayloadFault("JSN-4", "number-as-string", text, pointer),))
 
 
 def spelled(spelling: str) -> int | float:

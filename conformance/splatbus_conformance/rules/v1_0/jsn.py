@@ -5,14 +5,7 @@ from collections.abc import Iterator
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
 from splatbus_conformance.wire.conversation import Conversation
 
-TEXT = {
-    "JSN-1": "not-a-json-object",
-    "JSN-2": "byte-order-mark",
-    "JSN-3": "member-twice",
-    "JSN-4": "not-finite",
-    "JSN-5": "too-deep",
-}
-"""The requirements on the text, and the code of a breach of each."""
+TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5")
 
 
 @rule(*TEXT)
@@ -21,8 +14,8 @@ def one_strict_object(conversation: Conversation) -> Iterator[Sighting]:
     kept = tuple(Judgement(name) for name in TEXT)
     for message in conversation.messages:
         found = [
-            Judgement(name, Breach(TEXT[name], text), pointer)
-            for name, text, pointer in message.faults
+            Judgement(name, Breach(code, text), pointer)
+            for name, code, text, pointer in message.faults
         ]
         yield from judged(
             conversation, message, [*found, *kept] if message.value is not None else found

@@ -104,6 +104,8 @@ class SurveyFinding(NamedTuple):
 
     broken: str = ""
     silent: str = ""
+    code: str = ""
+    """Of what it is broken by."""
 
 
 def judge_readings(trial: ServerTrial, wrong: Sequence[Misreading], *scales: float) -> None:
@@ -118,7 +120,7 @@ def judge_readings(trial: ServerTrial, wrong: Sequence[Misreading], *scales: flo
         finding = _weigh(trial, taken, wrong)
         if finding.broken:
             _expect_still(trial, taken)
-            trial.violated("misrendered", finding.broken)
+            trial.violated(finding.code, finding.broken)
         if not finding.silent:
             return
         silent.append(finding.silent)
@@ -158,7 +160,8 @@ def _weigh(
     return SurveyFinding(
         f"the images fit {_either([guilty.words, *(it.words for it in found if it != guilty)])}:"
         f" {best:.0%} of the points of one image are where another one has them by that,"
-        f" and {right:.0%} by what the frames say"
+        f" and {right:.0%} by what the frames say",
+        code=guilty.code,
     )
 
 

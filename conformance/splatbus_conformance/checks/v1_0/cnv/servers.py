@@ -140,10 +140,10 @@ def check_the_newest_scene_is_shown(trial: ServerTrial) -> None:
         )
     if not alike(capture.take(Pose(*first.pose)), first):
         trial.not_observable("the scene moves by itself, or had been moved before")
-    words = SCENES[int(shares[1:].argmax())].words
+    likeliest = SCENES[int(shares[1:].argmax())]
     trial.violated(
-        "misrendered",
-        f"the images fit {words}: {best:.0%} of the points, and {right:.0%} if it was",
+        likeliest.code,
+        f"the images fit {likeliest.words}: {best:.0%} of the points, and {right:.0%} if it was",
     )
 
 

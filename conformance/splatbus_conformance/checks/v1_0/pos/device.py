@@ -136,7 +136,7 @@ def judge_readings(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
             read = photograph._replace(camera=it.lens._replace(pose=each.pose(view)))
             for scene in (STILL, ObjectPlacement(each.pose(rest))):
                 fits = shows_the_scene(read, SceneState(scene))
-                trial.expect(not fits, "misrendered", f"the images fit {each.words}")
+                trial.expect(not fits, each.code, f"the images fit {each.words}")
         trial.not_observable(f"the image of a camera at {ASKEW} is none of it, and fits nothing")
 
 

@@ -59,21 +59,21 @@ def inverse(rotation: Any, position: Any) -> Any:
 # Rows and depth
 
 
-@mutant("BUF-1", check="check_rows_are_bottom_up", code="misrendered")
+@mutant("BUF-1", check="check_rows_are_bottom_up", code="rows-top-down")
 def server_stores_rows_top_down(patch: Patch) -> None:
     """Stores the top row of the image first."""
     for channel in ("color", "depth"):
         stored(patch, channel, lambda slot: np.copyto(slot, slot[::-1].copy()))
 
 
-@mutant("BUF-1", check="check_rows_are_bottom_up", code="misrendered")
+@mutant("BUF-1", check="check_rows_are_bottom_up", code="columns-from-the-right")
 def server_stores_columns_from_the_right(patch: Patch) -> None:
     """Stores the right column of the image first."""
     for channel in ("color", "depth"):
         stored(patch, channel, lambda slot: np.copyto(slot, slot[:, ::-1].copy()))
 
 
-@mutant("BUF-6", check="check_depth_is_planar", code="misrendered")
+@mutant("BUF-6", check="check_depth_is_planar", code="ray-distances")
 def server_stores_distances_along_the_ray(patch: Patch) -> None:
     """Stores how far a surface is from the camera's centre."""
 
@@ -85,13 +85,13 @@ def server_stores_distances_along_the_ray(patch: Patch) -> None:
     depths(patch, distances)
 
 
-@mutant("BUF-6", check="check_depth_is_planar", code="misrendered")
+@mutant("BUF-6", check="check_depth_is_planar", code="depths-scaled")
 def server_stores_depth_in_hundredths(patch: Patch) -> None:
     """Stores depth in centimetres, and poses are in metres."""
     depths(patch, lambda depth, camera: 100.0 * depth)
 
 
-@mutant("BUF-6", check="check_depth_is_planar", code="misrendered")
+@mutant("BUF-6", check="check_depth_is_planar", code="inverse-depths")
 def server_stores_inverse_depth(patch: Patch) -> None:
     """Stores 1/z where there is a surface."""
     depths(patch, lambda depth, camera: np.where(np.isfinite(depth), 1.0 / depth, np.inf))
@@ -100,7 +100,7 @@ def server_stores_inverse_depth(patch: Patch) -> None:
 # Poses
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", code="misrendered")
+@mutant("CNV-1", check="check_poses_are_camera_to_world", code="world-to-camera")
 def server_takes_poses_for_world_to_camera(patch: Patch) -> None:
     """Renders with the inverse of the pose that was sent."""
 
@@ -111,7 +111,7 @@ def server_takes_poses_for_world_to_camera(patch: Patch) -> None:
     cameras(patch, turned_round)
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", code="misrendered")
+@mutant("CNV-1", check="check_poses_are_camera_to_world", code="axes-of-opengl")
 def server_looks_along_minus_z(patch: Patch) -> None:
     """Takes the rotation for that of a camera with y up that looks backward."""
     back = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -152,13 +152,13 @@ def server_tells_cameras_as_world_to_camera(patch: Patch) -> None:
     messages(patch, told)
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="misrendered")
+@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="rotation-read-w-first")
 def server_reads_the_scalar_first(patch: Patch) -> None:
     """Takes the first number of a rotation for its scalar."""
     rotations(patch, lambda q: (q[1], q[2], q[3], q[0]))
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="misrendered")
+@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="rotation-inverted")
 def server_reads_jpl_quaternions(patch: Patch) -> None:
     """Turns the camera the other way round."""
     rotations(patch, lambda q: (-q[0], -q[1], -q[2], q[3]))
@@ -191,7 +191,7 @@ def server_tells_the_scalar_first(patch: Patch) -> None:
 # Which pose, and when
 
 
-@mutant("IMG-5", check="check_images_are_of_the_camera_that_is_named", code="misrendered")
+@mutant("IMG-5", check="check_images_are_of_the_camera_that_is_named", code="former-camera")
 def server_renders_the_first_camera_only(patch: Patch) -> None:
     """Names every camera that it is sent, and stays where it was."""
     still: list[Any] = []
@@ -267,13 +267,13 @@ def server_takes_the_first_of_many_poses(patch: Patch) -> None:
     wrap(patch, Control, "move", move)
 
 
-@mutant("POS-7", check="check_the_newest_scene_is_shown", code="misrendered")
+@mutant("POS-7", check="check_the_newest_scene_is_shown", code="scene-unmoved")
 def server_leaves_the_scene_where_it_is(patch: Patch) -> None:
     """Renders the Gaussians where they always were."""
     patch.setattr(demo, "_object_pose", lambda view, angle: ObjectPose())
 
 
-@mutant("POS-7", check="check_the_newest_scene_is_shown", code="misrendered")
+@mutant("POS-7", check="check_the_newest_scene_is_shown", code="scene-not-turned")
 def server_does_not_turn_the_scene(patch: Patch) -> None:
     """Takes the position of the Gaussians, and leaves out their rotation."""
     wrap(
@@ -284,7 +284,7 @@ def server_does_not_turn_the_scene(patch: Patch) -> None:
     )
 
 
-@mutant("POS-7", check="check_the_newest_scene_is_shown", code="misrendered")
+@mutant("POS-7", check="check_the_newest_scene_is_shown", code="scene-moved-back")
 def server_moves_the_scene_by_the_inverse(patch: Patch) -> None:
     """Takes the pose of the Gaussians for world-to-object."""
 

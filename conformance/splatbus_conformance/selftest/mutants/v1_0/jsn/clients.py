@@ -12,37 +12,37 @@ NUMBER = re.compile(rb"(?<=:)-?[0-9][0-9.e-]*")
 ID = re.compile(rb'(?<="id":)[0-9]+')
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="no-object")
 def poses_in_an_array(patch: Patch) -> None:
     """Sends each pose as an array of one object."""
     payloads(patch, in_poses(lambda payload: b"[" + payload + b"]"))
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="not-utf-8")
 def text_in_latin_1(patch: Patch) -> None:
     """Encodes text as Latin-1."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + ',"note":"für"}'.encode("latin-1")))
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="no-json")
 def single_quotes(patch: Patch) -> None:
     """Quotes with apostrophes."""
     payloads(patch, in_poses(lambda payload: payload.replace(b'"', b"'")))
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="no-json")
 def trailing_comma(patch: Patch) -> None:
     """Writes a comma after the last member."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b",}"))
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="no-json")
 def two_objects_in_a_payload(patch: Patch) -> None:
     """Puts two poses into one payload."""
     payloads(patch, in_poses(lambda payload: payload + payload))
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="no-json")
 def zero_byte_after_the_text(patch: Patch) -> None:
     """Sends the terminating zero of a C string."""
     payloads(patch, in_poses(lambda payload: payload + b"\0"))
@@ -78,13 +78,13 @@ def minus_infinity(patch: Patch) -> None:
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":-Infinity}'))
 
 
-@mutant("JSN-4", code="not-finite")
+@mutant("JSN-4", code="overflows")
 def number_that_overflows(patch: Patch) -> None:
     """Sends a number beyond double precision."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":1e400}'))
 
 
-@mutant("JSN-4", code="not-finite")
+@mutant("JSN-4", code="overflows")
 def id_that_overflows(patch: Patch) -> None:
     """Numbers its requests beyond double precision."""
     payloads(patch, lambda payload: ID.sub(b"1e400", payload))
@@ -97,14 +97,14 @@ def deep_nesting(patch: Patch) -> None:
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"tree":' + nested + b"}"))
 
 
-@mutant("JSN-4", check="check_writes_numbers_once_it_has_images", code="not-a-number")
+@mutant("JSN-4", check="check_writes_numbers_once_it_has_images", code="number-as-string")
 def numbers_as_strings_in_1_0(patch: Patch) -> None:
     """Speaks 1.0, and writes the numbers of a pose as strings."""
     speaks_1_0(patch)
     numbers_as_strings(patch)
 
 
-@mutant("JSN-4", code="not-finite")
+@mutant("JSN-4", code="number-as-string")
 def numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of a pose as strings."""
     payloads(patch, in_poses(lambda payload: NUMBER.sub(rb'"\g<0>"', payload)))

@@ -29,7 +29,7 @@ def trusts_its_scene(patch: Patch) -> None:
     patch.setattr(api, "_checked", lambda scene: scene)
 
 
-@mutant("JSN-1", code="not-a-json-object")
+@mutant("JSN-1", code="no-json")
 def server_writes_a_trailing_comma(patch: Patch) -> None:
     """Writes a comma after the last member."""
     trusts_its_scene(patch)
@@ -50,14 +50,14 @@ def server_writes_the_size_twice(patch: Patch) -> None:
     payloads(patch, lambda payload: payload.replace(size, size + b"," + size))
 
 
-@mutant("JSN-4", code="not-finite", through="REQ-7")
+@mutant("JSN-4", code="number-as-string", through="REQ-7")
 def server_writes_numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of positions as strings."""
     zeros = b'"position":[0.0,0.0,0.0]'
     payloads(patch, lambda payload: payload.replace(zeros, zeros.replace(b"0.0", b'"0.0"')))
 
 
-@mutant("JSN-4", code="not-finite", through="CHN-12")
+@mutant("JSN-4", code="overflows", through="CHN-12")
 def server_counts_generations_too_far(patch: Patch) -> None:
     """Numbers its memory beyond double precision."""
     payloads(patch, lambda payload: GENERATION.sub(b"1e400", payload))
