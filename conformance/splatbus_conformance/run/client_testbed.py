@@ -25,6 +25,7 @@ from splatbus_conformance.trials.testee.process import (
     Testee,
     not_met,
 )
+from splatbus_conformance.trials.trial import Stand
 from splatbus_conformance.wire.messages import init_packet_1_1
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
 
@@ -93,16 +94,8 @@ class ClientTestbed:
         """A trial with fresh connections, on both channels, and a fresh role."""
         for channel in CHANNELS:
             self.peer.listen(channel)
-        return ClientTrial(
-            requirement,
-            self.peer,
-            self._role(),
-            self.testee,
-            self.facts,
-            self.plan.patience,
-            self.stand_in,
-            self.device,
-        )
+        stand = Stand(self.peer, self.testee, self.plan.patience, self.stand_in, self.device)
+        return ClientTrial(requirement, stand, self._role(), self.facts)
 
     def close(self) -> None:
         """End the client, close the ports, remove the memory."""

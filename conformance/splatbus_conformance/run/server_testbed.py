@@ -16,7 +16,7 @@ from splatbus_conformance.trials.testee.device_probe import (
 )
 from splatbus_conformance.trials.testee.process import Awaited, Launched, Say, not_met
 from splatbus_conformance.trials.testee.server_probe import ServerFacts, introduce, reach
-from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, Stand
 from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
 
@@ -62,16 +62,8 @@ class ServerTestbed:
 
     def trial(self, requirement: Requirement) -> ServerTrial:
         """A trial with fresh connections and a fresh viewer."""
-        return ServerTrial(
-            requirement,
-            self.peer,
-            self._new_viewer(),
-            self.testee,
-            self.facts,
-            self._patience,
-            self.stand_in,
-            self.device,
-        )
+        stand = Stand(self.peer, self.testee, self._patience, self.stand_in, self.device)
+        return ServerTrial(requirement, stand, self._new_viewer(), self.facts)
 
     def meet_again(self, facts: ServerFacts) -> None:
         """Meet another instance of a server that was met, as it was then. Raises NoVerdict."""

@@ -5,9 +5,7 @@ from typing import Any, ClassVar
 
 from splatbus_schemas.requirements import Requirement
 
-from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
-from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.returning import (
@@ -20,12 +18,17 @@ from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
 from splatbus_conformance.trials.testee.probe_advice import NAMES, does_not_come
-from splatbus_conformance.trials.testee.process import Testee
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, LostSign, Trial
+from splatbus_conformance.trials.trial import (
+    EFFECT_SECONDS,
+    REACTION_SECONDS,
+    LostSign,
+    Stand,
+    Trial,
+)
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
-from splatbus_conformance.wire.sockets import Connection, Peer
+from splatbus_conformance.wire.sockets import Connection
 
 MANY_CONNECTIONS = 6
 """From which on the quick profile delivers only what it has to."""
@@ -39,23 +42,15 @@ class ClientTrial(Trial):
     side: ClassVar[Side] = "client"
 
     def __init__(
-        self,
-        requirement: Requirement,
-        peer: Peer,
-        role: ScriptedServer,
-        testee: Testee,
-        facts: ClientFacts,
-        patience: float,
-        stand_in: StandIn | None = None,
-        device: Device | None = None,
+        self, requirement: Requirement, stand: Stand, role: ScriptedServer, facts: ClientFacts
     ) -> None:
-        super().__init__(requirement, peer, testee, patience, stand_in, device)
-        self._calls_before = len(stand_in.calls()) if stand_in else 0
+        super().__init__(requirement, stand)
+        self._calls_before = len(self.stand_in.calls()) if self.stand_in else 0
         self.role = role
         self.facts = facts
         self._used: set[Connection] = set()
-        peer.on_open = role.on_open
-        peer.on_packet = role.on_packet
+        self.peer.on_open = role.on_open
+        self.peer.on_packet = role.on_packet
 
     def affords(self) -> bool:
         """In the quick profile not, once the testee needs many connections.

@@ -7,20 +7,24 @@ from typing import ClassVar
 
 from splatbus_schemas.requirements import Requirement
 
-from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
-from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import controls
 from splatbus_conformance.trials.scripted_client import ScriptedClient
-from splatbus_conformance.trials.testee.process import Launched, Testee
+from splatbus_conformance.trials.testee.process import Launched
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS, ServerFacts, reach
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, LostSign, Trial
+from splatbus_conformance.trials.trial import (
+    EFFECT_SECONDS,
+    REACTION_SECONDS,
+    LostSign,
+    Stand,
+    Trial,
+)
 from splatbus_conformance.wire.json_values import finites, within
 from splatbus_conformance.wire.message_kinds import REPLIES
 from splatbus_conformance.wire.messages import Json, camera_pose
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
-from splatbus_conformance.wire.sockets import Connection, Peer
+from splatbus_conformance.wire.sockets import Connection
 
 STEP = 2.0**-4
 """How far apart the places are where a trial poses the camera, in scene units."""
@@ -36,21 +40,13 @@ class ServerTrial(Trial):
     side: ClassVar[Side] = "server"
 
     def __init__(
-        self,
-        requirement: Requirement,
-        peer: Peer,
-        viewer: ScriptedClient,
-        testee: Testee,
-        facts: ServerFacts,
-        patience: float,
-        stand_in: StandIn | None = None,
-        device: Device | None = None,
+        self, requirement: Requirement, stand: Stand, viewer: ScriptedClient, facts: ServerFacts
     ) -> None:
-        super().__init__(requirement, peer, testee, patience, stand_in, device)
+        super().__init__(requirement, stand)
         self.viewer = viewer
         self.facts = facts
-        peer.on_open = viewer.on_open
-        peer.on_packet = viewer.on_packet
+        self.peer.on_open = viewer.on_open
+        self.peer.on_packet = viewer.on_packet
         self._mover: Connection | None = None
         self._unheard = False
         """A connection was neither closed nor served."""

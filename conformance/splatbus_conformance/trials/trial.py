@@ -55,23 +55,22 @@ class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
         """Which of the ways to break it this is, for whoever looks for this one."""
 
 
+class Stand(NamedTuple):
+    """What stays from one check to the next."""
+
+    peer: Peer
+    testee: Testee
+    patience: float
+    stand_in: StandIn | None = None
+    device: Device | None = None
+
+
 class Trial:
     """What every check has in hand: the raw peer, the testee, and the judgement."""
 
-    def __init__(
-        self,
-        requirement: Requirement,
-        peer: Peer,
-        testee: Testee,
-        patience: float,
-        stand_in: StandIn | None = None,
-        device: Device | None = None,
-    ) -> None:
+    def __init__(self, requirement: Requirement, stand: Stand) -> None:
         self.requirement = requirement
-        self.peer = peer
-        self.testee = testee
-        self.patience = patience
-        self.stand_in, self.device = stand_in, device
+        self.peer, self.testee, self.patience, self.stand_in, self.device = stand
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
         self.purpose = requirement.id
@@ -95,7 +94,7 @@ class Trial:
         self._going_through = False
         self.before_last_case = 0
         """How many entries were on record when the last case was begun."""
-        peer.clear()
+        self.peer.clear()
 
     @property
     def thorough(self) -> bool:

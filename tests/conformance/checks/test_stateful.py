@@ -28,7 +28,7 @@ from splatbus_conformance.run.replay import replay, worked_out
 from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.selftest import mutants
 from splatbus_conformance.selftest.judge import PROGRAMS, USUAL
-from splatbus_conformance.trials.trial import Trial, Violation
+from splatbus_conformance.trials.trial import Stand, Trial, Violation
 from splatbus_schemas.requirements import requirements
 
 JUDGED = "CHN-19"
@@ -78,7 +78,7 @@ def trial(seed: int = 1) -> Trial:
     """A trial with nobody."""
     peer: Any = SimpleNamespace(clear=lambda: None, entries=[])
     testee: Any = SimpleNamespace(ended=lambda: None, stop=lambda: None, expendable=False)
-    made = Trial(requirements("1.1")[JUDGED], peer, testee, 1.0)
+    made = Trial(requirements("1.1")[JUDGED], Stand(peer, testee, 1.0))
     made.seed = seed
     return made
 

@@ -11,7 +11,7 @@ from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.process import Awaited, Launched
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
-from splatbus_conformance.trials.trial import Trial
+from splatbus_conformance.trials.trial import Stand, Trial
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.sockets import Peer
 from splatbus_schemas.requirements import requirements
@@ -23,7 +23,7 @@ SMALL = st.integers(0, 99)
 @pytest.fixture
 def trial():
     peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
-    yield Trial(requirements("1.1")["FRM-3"], peer, Awaited("nobody"), 1.0)
+    yield Trial(requirements("1.1")["FRM-3"], Stand(peer, Awaited("nobody"), 1.0))
     peer.close()
 
 
