@@ -267,6 +267,8 @@ class Trial:
         if outcome == "closes" and outcome not in acceptable:
             self.wait(self.fate, ENDING_SECONDS)
             outcome = self.fate() or outcome
+        if outcome == "hangs":  # the end of a process may be seen after that of its connections
+            outcome = self.fate() or outcome
         if outcome not in acceptable:
             self.violated(outcome, f"{what}: the testee {OUTCOME_WORDS.get(outcome, outcome)}")
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from splatbus_conformance.cases.script import Case
 from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.trials.testee.process import Awaited, Launched
+from splatbus_conformance.trials.testee.process import Awaited, Ended, Launched
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
-from splatbus_conformance.trials.trial import Stand, Trial
+from splatbus_conformance.trials.trial import Stand, Trial, Violation
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.sockets import Peer
 from splatbus_schemas.requirements import requirements
@@ -114,3 +114,10 @@ def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, 
     trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
     assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
     assert trial.delivered == 1
+
+
+def test_a_process_that_has_ended_does_not_hang(trial) -> None:
+    trial.testee.ended = lambda: Ended(-6, crashed=True)
+    with pytest.raises(Violation) as found:
+        trial.judge("hangs", "a frame")
+    assert found.value.code == "dies"
