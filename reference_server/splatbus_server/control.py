@@ -46,9 +46,9 @@ class Poses(NamedTuple):
             lens = self.intrinsics if message.intrinsics is None else message.intrinsics  # CAM-7
             return Poses(message.pose, self.objects, lens, self.time, message.tag, self.serial + 1)
         if isinstance(message, PointCloudPose):
-            return self._placed(Placement(DEFAULT_OBJECT, message.pose))  # OBJ-2
+            return self.placed(Placement(DEFAULT_OBJECT, message.pose))  # OBJ-2
         if isinstance(message, ObjectPose):
-            return self._placed(Placement(message.object, message.pose, message.scale))
+            return self.placed(Placement(message.object, message.pose, message.scale))
         return self._replace(time=message.time)
 
     def look_alike(self, other: Poses) -> bool:
@@ -71,7 +71,8 @@ class Poses(NamedTuple):
         """Those that are not at the identity with scale 1 [OBJ-7]."""
         return tuple(each for each in self.objects.values() if each[1:] != (IDENTITY, 1.0))
 
-    def _placed(self, placement: Placement) -> Poses:
+    def placed(self, placement: Placement) -> Poses:
+        """With one object elsewhere."""
         return self._replace(objects={**self.objects, placement.object: placement})
 
 
@@ -84,16 +85,16 @@ class Control:
 
     def __init__(self, poses: Poses) -> None:
         self.poses = poses
-        self._sent: dict[Hashable, dict[object, Steering]] = {}
+        self.sent: dict[Hashable, dict[object, Steering]] = {}
 
     @property
     def holder(self) -> Hashable | None:
         """The connection that has control; None if nobody has."""
-        return next(iter(self._sent), None)
+        return next(iter(self.sent), None)
 
     def move(self, connection: Hashable, message: Steering) -> bool:
         """Takes what is valid; False if another connection has control."""
-        newest, about = self._sent.setdefault(connection, {}), subject(message)
+        newest, about = self.sent.setdefault(connection, {}), subject(message)
         newest[about] = message = succeeding(newest.get(about), message)
         in_control = self.holder is connection
         if in_control:
@@ -107,10 +108,10 @@ class Control:
         it says nothing, camera and objects stay; intrinsics and time do not [CTL-3].
         """
         had_control = self.holder is connection
-        self._sent.pop(connection, None)
+        self.sent.pop(connection, None)
         if had_control:
             self.poses = self.poses._replace(intrinsics=None, time=None)
-            for message in next(iter(self._sent.values()), {}).values():
+            for message in next(iter(self.sent.values()), {}).values():
                 self.poses = self.poses.moved_by(message)
         return had_control
 
