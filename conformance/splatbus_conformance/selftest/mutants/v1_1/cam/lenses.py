@@ -7,13 +7,14 @@ from typing import Any
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control
 from splatbus_server.session import Session
+from splatbus_wire import from_client
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import Field
 from splatbus_wire.messages import CameraPose
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
-from splatbus_conformance.selftest.faults.seams import server, wire
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.cnv.servers import cameras
@@ -226,7 +227,7 @@ def read_without(patch: Patch, member: str) -> None:
     def less(message: Json) -> Json:
         return {name: value for name, value in message.items() if name != member}
 
-    read_again(patch, wire.POSE_OF_CAMERA, less)
+    read_again(patch, Seam(from_client, "pose_of_camera"), less)
 
 
 def read_again(patch: Patch, reader: Seam, repair: Callable[[Json], Json]) -> None:

@@ -175,7 +175,7 @@ def server_calls_rotations_messages(patch: Patch) -> None:
         patch,
         of_type(
             "error",
-            lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
+            lambda error: error | {"code": error["code"].replace("rotation", "message")},
         ),
     )
 
