@@ -77,6 +77,10 @@ class Connection:
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
+        is_of_1_0: `hello` has agreed on 1.0, which knows none [NEG-33].
+        reader: what was received, as packets.
+        hello_by: when `hello` has to have come; infinity if it need not [NEG-12].
+        linger_until: when the rest of a connection that ends is not waited for any more.
     """
 
     def __init__(self, channel: Channel, terms: Terms, now: float) -> None:

@@ -81,6 +81,7 @@ class Control:
 
     Attributes:
         poses: those to render with [POS-7].
+        sent: the newest of each kind, by connection; the first of these has control.
     """
 
     def __init__(self, poses: Poses) -> None:

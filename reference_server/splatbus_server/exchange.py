@@ -49,6 +49,9 @@ class Exchange:
         poses: what the next image is to show.
         newest: the image published last in that memory.
         replaced: memory that was published in before and is not freed yet, oldest first.
+        shown: what the image published last shows.
+        lock: guards all of these.
+        changed: notified when there may be something to render.
     """
 
     def __init__(

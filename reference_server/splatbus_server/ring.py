@@ -26,6 +26,10 @@ class Ring:
         newest: the image published last, if any.
         last_seq: number of the image published last, here or in the generation before, for numbers
             only grow on a connection [IMG-1].
+        clients: how many may hold a lease at a time.
+        writing: the slot that is being written, if any.
+        held: the lease of each client that has one.
+        seen: number of the image that each client was lent last, -1 for none.
     """
 
     def __init__(self, clients: int) -> None:

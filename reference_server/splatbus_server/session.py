@@ -74,6 +74,11 @@ class Session:
         deadline: the moment by which `catch_up` has something to do without any news.
         scene: what `get_scene` tells.
         viewport: has chores for another thread.
+        exchange: with the renderer.
+        control: who steers.
+        readers: what each client on the IPC channel was told and still has.
+        readings: telemetry from the renderer.
+        told_busy: who knows that it does not steer [CTL-2].
     """
 
     def __init__(

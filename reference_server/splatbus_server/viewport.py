@@ -50,6 +50,8 @@ class Viewport:
 
     Attributes:
         chores: to be done; whoever does them takes them off the list.
+        exchange: with the renderer.
+        change: the one under way.
     """
 
     def __init__(self, exchange: Exchange) -> None:

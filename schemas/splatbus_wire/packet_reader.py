@@ -20,6 +20,7 @@ class PacketReader:
     Attributes:
         deadline: when the packet that has begun has to be complete, in seconds of the caller's
             clock [FRM-5]; infinity while none has.
+        decoder: cuts what came into packets.
     """
 
     def __init__(self) -> None:

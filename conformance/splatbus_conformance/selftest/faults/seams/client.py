@@ -11,10 +11,15 @@ from splatbus_client.steering import Steering
 
 from splatbus_conformance.selftest.faults.seam import Seam
 
+# Either channel
+
 CONNECTS = Seam(Channel, "connect")
 LOSES_CONNECTION = Seam(Channel, "lose")
 FLUSHES = Seam(Channel, "flush")
 DELAYS_OF_ATTEMPTS = Seam(channel, "delays")
+
+# The IPC channel: what comes, then what is said
+
 BEGINS_ON_IPC = Seam(IpcProtocol, "__init__")
 RECEIVES_ON_IPC = Seam(IpcProtocol, "receive")
 DEADLINE_ON_IPC = Seam(IpcProtocol, "deadline")
@@ -30,6 +35,9 @@ SAYS_OPENED = Seam(IpcProtocol, "opened")
 SAYS_OPEN_FAILED = Seam(IpcProtocol, "open_failed")
 SAYS_CLOSED = Seam(IpcProtocol, "closed")
 RELEASES = Seam(IpcProtocol, "release")
+
+# The message channel
+
 RECEIVES_MESSAGES = Seam(MessageProtocol, "receive")
 READS_MESSAGE = Seam(message_protocol, "decode_from_server_message")
 TAKES_PAYLOAD = Seam(MessageProtocol, "on_payload")
@@ -40,6 +48,9 @@ ASKS = Seam(MessageProtocol, "ask")
 CUTS_TO_WHAT_WAS_AGREED = Seam(message_protocol, "permitted")
 BEGINS_TO_STEER = Seam(Steering, "begin")
 SENDS_CAMERA = Seam(Session, "send_camera")
+
+# Images
+
 CAPABILITIES_ON_IPC = Seam(reading, "CAPABILITIES")
 IS_LENT_FRAME = Seam(Reading, "take_frame")
 OPENS_MEMORY = Seam(reading, "HostImages")

@@ -24,6 +24,8 @@ from splatbus_server.viewport import Viewport
 
 from splatbus_conformance.selftest.faults.seam import Seam
 
+# One connection: bytes in, events and bytes out
+
 BEGINS_CONNECTION = Seam(Connection, "__init__")
 RECEIVES = Seam(Connection, "receive")
 NEXT_EVENT = Seam(Connection, "next_event")
@@ -36,6 +38,9 @@ SENDS_ERROR = Seam(Connection, "send_error")
 SENDS = Seam(Connection, "send")
 GOES_ON = Seam(Connection, "go_on")
 ENDS_CONNECTION = Seam(Connection, "end")
+
+# The sockets of all
+
 LISTENS = Seam(api, "listen")
 IS_LOOPBACK = Seam(settings, "is_loopback")
 MOST_CONNECTIONS = Seam(service, "MOST_CONNECTIONS")
@@ -43,6 +48,9 @@ ACCEPTS_CLIENT = Seam(Service, "accept")
 TAKES_BYTES = Seam(Service, "take")
 FLUSHES = Seam(Service, "flush")
 DROPS_CLIENT = Seam(Service, "drop")
+
+# What messages do
+
 CAPABILITIES_ON_IPC = Seam(api, "CAPABILITIES")
 CAPABILITIES_OF_MESSAGES = Seam(api, "MESSAGE_CAPABILITIES")
 HANDLES_MESSAGE = Seam(Session, "handle")
@@ -53,21 +61,31 @@ HEARS_OF_MEMORY = Seam(Session, "take_answer")
 LENDS_IMAGE = Seam(Session, "lend")
 TAKES_IMAGE_BACK = Seam(Session, "release")
 TAKES_SUBSCRIPTION = Seam(Session, "subscribe")
+TAKES_TELEMETRY_SUBSCRIPTION = Seam(Readings, "subscribe")
 TAKES_POSE = Seam(Session, "move")
 FORGETS_CLIENT = Seam(Session, "leave")
 HINDERS_OTHER_SIZE = Seam(Session, "hindrance")
 BEGINS_OTHER_SIZE = Seam(Viewport, "set")
 SIZE_IN_REPLY = Seam(viewport, "ViewportSize")
 JUDGES_SHAPE_OF_LENS = Seam(steering, "fits")
+
+# Who steers
+
 OBEYS = Seam(Control, "move")
 PASSES_CONTROL_ON = Seam(Control, "leave")
 APPLIES_POSE = Seam(Poses, "moved_by")
+
+# Images on their way
+
 NEXT_VIEW = Seam(Exchange, "next_view")
 SCALES_LENS = Seam(exchange, "scaled")
 PUBLISHES = Seam(Exchange, "publish")
 LEASES_NEWEST = Seam(Exchange, "lend")
 TELLS_OF_IMAGE = Seam(Reader, "frame")
 CHOOSES_SLOT = Seam(Ring, "begin_write")
+
+# The memory that they lie in
+
 ALLOCATES = Seam(Memory, "__init__")
 CREATES_SEGMENT = Seam(shared_memory, "create")
 LAYS_OUT_RING = Seam(memory, "host_ring")
@@ -75,4 +93,3 @@ WRITES_IMAGE = Seam(Memory, "writer")
 MAKES_SUCCESSOR = Seam(Memory, "successor")
 FREES_MEMORY = Seam(Memory, "close")
 REMOVES_SEGMENT = Seam(memory, "remove_if_owner")
-TAKES_TELEMETRY_SUBSCRIPTION = Seam(Readings, "subscribe")

@@ -90,7 +90,7 @@ def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     speaks_1_0(patch)
 
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
-        begins = not self.reader.decoder.unfinished
+        begins = not self.reader.incomplete
         return original(self, data[4:] if begins and data[3:4] >= b"\x80" else data, now)
 
     client.RECEIVES_ON_IPC.wrap(patch, receive)
@@ -142,7 +142,7 @@ def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
-        if any(it.reader.decoder.unfinished for it in former):
+        if any(it.reader.incomplete for it in former):
             crash()
         former[:] = [self]
 
