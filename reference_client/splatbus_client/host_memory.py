@@ -8,7 +8,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.init_packet import HostMemory, InitPacket, Ring, Semantics, check_fits
+from splatbus_wire.init_packet import HostMemory, InitPacket, Semantics, Slots, check_fits
 
 Image = NDArray[np.float32]
 
@@ -33,7 +33,7 @@ class HostImages:
             raise CannotOpenError("they are in CUDA memory, and this client has no CUDA support")
         self.generation = packet.generation or 0
         self.semantics: Semantics = semantics
-        self.ring: Ring = ring
+        self.ring: Slots = ring
         self.size = packet.width, packet.height
         try:
             self.map = map_memory(memory, packet)

@@ -9,10 +9,10 @@ from splatbus_wire.messages import (
     DEFAULT_OBJECT,
     CameraPose,
     Intrinsics,
+    Move,
     ObjectPose,
     Placement,
     PointCloudPose,
-    Steering,
 )
 from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.superseding import subject, succeeding
@@ -40,7 +40,7 @@ class Poses(NamedTuple):
     tag: str | None = None
     serial: int = 0
 
-    def moved_by(self, message: Steering) -> Poses:
+    def moved_by(self, message: Move) -> Poses:
         """What the message, which is about an object of the scene, makes of it."""
         if isinstance(message, CameraPose):  # most of what arrives, so without detours
             lens = self.intrinsics if message.intrinsics is None else message.intrinsics  # CAM-7
@@ -86,14 +86,14 @@ class Control:
 
     def __init__(self, poses: Poses) -> None:
         self.poses = poses
-        self.sent: dict[Hashable, dict[object, Steering]] = {}
+        self.sent: dict[Hashable, dict[object, Move]] = {}
 
     @property
     def holder(self) -> Hashable | None:
         """The connection that has control; None if nobody has."""
         return next(iter(self.sent), None)
 
-    def move(self, connection: Hashable, message: Steering) -> bool:
+    def move(self, connection: Hashable, message: Move) -> bool:
         """Takes what is valid; False if another connection has control."""
         newest, about = self.sent.setdefault(connection, {}), subject(message)
         newest[about] = message = succeeding(newest.get(about), message)

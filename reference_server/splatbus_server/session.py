@@ -18,6 +18,7 @@ from splatbus_wire.messages import (
     GetScene,
     GetViewportSize,
     Hello,
+    Move,
     ObjectPose,
     Opened,
     OpenFailed,
@@ -29,7 +30,6 @@ from splatbus_wire.messages import (
     Scene,
     SetTime,
     SetViewport,
-    Steering,
     Subscribe,
     SubscribeTelemetry,
     ViewportSize,
@@ -199,7 +199,7 @@ class Session:
             for connection, reader in self.readers.items()
         )
 
-    def move(self, connection: Connection, message: Steering) -> Refusal | None:
+    def move(self, connection: Connection, message: Move) -> Refusal | None:
         """Applies a pose or a time of who has control; tells others once [CTL-1, CTL-2]."""
         memory = self.exchange.memory
         refusal = objection(connection, message, self.control.poses, memory.width, memory.height)

@@ -66,7 +66,7 @@ class CudaMemory(NamedTuple):
     bytes: int
 
 
-class Ring(NamedTuple):
+class Slots(NamedTuple):
     """Slots for whole images; offsets and strides in bytes, CUDA event handles by slot [MEM-8].
 
     The offsets are from the start of the memory; those of `LegacyBuffers` mean nothing here.
@@ -109,11 +109,11 @@ class InitPacket(NamedTuple):
     version: str | None = None
     generation: int | None = None
     memory: HostMemory | CudaMemory | None = None
-    ring: Ring | None = None
+    ring: Slots | None = None
     semantics: Semantics | None = None
 
 
-def host_ring(width: int, height: int, slots: int) -> tuple[Ring, int]:
+def host_ring(width: int, height: int, slots: int) -> tuple[Slots, int]:
     """The closest packing of `slots` images, colour before depth, and its size in bytes.
 
     Args:
@@ -124,7 +124,7 @@ def host_ring(width: int, height: int, slots: int) -> tuple[Ring, int]:
     color_stride = COLOR_PIXEL_BYTES * width * height
     depth_stride = -(-DEPTH_PIXEL_BYTES * width * height // ALIGNMENT) * ALIGNMENT
     depth_offset = slots * color_stride
-    ring = Ring(slots, 0, color_stride, depth_offset, depth_stride)
+    ring = Slots(slots, 0, color_stride, depth_offset, depth_stride)
     return ring, depth_offset + slots * depth_stride
 
 
@@ -288,7 +288,7 @@ def _parse_memory(memory: Field) -> HostMemory | CudaMemory:
     return HostMemory(name.matching(SHM_NAME, "a name of 1 to 30 of A-Z a-z 0-9 . _ -"), size)
 
 
-def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaMemory) -> Ring:
+def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaMemory) -> Slots:
     slots = ring.member("slots").integer(1, _MAX_SLOTS)
     color_bytes = COLOR_PIXEL_BYTES * width * height
     depth_bytes = DEPTH_PIXEL_BYTES * width * height
@@ -296,7 +296,7 @@ def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaM
     if isinstance(memory, CudaMemory):
         handles = ring.member("events").items(slots, slots)
         events = tuple(_parse_handle(handle.under("INI-7")) for handle in handles)
-    return Ring(
+    return Slots(
         slots,
         _parse_multiple(ring.member("colorOffset"), ALIGNMENT),
         _parse_multiple(ring.member("colorStride"), ALIGNMENT, color_bytes),
@@ -322,7 +322,7 @@ def _parse_semantics(semantics: Field) -> Semantics:
     )
 
 
-def check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
+def check_slots(ring: Slots, pixels: int, memory_bytes: int) -> None:
     """Refuse slots that leave the memory [MEM-10], or overlap."""
     extents = [
         (start, start + pixel_bytes * pixels, name)
@@ -366,7 +366,7 @@ def _memory_object(memory: HostMemory | CudaMemory) -> dict[str, Any]:
     }
 
 
-def _ring_object(ring: Ring) -> dict[str, Any]:
+def _ring_object(ring: Slots) -> dict[str, Any]:
     layout: dict[str, Any] = {
         "slots": ring.slots,
         "colorOffset": ring.color_offset,

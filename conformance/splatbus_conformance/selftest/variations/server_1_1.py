@@ -12,7 +12,7 @@ from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
-from splatbus_wire.init_packet import Ring as Layout
+from splatbus_wire.init_packet import Slots
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
@@ -115,10 +115,10 @@ def server_counts_otherwise(patch: Patch) -> None:
 def server_alternates_colour_and_depth(patch: Patch) -> None:
     """Puts the depth of each slot behind its colour."""
 
-    def host_ring(original: Any, width: int, height: int, slots: int) -> tuple[Layout, int]:
+    def host_ring(original: Any, width: int, height: int, slots: int) -> tuple[Slots, int]:
         usual, _ = original(width, height, slots)
         stride = usual.color_stride + usual.depth_stride
-        return Layout(slots, 0, stride, usual.color_stride, stride), slots * stride
+        return Slots(slots, 0, stride, usual.color_stride, stride), slots * stride
 
     server.LAYS_OUT_RING.wrap(patch, host_ring)
 

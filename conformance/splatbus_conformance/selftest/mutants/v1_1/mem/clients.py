@@ -6,7 +6,7 @@ from typing import Any
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import init_packet
-from splatbus_wire.init_packet import InitPacket, Ring
+from splatbus_wire.init_packet import InitPacket, Slots
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
@@ -112,7 +112,7 @@ def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
     """Computes the end of the ring in 64 bits without a look at overflow."""
     Seam(init_packet, "MAX_SAFE_INTEGER").replace(patch, 1 << 63)
 
-    def check_slots(original: Any, ring: Ring, pixels: int, memory_bytes: int) -> None:
+    def check_slots(original: Any, ring: Slots, pixels: int, memory_bytes: int) -> None:
         ends = (
             ring.color_offset + (ring.slots - 1) * ring.color_stride + 16 * pixels,
             ring.depth_offset + (ring.slots - 1) * ring.depth_stride + 4 * pixels,
