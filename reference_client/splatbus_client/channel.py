@@ -80,16 +80,16 @@ class Channel:
     def __init__(self, name: str, host: str, port: int, owner: Owner) -> None:
         self.socket: socket.socket | None = None
         self.status = ChannelStatus()
-        self._name, self._where = name, f"{host}:{port}"
+        self.name, self._where = name, f"{host}:{port}"
         self._owner = owner
         try:
             self._addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except socket.gaierror as error:
             raise OSError(f"cannot find the host {host!r}: {error.strerror}") from None
-        self._machine: Machine | None = None
-        self._unsent = memoryview(b"")
+        self.machine: Machine | None = None
+        self.unsent = memoryview(b"")
         self._delays = delays()
-        self._due = 0.0  # while there is no connection: when to begin, or to give up, an attempt
+        self.due = 0.0  # while there is no connection: when to begin, or to give up, an attempt
         self._connected_at = 0.0
         self._welcome = False  # whether the last that was heard, if anything, was no complaint
         self._said = ""
@@ -98,64 +98,65 @@ class Channel:
         """Return what to wait for on `socket`: a mask of `selectors`, 0 if there is none."""
         if self.socket is None:
             return 0
-        if self._machine is None:
+        if self.machine is None:
             return selectors.EVENT_WRITE
-        return selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
+        return selectors.EVENT_READ | (selectors.EVENT_WRITE if self.unsent else 0)
 
     def deadline(self) -> float:
         """Return when `advance` is to be called next; infinity for never."""
-        return self._due if self._machine is None else self._machine.deadline()
+        return self.due if self.machine is None else self.machine.deadline()
 
     def advance(self, now: float) -> None:
         """Do what the time asks for."""
-        if self._machine is not None:
-            self._take(self._machine.expire(now), now)
+        if self.machine is not None:
+            self._take(self.machine.expire(now), now)
             self.flush(now)
-        elif now >= self._due:
+        elif now >= self.due:
             if self.socket is None:
-                self._connect(now)
+                self.connect(now)
             else:
-                self._lose(f"no answer within {_CONNECT_SECONDS:g} s", now)
+                self.lose(f"no answer within {_CONNECT_SECONDS:g} s", now)
 
     def ready(self, mask: int, now: float) -> None:
         """Do what the socket is ready for, according to a mask of `selectors`."""
         if self.socket is None:
             return
-        if self._machine is None:
+        if self.machine is None:
             self._finish_connecting(now)
             return
         if mask & selectors.EVENT_READ:
-            self._receive(self.socket, self._machine, now)
+            self._receive(self.socket, self.machine, now)
         self.flush(now)
 
     def flush(self, now: float) -> None:
         """Send what the machine has to send, as far as the socket takes it."""
         try:
-            while self.socket is not None and self._machine is not None:
-                if not self._unsent:
-                    self._unsent = memoryview(self._machine.data_to_send(now))
-                if not self._unsent:
+            while self.socket is not None and self.machine is not None:
+                if not self.unsent:
+                    self.unsent = memoryview(self.machine.data_to_send(now))
+                if not self.unsent:
                     return
-                self._unsent = self._unsent[self.socket.send(self._unsent) :]
+                self.unsent = self.unsent[self.socket.send(self.unsent) :]
         except BlockingIOError:
             pass
         except OSError as error:
-            self._lose(_reason(error), now)
+            self.lose(_reason(error), now)
 
     def close(self) -> None:
         """End the connection, and do not connect again."""
         if self.socket is not None:
             self.socket.close()
             self.socket = None
-        if self._machine is not None:
-            self._machine = None
+        if self.machine is not None:
+            self.machine = None
             self._owner.end()
 
-    def _connect(self, now: float) -> None:
+    def connect(self, now: float) -> None:
+        """Begin an attempt, on the next address that the name has."""
         # A name may have several addresses: one attempt each, in turn.
         self._addresses.append(self._addresses.pop(0))
         family, kind, protocol, _, address = self._addresses[-1]
-        self._due = now + _CONNECT_SECONDS
+        self.due = now + _CONNECT_SECONDS
         try:
             self.socket = socket.socket(family, kind, protocol)
             self.socket.setblocking(False)
@@ -164,13 +165,13 @@ class Channel:
         except BlockingIOError:
             pass
         except OSError as error:
-            self._lose(_reason(error), now)
+            self.lose(_reason(error), now)
 
     def _finish_connecting(self, now: float) -> None:
         assert self.socket is not None
         error = self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if error:
-            self._lose(os.strerror(error), now)
+            self.lose(os.strerror(error), now)
             return
         try:
             peer = self.socket.getpeername()
@@ -179,14 +180,14 @@ class Channel:
         if peer == self.socket.getsockname():
             # TCP lets a socket connect to itself when the system lends it, as its own port, the
             # very port where no server listens.
-            self._lose("connection refused", now)
+            self.lose("connection refused", now)
             return
-        self._unsent = memoryview(b"")
+        self.unsent = memoryview(b"")
         self._connected_at = now
         self._welcome = False
-        self._machine = self._owner.begin()
+        self.machine = self._owner.begin()
         self.status = ChannelStatus(True, self.status.connections + 1)
-        log.info("%s channel connected to %s", self._name, self._where)
+        log.info("%s channel connected to %s", self.name, self._where)
         self.flush(now)
 
     def _receive(self, connection: socket.socket, machine: Machine, now: float) -> None:
@@ -195,17 +196,17 @@ class Channel:
         except BlockingIOError:
             return
         except OSError as error:
-            self._lose(_reason(error), now)
+            self.lose(_reason(error), now)
             return
         if data:
             self._take(machine.receive(data, now), now)
         else:
-            self._lose("the server ended it", now)  # [CHN-17]
+            self.lose("the server ended it", now)  # [CHN-17]
 
     def _take(self, events: Iterable[Event], now: float) -> None:
         for event in events:
             if isinstance(event, MustClose):
-                self._lose(event.reason, now)
+                self.lose(event.reason, now)
                 return
             if isinstance(event, Ignored):
                 self._warn(f"ignored a packet: {event.reason}")
@@ -222,9 +223,10 @@ class Channel:
             self._welcome = True
             self._owner.handle(event)
 
-    def _lose(self, reason: str, now: float) -> None:
+    def lose(self, reason: str, now: float) -> None:
+        """Give up the connection or the attempt, and set when the next attempt begins [CHN-20]."""
         connection, self.socket = self.socket, None
-        machine, self._machine = self._machine, None
+        machine, self.machine = self.machine, None
         if connection is not None:
             with contextlib.suppress(OSError):
                 connection.close()
@@ -240,13 +242,13 @@ class Channel:
                 reason = f"{reason}; {self.status.problem}"
             self._warn(f"connection lost: {reason}")
             self._owner.end()
-        self._due = now + next(self._delays)
+        self.due = now + next(self._delays)
         self.status = ChannelStatus(False, self.status.connections, problem=reason)
 
     def _warn(self, message: str) -> None:
         """Log a warning, unless it only repeats the one before: some come with every pose."""
         level = logging.DEBUG if message == self._said else logging.WARNING
-        log.log(level, "%s channel: %s", self._name, message)
+        log.log(level, "%s channel: %s", self.name, message)
         self._said = message
 
 

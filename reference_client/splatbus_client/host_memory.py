@@ -8,7 +8,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.init_packet import HostMemory, InitPacket, Ring, Semantics, check_fits
+from splatbus_wire.init_packet import HostMemory, InitPacket, Semantics, Slots, check_fits
 
 Image = NDArray[np.float32]
 
@@ -33,10 +33,10 @@ class HostImages:
             raise CannotOpenError("they are in CUDA memory, and this client has no CUDA support")
         self.generation = packet.generation or 0
         self.semantics: Semantics = semantics
-        self._ring: Ring = ring
+        self.ring: Slots = ring
         self.size = packet.width, packet.height
         try:
-            self._map = _map(memory, packet)
+            self.map = map_memory(memory, packet)
         except FileNotFoundError:
             raise CannotOpenError(f"there is no shared memory {memory.name}") from None
         except ProtocolError as problem:
@@ -46,12 +46,12 @@ class HostImages:
 
     def color(self, slot: int) -> Image:
         """Return (h, w, 4) float32, RGBA, rows top-down: a view of the memory [BUF-1]."""
-        rows = self._rows(self._ring.color_offset + slot * self._ring.color_stride, 4)
+        rows = self._rows(self.ring.color_offset + slot * self.ring.color_stride, 4)
         return rows[::-1]
 
     def depth(self, slot: int) -> Image:
         """Return (h, w) float32, rows top-down: a view of the memory [BUF-1]."""
-        rows = self._rows(self._ring.depth_offset + slot * self._ring.depth_stride, 1)
+        rows = self._rows(self.ring.depth_offset + slot * self.ring.depth_stride, 1)
         return rows[::-1, :, 0]
 
     def on_host(self, name: str, slot: int, image: Image) -> Image:
@@ -64,7 +64,7 @@ class HostImages:
     def close(self) -> bool:
         """Unmap, and return True; or False while somebody still keeps an array of it."""
         try:
-            self._map.close()
+            self.map.close()
         except BufferError:
             return False
         return True
@@ -72,14 +72,14 @@ class HostImages:
     def _rows(self, offset: int, numbers: int) -> Image:
         """The rows from a byte on as they lie in memory, so many numbers a pixel."""
         width, height = self.size
-        flat = np.frombuffer(self._map, np.dtype("<f4"), width * height * numbers, offset)
+        flat = np.frombuffer(self.map, np.dtype("<f4"), width * height * numbers, offset)
         return flat.reshape(height, width, numbers)
 
 
 if sys.platform == "win32":
     from multiprocessing.shared_memory import SharedMemory
 
-    def _map(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
+    def map_memory(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
         """Map an existing named mapping; `mmap` alone would create one that does not exist."""
         name = f"Local\\{memory.name}"
         existing = SharedMemory(name)
@@ -91,7 +91,7 @@ if sys.platform == "win32":
 
 else:
 
-    def _map(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
+    def map_memory(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
         """Map an object of `shm_open`, whose size is checked before a byte is touched [MEM-6]."""
         descriptor = _shm_open(memory.name)
         try:

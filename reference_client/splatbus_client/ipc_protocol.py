@@ -71,18 +71,18 @@ class IpcProtocol:
     def __init__(self, hello: Hello, channels: frozenset[str] = CHANNELS) -> None:
         self.version: str | None = None
         self.capabilities: frozenset[str] = frozenset()
-        self._hello = hello
-        self._reader = PacketReader()
-        self._out = bytearray(encode(hello))
+        self.hello = hello
+        self.reader = PacketReader()
+        self.unsent = bytearray(encode(hello))
         self._before_welcome: list[InitPacket | _Broken] = []
-        self._last_generation = 0
-        self._slots: dict[int, int] = {}  # of each generation that is open
+        self.last_generation = 0
+        self.slots: dict[int, int] = {}  # of each generation that is open
         self._look_at: float | None = None
         self._look_every = 0.0
-        self._retired: set[int] = set()  # open, but not to be read any more
+        self.retired: set[int] = set()  # open, but not to be read any more
         self._leases: set[tuple[int, int]] = set()
         self._wanted = channels
-        self._written = CHANNELS
+        self.written = CHANNELS
 
     # What the owner does
 
@@ -90,9 +90,9 @@ class IpcProtocol:
         """Tell the server that the memory of an announced packet is mapped and checked [OPN-2]."""
         if packet.generation is None:
             return  # 1.0 asks for no answer
-        self._slots[packet.generation] = packet.ring.slots if packet.ring else 0
-        self._send(Opened(packet.generation))
-        self._written = self._wanted_and_written()
+        self.slots[packet.generation] = packet.ring.slots if packet.ring else 0
+        self.send(Opened(packet.generation))
+        self.written = self._wanted_and_written()
 
     def look(self, every: float) -> None:
         """Say when it is time to look at the buffers of 1.0: now, and every so many seconds."""
@@ -101,44 +101,44 @@ class IpcProtocol:
     def open_failed(self, packet: InitPacket, reason: str) -> None:
         """Tell the server, where it speaks 1.1, that an announced packet cannot be opened."""
         if self.version == "1.1" and packet.generation is not None:
-            self._send(OpenFailed(packet.generation, reason[: LIMITS["max_reason_chars"]]))
+            self.send(OpenFailed(packet.generation, reason[: LIMITS["max_reason_chars"]]))
 
     def closed(self, generation: int) -> None:
         """Tell the server that the memory of a retired generation is unmapped [OPN-5]."""
-        if generation in self._retired:
-            self._retired.remove(generation)
-            del self._slots[generation]
-            self._send(Closed(generation))
+        if generation in self.retired:
+            self.retired.remove(generation)
+            del self.slots[generation]
+            self.send(Closed(generation))
 
     def release(self, frame: Frame) -> None:
         """Give a slot back, once; reads of it have to have finished [IMG-12, IMG-13]."""
-        self._give_back(frame.generation, frame.seq)
+        self.give_back(frame.generation, frame.seq)
 
     def subscribe(self, channels: frozenset[str]) -> None:
         """Want these of `"color"` and `"depth"` from now on."""
         self._wanted = channels
         if "subscribe" in self.capabilities:
-            self._send(Subscribe(channels))
+            self.send(Subscribe(channels))
             # A frame that is under way may be older than this message; one that follows a
             # `release` or an `opened` cannot be.
-            self._written &= channels
+            self.written &= channels
 
     # What the connection does
 
     def data_to_send(self, now: float) -> bytes:
         """Return what is to be sent next; call it again when that has been sent whole."""
-        data = bytes(self._out)
-        self._out.clear()
+        data = bytes(self.unsent)
+        self.unsent.clear()
         return data
 
     def deadline(self) -> float:
         """Return when `expire` is to be called, if nothing comes before."""
         look_at = math.inf if self._look_at is None else self._look_at
-        return min(self._reader.deadline, look_at)
+        return min(self.reader.deadline, look_at)
 
     def expire(self, now: float) -> list[IpcEvent]:
         """Return what follows from the time alone [FRM-5]; an init packet has no limit [CHN-9]."""
-        if now >= self._reader.deadline:
+        if now >= self.reader.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         if self._look_at is not None and now >= self._look_at:
             self._look_at = now + self._look_every
@@ -151,63 +151,67 @@ class IpcProtocol:
         Act on each event before taking the next: what a packet means can depend on it.
         """
         try:
-            self._reader.receive(data, now)
-            for payload in self._reader.packets(now):
-                for event in self._on_payload(payload):
+            self.reader.receive(data, now)
+            for payload in self.reader.packets(now):
+                for event in self.on_payload(payload):
                     yield event
                     if isinstance(event, MustClose):
                         return
         except FramingError as error:
             yield MustClose(str(error))
 
-    def _on_payload(self, payload: bytes) -> Iterator[IpcEvent]:
+    def on_payload(self, payload: bytes) -> Iterator[IpcEvent]:
+        """Yield what a packet means."""
         try:
             message = decode_from_server_ipc(payload)
         except ProtocolError as problem:
-            yield from self._on_broken(payload, str(problem))
+            yield from self.on_broken(payload, str(problem))
             return
         if isinstance(message, Welcome):
-            yield from self._on_welcome(message)
+            yield from self.on_welcome(message)
         elif isinstance(message, InitPacket):
             if message.version is None:
-                yield from self._on_init_packet_of_1_0(message)
+                yield from self.on_init_packet_of_1_0(message)
             else:
-                yield from self._on_init_packet(message)
+                yield from self.on_init_packet(message)
         elif isinstance(message, Frame):
-            yield from self._on_frame(message)
+            yield from self.on_frame(message)
         elif isinstance(message, ErrorMessage):
             yield ServerError(message)
 
-    def _on_broken(self, payload: bytes, problem: str) -> Iterator[IpcEvent]:
+    def on_broken(self, payload: bytes, problem: str) -> Iterator[IpcEvent]:
+        """Yield what follows from a packet that breaks a rule."""
         message = _readable(payload)
         generation = readable_generation(message) if "meta" in message else None
         if generation is not None:
-            yield from self._on_init_packet(_Broken(generation, problem))
+            yield from self.on_init_packet(_Broken(generation, problem))
             return
         yield Ignored(problem)
-        if (lent := _refused_frame(message)) is None or not self._is_open(*lent[:2]):
+        if (lent := _refused_frame(message)) is None or not self.is_open(*lent[:2]):
             return
         generation, _, seq = lent
         if (generation, seq) not in self._leases:
             # It is lent all the same, and without a `release` it would be the last frame [IMG-12].
             self._leases.add((generation, seq))
-            self._give_back(generation, seq)
+            self.give_back(generation, seq)
 
-    def _on_welcome(self, welcome: Welcome) -> Iterator[IpcEvent]:
-        if welcome.version not in self._hello.versions:
+    def on_welcome(self, welcome: Welcome) -> Iterator[IpcEvent]:
+        """Settle the version, and take the init packets that came before [NEG-14, NEG-16]."""
+        if welcome.version not in self.hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
             yield Ignored("welcome came when the version was settled [NEG-14]")
         else:
-            agreed = negotiated(self._hello, welcome)
+            agreed = negotiated(self.hello, welcome)
             self.version, self.capabilities = agreed.version, agreed.capabilities
             yield agreed
             if "subscribe" in self.capabilities and self._wanted != CHANNELS:
                 self.subscribe(self._wanted)
             for packet in self._before_welcome:
-                yield from self._on_init_packet(packet)
+                yield from self.on_init_packet(packet)
 
-    def _on_init_packet_of_1_0(self, packet: InitPacket) -> Iterator[IpcEvent]:
+    def on_init_packet_of_1_0(self, packet: InitPacket) -> Iterator[IpcEvent]:
+        """Announce the memory of a server that may know nothing of `hello`."""
         if self.version == "1.1":
             yield Ignored("an init packet without version came after welcome [MEM-1]")
             return
@@ -216,55 +220,60 @@ class IpcProtocol:
             yield Negotiated("1.0", None, frozenset())
         yield Announced(packet)
 
-    def _on_init_packet(self, packet: InitPacket | _Broken) -> Iterator[IpcEvent]:
+    def on_init_packet(self, packet: InitPacket | _Broken) -> Iterator[IpcEvent]:
+        """Announce memory, or decline what cannot be read; the former is retired."""
         generation = packet.generation or 0
         if self.version is None:
             # It says 1.1, so a welcome follows, before which nothing may be answered [NEG-5].
             self._before_welcome.append(packet)
         elif self.version == "1.0":
             yield Ignored("an init packet with version came on a connection that speaks 1.0")
-        elif generation <= self._last_generation:
-            yield Ignored(f"generation {generation} follows {self._last_generation} [MEM-1]")
-        elif self._last_generation and "reinit" not in self.capabilities:
+        elif generation <= self.last_generation:
+            yield Ignored(f"generation {generation} follows {self.last_generation} [MEM-1]")
+        elif self.last_generation and "reinit" not in self.capabilities:
             yield Ignored("a further init packet came, and reinit was not agreed [OPN-6]")
         else:
-            self._last_generation = generation
+            self.last_generation = generation
             # A frame of the former memory that still comes is given back unread.
-            self._retired.update(self._slots)
+            self.retired.update(self.slots)
             if isinstance(packet, InitPacket):
                 yield Announced(packet)
             else:
-                self._send(OpenFailed(generation, packet.reason[: LIMITS["max_reason_chars"]]))
+                self.send(OpenFailed(generation, packet.reason[: LIMITS["max_reason_chars"]]))
                 yield Declined(generation, packet.reason)
 
-    def _on_frame(self, frame: Frame) -> Iterator[IpcEvent]:
-        if not self._is_open(frame.generation, frame.slot):
+    def on_frame(self, frame: Frame) -> Iterator[IpcEvent]:
+        """Lend a frame, or give it back unread if its memory is retired."""
+        if not self.is_open(frame.generation, frame.slot):
             yield Ignored(
                 f"a frame came of generation {frame.generation}, slot {frame.slot},"
                 " which is not open [IMG-15]"
             )
             return
         self._leases.add((frame.generation, frame.seq))
-        if frame.generation in self._retired:
+        if frame.generation in self.retired:
             self.release(frame)
         else:
-            yield Lent(frame, self._written)
+            yield Lent(frame, self.written)
 
-    def _is_open(self, generation: int, slot: int) -> bool:
-        return "frames" in self.capabilities and 0 <= slot < self._slots.get(generation, 0)
+    def is_open(self, generation: int, slot: int) -> bool:
+        """Whether the server may lend this slot."""
+        return "frames" in self.capabilities and 0 <= slot < self.slots.get(generation, 0)
 
-    def _give_back(self, generation: int, seq: int) -> None:
+    def give_back(self, generation: int, seq: int) -> None:
+        """Send `release` for an image, once [IMG-12]."""
         lease = (generation, seq)
         if lease in self._leases:
             self._leases.remove(lease)
-            self._send(Release(*lease))
-            self._written = self._wanted_and_written()
+            self.send(Release(*lease))
+            self.written = self._wanted_and_written()
 
     def _wanted_and_written(self) -> frozenset[str]:
         return self._wanted if "subscribe" in self.capabilities else CHANNELS
 
-    def _send(self, message: Opened | OpenFailed | Closed | Release | Subscribe) -> None:
-        self._out += encode(message)
+    def send(self, message: Opened | OpenFailed | Closed | Release | Subscribe) -> None:
+        """Queue a message."""
+        self.unsent += encode(message)
 
 
 def _readable(payload: bytes) -> dict[str, Any]:

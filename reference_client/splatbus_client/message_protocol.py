@@ -84,12 +84,12 @@ class MessageProtocol:
     def __init__(self, hello: Hello) -> None:
         self.version: str | None = None
         self.capabilities: frozenset[str] = frozenset()
-        self._hello = hello
-        self._reader = PacketReader()
-        self._out = bytearray(encode(hello))
+        self.hello = hello
+        self.reader = PacketReader()
+        self.unsent = bytearray(encode(hello))
         self._tickets: Iterator[int] = count()
         self._queue: deque[tuple[int, Request]] = deque()
-        self._asked: tuple[int, Request] | None = None  # as it was sent, with its id if it had one
+        self.asked: tuple[int, Request] | None = None  # as it was sent, with its id if it had one
         self._reply_due = 0.0
         self._ask_size_from = 0.0
         self._told: dict[object, Told] = {}
@@ -107,7 +107,7 @@ class MessageProtocol:
         request = checked_request(request)
         if (capability := self.lacks(request)) is not None:
             raise NotOfferedError(capability)
-        asked = [] if self._asked is None else [self._asked]
+        asked = [] if self.asked is None else [self.asked]
         if isinstance(request, _QUESTIONS):
             for ticket, unanswered in [*asked, *self._queue]:
                 if _name(unanswered) == _name(request) and unanswered._replace(id=None) == request:
@@ -141,24 +141,22 @@ class MessageProtocol:
         """Return what is to be sent next; call it again when that has been sent whole."""
         self._send_request(now)
         self._send_told()
-        data = bytes(self._out)
-        self._out.clear()
+        data = bytes(self.unsent)
+        self.unsent.clear()
         return data
 
     def deadline(self) -> float:
         """Return when `expire` or `data_to_send` is to be called next, if nothing comes before."""
         asks = self._ask_size_from if self._queue else math.inf
-        return min(self._reader.deadline, asks if self._asked is None else self._reply_due)
+        return min(self.reader.deadline, asks if self.asked is None else self._reply_due)
 
     def expire(self, now: float) -> list[MessageEvent]:
         """Return what follows from the time alone [FRM-5, CHN-15]."""
-        if self._asked is not None and now >= self._reply_due:
+        if self.asked is not None and now >= self._reply_due:
             return [
-                MustClose(
-                    f"no reply to {_name(self._asked[1])} within {REPLY_SECONDS:g} s [CHN-15]"
-                )
+                MustClose(f"no reply to {_name(self.asked[1])} within {REPLY_SECONDS:g} s [CHN-15]")
             ]
-        if now >= self._reader.deadline:
+        if now >= self.reader.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         return []
 
@@ -168,9 +166,9 @@ class MessageProtocol:
         Act on each event before taking the next: what a packet means can depend on it.
         """
         try:
-            self._reader.receive(data, now)
-            for payload in self._reader.packets(now):
-                for event in self._on_payload(payload, now):
+            self.reader.receive(data, now)
+            for payload in self.reader.packets(now):
+                for event in self.on_payload(payload, now):
                     yield event
                     if isinstance(event, MustClose):
                         return
@@ -180,7 +178,7 @@ class MessageProtocol:
     def _send_request(self, now: float) -> None:
         """Send the first request that may be sent, if none is unanswered."""
         ready = next((item for item in self._queue if self._may_ask(item[1], now)), None)
-        if self._asked is not None or ready is None:
+        if self.asked is not None or ready is None:
             return
         self._queue.remove(ready)
         ticket, request = ready
@@ -189,9 +187,9 @@ class MessageProtocol:
         if self.version == "1.1":
             # An error that answers the request is told by its id from one that reports a pose.
             request = request._replace(id=ticket)
-        self._asked = (ticket, request)
+        self.asked = (ticket, request)
         self._reply_due = now + REPLY_SECONDS
-        self._out += encode(request)
+        self.unsent += encode(request)
 
     def _may_ask(self, request: Request, now: float) -> bool:
         if isinstance(request, GetViewportSize):
@@ -205,10 +203,11 @@ class MessageProtocol:
             del self._told[key]
             sent = permitted(message, self.version, self.capabilities)
             if sent is not None:
-                self._out += encode(sent)
+                self.unsent += encode(sent)
 
-    def _on_payload(self, payload: bytes, now: float) -> Iterator[MessageEvent]:
-        request = None if self._asked is None else self._asked[1]
+    def on_payload(self, payload: bytes, now: float) -> Iterator[MessageEvent]:
+        """Yield what a packet means."""
+        request = None if self.asked is None else self.asked[1]
         try:
             message = decode_from_server_message(payload, request)
         except ProtocolError as problem:
@@ -217,22 +216,23 @@ class MessageProtocol:
             yield Ignored(str(problem))
             return
         if isinstance(message, Welcome):
-            yield from self._on_welcome(message)
+            yield from self.on_welcome(message)
         elif isinstance(message, ErrorMessage):
-            yield from self._on_error(message)
+            yield from self.on_error(message)
         elif isinstance(message, Telemetry):
             yield self._on_telemetry(message)
         else:
-            yield from self._on_reply(message, now)
+            yield from self.on_reply(message, now)
 
-    def _on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
+    def on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
+        """Settle the version, unless a reply has settled it [NEG-13, NEG-16]."""
         # Once a reply has shown that the server speaks 1.0, it may name whatever version it likes.
-        if self.version != "1.0" and welcome.version not in self._hello.versions:
+        if self.version != "1.0" and welcome.version not in self.hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
             yield Ignored("welcome came when the version was settled [NEG-13]")
         else:
-            yield from self._settle(negotiated(self._hello, welcome))
+            yield from self._settle(negotiated(self.hello, welcome))
 
     def _settle(self, negotiated: Negotiated) -> Iterator[MessageEvent]:
         self.version, self.capabilities = negotiated.version, negotiated.capabilities
@@ -248,11 +248,12 @@ class MessageProtocol:
             return Ignored("telemetry came, which was not agreed [TEL-3]")
         return Measured(telemetry)
 
-    def _on_reply(self, reply: Reply, now: float) -> Iterator[MessageEvent]:
-        assert self._asked is not None  # or it would not have been decoded as a reply
+    def on_reply(self, reply: Reply, now: float) -> Iterator[MessageEvent]:
+        """Give the request that waits its answer; one that came first was of 1.0."""
+        assert self.asked is not None  # or it would not have been decoded as a reply
         if self.version is None:
             yield from self._settle(Negotiated("1.0", None, frozenset()))
-        (ticket, request), self._asked = self._asked, None
+        (ticket, request), self.asked = self.asked, None
         if isinstance(reply, ViewportSize) and reply.width * reply.height == 0:
             self._ask_size_from = now + ASK_AGAIN_SECONDS  # [REQ-12]
         answer: Answer
@@ -263,15 +264,16 @@ class MessageProtocol:
             answer = reply
         yield Replied(ticket, answer)
 
-    def _on_error(self, error: ErrorMessage) -> Iterator[MessageEvent]:
+    def on_error(self, error: ErrorMessage) -> Iterator[MessageEvent]:
+        """Tell an error that answers the request that waits from any other."""
         # An error without id, while the request that went out before `welcome` waits, may mean
         # that one or a pose. Taking it for the former is harmless: later replies carry ids.
         # No request that goes without an id is answered `busy`, though.
         about_a_pose = error.code == "busy" and error.id is None
-        if self._asked is None or error.id != self._asked[1].id or about_a_pose:
+        if self.asked is None or error.id != self.asked[1].id or about_a_pose:
             yield ServerError(error)
             return
-        ticket, self._asked = self._asked[0], None
+        ticket, self.asked = self.asked[0], None
         yield Refused(ticket, error)
 
 

@@ -91,31 +91,31 @@ class Reading:
         self.problem: str | None = None
         """Why there are no images, where the server has announced some."""
         self._hello, self._channels = hello, channels
-        self._machine: IpcProtocol | None = None
-        self._mapped: Mapped | None = None
+        self.machine: IpcProtocol | None = None
+        self.mapped: Mapped | None = None
         self._retired: list[Mapped] = []
         self._said: str | None = None
         self._looks = 0
 
     def begin(self) -> IpcProtocol:
         """Return the machine of a new connection."""
-        self._machine = IpcProtocol(self._hello, self._channels)
-        return self._machine
+        self.machine = IpcProtocol(self._hello, self._channels)
+        return self.machine
 
     def handle(self, event: IpcEvent) -> None:
         """Do what an event of the connection asks for."""
         if isinstance(event, Announced):
-            self._open(event.packet)
+            self.open_memory(event.packet)
         elif isinstance(event, Declined):
             self._go_without(event.reason)
         elif isinstance(event, Lent):
-            self._lend(event.frame, event.channels)
+            self.take_frame(event.frame, event.channels)
         elif isinstance(event, Look):
             self._look()
 
     def end(self) -> None:
         """Regard the buffers as gone, because the connection has ended [CHN-18]."""
-        self._machine = None
+        self.machine = None
         self.problem = None
         self._retire()
 
@@ -133,13 +133,13 @@ class Reading:
 
     def lasts(self, loan: Loan) -> bool:
         """Whether the connection that the frame was lent on is still there."""
-        return loan.mapped.machine is self._machine
+        return loan.mapped.machine is self.machine
 
     def subscribe(self, channels: frozenset[str]) -> None:
         """Read only these channels, on this connection and those to come."""
         self._channels = channels
-        if self._machine is not None:
-            self._machine.subscribe(channels)
+        if self.machine is not None:
+            self.machine.subscribe(channels)
 
     def sweep(self) -> None:
         """Unmap retired memory that nobody reads any more, and tell the server so [OPN-5]."""
@@ -153,29 +153,30 @@ class Reading:
     @property
     def open(self) -> bool:
         """Whether there is memory to read from."""
-        return self._mapped is not None
+        return self.mapped is not None
 
     @property
     def images(self) -> ImagesOpen | None:
         """What is known of the memory that is read from."""
-        if self._mapped is None:
+        if self.mapped is None:
             return None
-        images = self._mapped.images
+        images = self.mapped.images
         return ImagesOpen(images.generation, *images.size, images.semantics)
 
-    def _open(self, packet: InitPacket) -> None:
-        assert self._machine is not None
+    def open_memory(self, packet: InitPacket) -> None:
+        """Map what was announced, and retire what was mapped before."""
+        assert self.machine is not None
         try:
-            images = _opened(packet, self._machine.capabilities)
+            images = _opened(packet, self.machine.capabilities)
         except CannotOpenError as problem:
-            self._machine.open_failed(packet, str(problem))
+            self.machine.open_failed(packet, str(problem))
             self._go_without(str(problem))
         else:
-            self._machine.opened(packet)
+            self.machine.opened(packet)
             self._retire()
-            self._mapped, self.problem = Mapped(images, self._machine), None
-            if _is_legacy(packet, self._machine.capabilities):
-                self._machine.look(LOOK_SECONDS)
+            self.mapped, self.problem = Mapped(images, self.machine), None
+            if _is_legacy(packet, self.machine.capabilities):
+                self.machine.look(LOOK_SECONDS)
 
     def _go_without(self, reason: str) -> None:
         if reason != self._said:
@@ -183,29 +184,30 @@ class Reading:
         self.problem = self._said = reason
         self._retire()
 
-    def _lend(self, frame: Frame, channels: frozenset[str]) -> None:
-        assert self._mapped is not None
+    def take_frame(self, frame: Frame, channels: frozenset[str]) -> None:
+        """Keep the frame that was lent until it is read."""
+        assert self.mapped is not None
         size = frame.camera.width, frame.camera.height
-        if size != self._mapped.images.size:
+        if size != self.mapped.images.size:
             log.warning("a frame's camera has %s pixels, its memory another size [IMG-1]", size)
-            self._mapped.machine.release(frame)
+            self.mapped.machine.release(frame)
             return
         if self.lent is not None:  # two at a time, against IMG-2: the newer one is worth more
             _release(self.lent)
-        self.lent = Loan(frame, channels, self._mapped)
+        self.lent = Loan(frame, channels, self.mapped)
 
     def _look(self) -> None:
-        if self._mapped is not None and self.lent is None and self.held is None:
+        if self.mapped is not None and self.lent is None and self.held is None:
             self._looks += 1
-            self.lent = Loan(Glimpse(self._looks), self._channels, self._mapped)
+            self.lent = Loan(Glimpse(self._looks), self._channels, self.mapped)
 
     def _retire(self) -> None:
         if self.lent is not None:
             _release(self.lent)
             self.lent = None
-        if self._mapped is not None:
-            self._retired.append(self._mapped)
-            self._mapped = None
+        if self.mapped is not None:
+            self._retired.append(self.mapped)
+            self.mapped = None
         self.sweep()
 
     def _unmap(self, mapped: Mapped) -> bool:

@@ -62,9 +62,9 @@ class Steering:
         self.telemetry: deque[Telemetry] = deque(maxlen=TELEMETRY_KEPT)
         """What was not read yet; the oldest goes when there is more than that."""
         self._hello = hello._replace(capabilities=CAPABILITIES)
-        self._machine: MessageProtocol | None = None
-        self._newest: dict[object, Told] = {}
-        self._questions: list[_Question] = []
+        self.machine: MessageProtocol | None = None
+        self.newest: dict[object, Told] = {}
+        self.questions: list[_Question] = []
         self._busy = False
         self._tags: deque[str] = deque(maxlen=TAGS_KEPT)
         self._said: set[str] = set()
@@ -74,29 +74,29 @@ class Steering:
 
         A tag goes out once at most: an image that comes after a reconnect ends no wait.
         """
-        machine = self._machine = MessageProtocol(self._hello)
+        machine = self.machine = MessageProtocol(self._hello)
         self._busy = False
-        for key, message in self._newest.items():
+        for key, message in self.newest.items():
             machine.tell(message)
-            self._newest[key] = _untagged(message)
-        self._questions = [q for q in self._questions if not q.answer.cancelled()]
-        for question in self._questions:
+            self.newest[key] = _untagged(message)
+        self.questions = [q for q in self.questions if not q.answer.cancelled()]
+        for question in self.questions:
             question.ticket = machine.ask(question.request)
         return machine
 
     def handle(self, event: MessageEvent) -> None:
         """Give an answer to those who wait for it, and keep what else the server says."""
         if isinstance(event, Negotiated):
-            for message in self._newest.values():
+            for message in self.newest.values():
                 self._say_what_is_lacking(message)
         elif isinstance(event, Replied):
-            for question in self._answered(event.ticket):
+            for question in self.answered(event.ticket):
                 question.answer.set_result(question.value(event.answer))
         elif isinstance(event, Refused):
-            for question in self._answered(event.ticket):
+            for question in self.answered(event.ticket):
                 question.answer.set_exception(ServerRefusedError(event.error))
         elif isinstance(event, NotOffered):
-            for question in self._answered(event.ticket):
+            for question in self.answered(event.ticket):
                 question.answer.set_exception(NotOfferedError(event.capability))
         elif isinstance(event, Measured):
             self.telemetry.append(event.telemetry)
@@ -105,14 +105,14 @@ class Steering:
 
     def end(self) -> None:
         """Keep what is unanswered for the next connection."""
-        self._machine = None
+        self.machine = None
         self._busy = False
-        for question in self._questions:
+        for question in self.questions:
             question.ticket = None
 
     def close(self) -> None:
         """Give up what is unanswered: no connection will come."""
-        for question in self._questions:
+        for question in self.questions:
             question.answer.cancel()
 
     def tell(self, message: Told) -> None:
@@ -121,16 +121,16 @@ class Steering:
         Raises:
             ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
         """
-        if self._machine is None:
+        if self.machine is None:
             checked(message)
         else:
-            self._machine.tell(message)
+            self.machine.tell(message)
         if isinstance(message, CameraPose) and message.tag is not None:
             self._tags.append(message.tag)
         # Taken out first, so that timestamps leave in order [POS-9].
-        former = self._newest.pop(subject(message), None)
+        former = self.newest.pop(subject(message), None)
         newest = succeeding(former, message)
-        self._newest[subject(message)] = newest if self._machine is None else _untagged(newest)
+        self.newest[subject(message)] = newest if self.machine is None else _untagged(newest)
         self._say_what_is_lacking(message)
 
     def ask(
@@ -143,11 +143,11 @@ class Steering:
         """
         question = _Question(request, value, Future())
         try:
-            if self._machine is None:
+            if self.machine is None:
                 checked_request(request)
             else:
-                question.ticket = self._machine.ask(request)
-            self._questions.append(question)
+                question.ticket = self.machine.ask(request)
+            self.questions.append(question)
         except NotOfferedError as problem:
             question.answer.set_exception(problem)
         return question.answer
@@ -162,14 +162,14 @@ class Steering:
 
     def lacks(self, message: Told) -> str | None:
         """Return the capability that the server lacks for a message, if that is known."""
-        return None if self._machine is None else self._machine.lacks(message)
+        return None if self.machine is None else self.machine.lacks(message)
 
     @property
     def no_effect(self) -> str | None:
         """Why what was told last has no effect on the images, or not all of it, where known."""
         if self._busy:
             return "another client has control, and keeps it until it leaves [CTL-1]"
-        lacking = {self.lacks(message) for message in self._newest.values()} - {None}
+        lacking = {self.lacks(message) for message in self.newest.values()} - {None}
         if lacking:
             return f"the server does not offer {', '.join(sorted(map(repr, lacking)))} [NEG-5]"
         return None
@@ -180,10 +180,10 @@ class Steering:
             self._said.add(capability)
             log.warning("the server does not offer %r: it is not told what needs that", capability)
 
-    def _answered(self, ticket: int) -> list[_Question]:
+    def answered(self, ticket: int) -> list[_Question]:
         """Return the questions that wait for the ticket, and forget them."""
-        answered = [q for q in self._questions if q.ticket == ticket]
-        self._questions = [q for q in self._questions if q.ticket != ticket]
+        answered = [q for q in self.questions if q.ticket == ticket]
+        self.questions = [q for q in self.questions if q.ticket != ticket]
         return [q for q in answered if q.answer.set_running_or_notify_cancel()]
 
 

@@ -36,11 +36,13 @@ class Mirror:
 
     Attributes:
         newest: the last image that was copied whole; None before the first.
+        session: whose frames are read.
     """
 
+    newest: Copied | None = None
+
     def __init__(self, session: Session) -> None:
-        self.newest: Copied | None = None
-        self._session = session
+        self.session = session
 
     def read(self, timeout: float) -> None:
         """Copy the next frame, if one comes within `timeout` seconds, and give it back.
@@ -49,16 +51,17 @@ class Mirror:
             RuntimeError: a frame is still borrowed, or the session is closed.
         """
         try:
-            lease = self._session.next_frame(timeout)
+            lease = self.session.next_frame(timeout)
         except TimeoutError:
             return
         with lease:
-            copied = _copied(lease)
+            copied = copy_of(lease)
             if lease.intact:
                 self.newest = copied
 
 
-def _copied(lease: FrameLease) -> Copied:
+def copy_of(lease: FrameLease) -> Copied:
+    """Return a copy of what is lent."""
     color = np.array(lease.color) if "color" in lease.channels else None
     depth = np.array(lease.depth) if "depth" in lease.channels else None
     camera = lease.camera if lease.has_camera else None

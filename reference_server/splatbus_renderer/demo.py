@@ -62,7 +62,7 @@ def render_until(
                 _playing(began - start, degrees_per_second) if view.time is None else view.time
             )
             scene = scene_at(scene_time, view, degrees_per_second)
-            image = raycaster.render(scene, _camera(view), view.wants_depth)
+            image = raycaster.render(scene, camera_of(view), view.wants_depth)
             bus.publish(view, image.color, image.depth, time=scene_time)
             render_times.append((time.monotonic() - began) * 1e3)
         _tell(bus, "idle" if view is None else "rendering", render_times)
@@ -83,10 +83,10 @@ def scene_at(seconds: float, view: View, degrees_per_second: float = 0.0) -> Sce
         spheres[BOBBING] = replace(spheres[BOBBING], center=(x, y - height, z))
     balls = []
     if "ball" in view.poses.objects:
-        ball, pose = spheres.pop(BALL), _object_pose(view.of("ball"), angle)
+        ball, pose = spheres.pop(BALL), object_pose_of(view.of("ball"), angle)
         balls.append(Scene((ball,), None, scene.light, pose))
     return replace(
-        scene, spheres=tuple(spheres), pose=_object_pose(view, angle), beside=tuple(balls)
+        scene, spheres=tuple(spheres), pose=object_pose_of(view, angle), beside=tuple(balls)
     )
 
 
@@ -103,19 +103,22 @@ def _tell(bus: Bus, stage: str, render_times: deque[float]) -> None:
     )
 
 
-def _camera(view: View) -> Camera:
+def camera_of(view: View) -> Camera:
+    """The camera that a view asks for."""
     pose = view.poses.camera
     fx, fy, cx, cy, near, far = view.intrinsics
-    matrix = _matrix(pose.rotation)
+    matrix = matrix_of(pose.rotation)
     return Camera(view.width, view.height, fx, fy, cx, cy, pose.position, matrix, near, far)
 
 
-def _object_pose(view: View, angle: float) -> ObjectPose:
+def object_pose_of(view: View, angle: float) -> ObjectPose:
+    """Where the object of a view is, turned about its vertical axis."""
     _, pose, scale = view.placement
-    about_y = _matrix((0.0, math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0)))
-    return ObjectPose(pose.position, multiply(_matrix(pose.rotation), about_y), scale)
+    about_y = matrix_of((0.0, math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0)))
+    return ObjectPose(pose.position, multiply(matrix_of(pose.rotation), about_y), scale)
 
 
-def _matrix(rotation: Quaternion) -> Matrix:
+def matrix_of(rotation: Quaternion) -> Matrix:
+    """The rows of the matrix of a quaternion of any norm."""
     r = rotation_matrix(rotation)
     return (r[:3], r[3:6], r[6:])

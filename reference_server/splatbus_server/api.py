@@ -102,7 +102,7 @@ def serve(
         ImportError: `cuda_ipc` without cuda-bindings.
     """
     where = settings(host, ipc_port, message_port, token)
-    scene = _checked(Scene(tuple(objects), time_range, len(cameras), semantics.origin))
+    scene = checked_scene(Scene(tuple(objects), time_range, len(cameras), semantics.origin))
     sweep_stale()
     with ExitStack() as undo:
         ipc = undo.enter_context(listen(where.host, where.ipc_port))
@@ -282,7 +282,7 @@ class Bus:
         scene = self._session.scene
         if {each.id for each in objects} != {each.id for each in scene.objects}:
             raise ValueError("the objects of a scene keep their ids")
-        self._session.scene = _checked(scene._replace(objects=tuple(objects)))
+        self._session.scene = checked_scene(scene._replace(objects=tuple(objects)))
 
     def resize(self, width: int, height: int, intrinsics: Intrinsics | None = None) -> None:
         """Serves images of another size from now on, as when a client asks for that.
@@ -324,7 +324,7 @@ class Bus:
             raise
 
 
-def _checked(scene: Scene) -> Scene:
+def checked_scene(scene: Scene) -> Scene:
     """The scene, which a client can read; ValueError if none could."""
     decode_from_server_message(encode(scene, typed_replies=True)[4:], GetScene())
     if all(each.id != DEFAULT_OBJECT for each in scene.objects):

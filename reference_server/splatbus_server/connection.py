@@ -77,6 +77,10 @@ class Connection:
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
+        is_of_1_0: `hello` has agreed on 1.0, which knows none [NEG-33].
+        reader: what was received, as packets.
+        hello_by: when `hello` has to have come; infinity if it need not [NEG-12].
+        linger_until: when the rest of a connection that ends is not waited for any more.
     """
 
     def __init__(self, channel: Channel, terms: Terms, now: float) -> None:
@@ -85,14 +89,14 @@ class Connection:
         self.welcome: Welcome | None = None
         self.ending: str | None = None
         self.is_held = False
-        self._is_of_1_0 = False
+        self.is_of_1_0 = False
         self._terms = terms
-        self._reader = PacketReader()
+        self.reader = PacketReader()
         self.input_ended = False
         self._aborted = False
-        self._hello_by = math.inf if terms.token is None else now + LIMITS["hello_seconds"]
+        self.hello_by = math.inf if terms.token is None else now + LIMITS["hello_seconds"]
         self._send_by = math.inf
-        self._linger_until = math.inf
+        self.linger_until = math.inf
 
     @property
     def over(self) -> bool:
@@ -102,7 +106,7 @@ class Connection:
     @property
     def deadline(self) -> float:
         """The moment at which to call `expire`; infinity if there is none."""
-        return min(self._hello_by, self._reader.deadline, self._send_by, self._linger_until)
+        return min(self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
 
     def has(self, capability: str) -> bool:
         """Whether both sides declared the capability on this connection [NEG-7]."""
@@ -113,7 +117,7 @@ class Connection:
         if not data:
             self.input_ended = True
         elif self.ending is None:
-            self._reader.receive(data, now)
+            self.reader.receive(data, now)
 
     def next_event(self, now: float) -> Event | None:
         """The next message or refusal in what was received; None when more is needed.
@@ -123,27 +127,27 @@ class Connection:
         if self.ending is not None or self.is_held:
             return None
         try:
-            payload = self._reader.next_packet(now)
+            payload = self.reader.next_packet(now)
         except FramingError as error:
             refusal = self.complain(Refusal(error.code, str(error)))
             self.end(f"{error.code}, after which nothing can be read [FRM-3]", now)
             return refusal
         if payload is not None:
-            return self._understand(payload, now)
+            return self.understand(payload, now)
         if self.input_ended:
-            where = ", in the middle of a packet [FRM-6]" if self._reader.incomplete else ""
+            where = ", in the middle of a packet [FRM-6]" if self.reader.incomplete else ""
             self.end(f"the client closed it{where}", now)
         return None
 
     def hold(self) -> None:
         """Has no more events until it is told to `go_on`."""
         self.is_held = True
-        self._reader.hold()
+        self.reader.hold()
 
     def go_on(self, now: float) -> None:
         """Has events again, of what was received meanwhile."""
         self.is_held = False
-        self._reader.go_on(now)
+        self.reader.go_on(now)
 
     def send(self, message: ServerMessage) -> None:
         """Queues a message."""
@@ -155,9 +159,9 @@ class Connection:
         if not self.unsent:
             self._send_by = math.inf
             if self.ending is not None:
-                self._linger_until = min(self._linger_until, now + LINGER_SECONDS)
+                self.linger_until = min(self.linger_until, now + LINGER_SECONDS)
         elif len(self.unsent) > LIMITS["max_unsent_bytes"]:
-            self._abort(f"it left {len(self.unsent)} bytes unread [LIM-2]")
+            self.abort(f"it left {len(self.unsent)} bytes unread [LIM-2]")
         elif count or self._send_by == math.inf:
             self._send_by = now + LIMITS["stalled_reader_seconds"]
 
@@ -165,55 +169,58 @@ class Connection:
         """Takes no more events; what is unsent still goes out."""
         if self.ending is None:
             self.ending = reason
-            self._hello_by = math.inf
-            self._reader.hold()
+            self.hello_by = math.inf
+            self.reader.hold()
             if not self.unsent:
-                self._linger_until = now + LINGER_SECONDS
+                self.linger_until = now + LINGER_SECONDS
 
     def complain(self, refusal: Refusal) -> Refusal:
         """Sends it as an `error`, where the client has said hello [NEG-22]; returns it."""
-        self._send_error(refusal.code, refusal.reason, refusal.pointer, refusal.id)
+        self.send_error(refusal.code, refusal.reason, refusal.pointer, refusal.id)
         return refusal
 
     def expire(self, now: float) -> None:
         """Does what is due once `deadline` has passed."""
-        if now >= self._linger_until:
+        if now >= self.linger_until:
             self._aborted = True
         elif now >= self._send_by:
-            self._abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
-        elif now >= self._reader.deadline:
+            self.abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
+        elif now >= self.reader.deadline:
             self.end(f"a packet was not complete after {COMPLETION_SECONDS:g} s [FRM-5]", now)
-        elif now >= self._hello_by:
+        elif now >= self.hello_by:
             self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)
 
-    def _abort(self, reason: str) -> None:
+    def abort(self, reason: str) -> None:
+        """Ends without waiting for what is unsent."""
         self.ending = self.ending or reason
         self._aborted = True
 
     @property
-    def _is_heard(self) -> bool:
+    def is_heard(self) -> bool:
         """Whether anything but `hello` counts: without one, on the message channel, to all."""
         return (
             self.welcome is not None
-            or self._is_of_1_0
+            or self.is_of_1_0
             or (self.channel == "message" and self._terms.token is None)
         )
 
-    def _understand(self, payload: bytes, now: float) -> Event:
+    def understand(self, payload: bytes, now: float) -> Event:
+        """What a packet means; a `hello` is answered."""
         try:
-            decode = _decode_short if len(payload) <= SHORT_BYTES else _decode
+            decode = read_short_message if len(payload) <= SHORT_BYTES else read_message
             message = decode(payload, self.channel, self.welcome is not None)
-            if isinstance(message, Hello) and not self._is_of_1_0:
-                return self._greet(message, now)
+            if isinstance(message, Hello) and not self.is_of_1_0:
+                return self.greet(message, now)
         except ProtocolError as error:
-            return self._refuse_packet(error, payload, now)
+            return self.refuse_packet(error, payload, now)
         if isinstance(message, Hello):
             return Refusal("unknown_type", "hello is none of 1.0, which was agreed upon [NEG-33]")
-        if self._is_heard:
+        if self.is_heard:
             return message
         return Refusal("unauthorized", "no hello came before it [CHN-7, NEG-19]")
 
-    def _greet(self, hello: Hello, now: float) -> Event:
+    def greet(self, hello: Hello, now: float) -> Event:
+        """Answers `hello`, and settles the version [NEG-6, NEG-33]."""
         if self.welcome is not None:
             raise ProtocolError("invalid_message", "hello was said before", requirement="NEG-3")
         answer = answer_hello(
@@ -227,46 +234,49 @@ class Connection:
         if isinstance(answer, ErrorMessage):
             self.end(f"{answer.code} [NEG-25]", now)
             return Refusal(answer.code, answer.message)
-        self._hello_by = math.inf
+        self.hello_by = math.inf
         if answer.version == "1.0":
-            self._is_of_1_0 = True  # NEG-33
+            self.is_of_1_0 = True  # NEG-33
         else:
             self.welcome = answer
         return hello
 
-    def _refuse_packet(self, error: ProtocolError, payload: bytes, now: float) -> Refusal:
+    def refuse_packet(self, error: ProtocolError, payload: bytes, now: float) -> Refusal:
         """An `error` after hello [NEG-29]; before, silence, or an end for who awaits a reply."""
-        kind, request = _type_and_id(payload)
-        if self.welcome is None and self._is_heard and kind in REQUESTS:
+        kind, request = type_and_id(payload)
+        if self.welcome is None and self.is_heard and kind in REQUESTS:
             self.end("a client that awaits the reply to a bad request learns so [REQ-9]", now)
-        if self.welcome is None and not self._is_of_1_0 and kind == "hello":
-            self.send(_error(error.code, str(error), error.pointer))
+        if self.welcome is None and not self.is_of_1_0 and kind == "hello":
+            self.send(error_message(error.code, str(error), error.pointer))
             self.end("a hello that breaks NEG-2 [NEG-35]", now)
         is_request = self.channel == "message" and kind in REQUESTS_1_1
-        self._send_error(error.code, str(error), error.pointer, request if is_request else None)
+        self.send_error(error.code, str(error), error.pointer, request if is_request else None)
         return Refusal(error.code, str(error))
 
-    def _send_error(
+    def send_error(
         self, code: str, text: str, pointer: str | None = None, request: int | None = None
     ) -> None:
+        """Queues an `error`, where the client has said hello [NEG-22]."""
         if self.welcome is not None:
-            self.send(_error(code, text, pointer, request))
+            self.send(error_message(code, text, pointer, request))
 
 
-def _error(
+def error_message(
     code: str, text: str, pointer: str | None = None, request: int | None = None
 ) -> ErrorMessage:
+    """An `error` whose text is not too long."""
     return ErrorMessage(code, text[: LIMITS["max_message_chars"]], id=request, pointer=pointer)
 
 
-def _decode(payload: bytes, channel: Channel, said_hello: bool) -> ClientMessage:
+def read_message(payload: bytes, channel: Channel, said_hello: bool) -> ClientMessage:
+    """The message of a payload; ProtocolError if it breaks a rule."""
     return decode_from_client(payload, channel, said_hello=said_hello)
 
 
-_decode_short = lru_cache(maxsize=64)(_decode)
+read_short_message = lru_cache(maxsize=64)(read_message)
 
 
-def _type_and_id(payload: bytes) -> tuple[object, int | None]:
+def type_and_id(payload: bytes) -> tuple[object, int | None]:
     """What can be said of a packet that is refused: its type, and its `id` if that is one."""
     try:
         message = parse_object(payload)

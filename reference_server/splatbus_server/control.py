@@ -9,10 +9,10 @@ from splatbus_wire.messages import (
     DEFAULT_OBJECT,
     CameraPose,
     Intrinsics,
+    Move,
     ObjectPose,
     Placement,
     PointCloudPose,
-    Steering,
 )
 from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.superseding import subject, succeeding
@@ -40,15 +40,15 @@ class Poses(NamedTuple):
     tag: str | None = None
     serial: int = 0
 
-    def moved_by(self, message: Steering) -> Poses:
+    def moved_by(self, message: Move) -> Poses:
         """What the message, which is about an object of the scene, makes of it."""
         if isinstance(message, CameraPose):  # most of what arrives, so without detours
             lens = self.intrinsics if message.intrinsics is None else message.intrinsics  # CAM-7
             return Poses(message.pose, self.objects, lens, self.time, message.tag, self.serial + 1)
         if isinstance(message, PointCloudPose):
-            return self._placed(Placement(DEFAULT_OBJECT, message.pose))  # OBJ-2
+            return self.placed(Placement(DEFAULT_OBJECT, message.pose))  # OBJ-2
         if isinstance(message, ObjectPose):
-            return self._placed(Placement(message.object, message.pose, message.scale))
+            return self.placed(Placement(message.object, message.pose, message.scale))
         return self._replace(time=message.time)
 
     def look_alike(self, other: Poses) -> bool:
@@ -71,7 +71,8 @@ class Poses(NamedTuple):
         """Those that are not at the identity with scale 1 [OBJ-7]."""
         return tuple(each for each in self.objects.values() if each[1:] != (IDENTITY, 1.0))
 
-    def _placed(self, placement: Placement) -> Poses:
+    def placed(self, placement: Placement) -> Poses:
+        """With one object elsewhere."""
         return self._replace(objects={**self.objects, placement.object: placement})
 
 
@@ -80,20 +81,21 @@ class Control:
 
     Attributes:
         poses: those to render with [POS-7].
+        sent: the newest of each kind, by connection; the first of these has control.
     """
 
     def __init__(self, poses: Poses) -> None:
         self.poses = poses
-        self._sent: dict[Hashable, dict[object, Steering]] = {}
+        self.sent: dict[Hashable, dict[object, Move]] = {}
 
     @property
     def holder(self) -> Hashable | None:
         """The connection that has control; None if nobody has."""
-        return next(iter(self._sent), None)
+        return next(iter(self.sent), None)
 
-    def move(self, connection: Hashable, message: Steering) -> bool:
+    def move(self, connection: Hashable, message: Move) -> bool:
         """Takes what is valid; False if another connection has control."""
-        newest, about = self._sent.setdefault(connection, {}), subject(message)
+        newest, about = self.sent.setdefault(connection, {}), subject(message)
         newest[about] = message = succeeding(newest.get(about), message)
         in_control = self.holder is connection
         if in_control:
@@ -107,10 +109,10 @@ class Control:
         it says nothing, camera and objects stay; intrinsics and time do not [CTL-3].
         """
         had_control = self.holder is connection
-        self._sent.pop(connection, None)
+        self.sent.pop(connection, None)
         if had_control:
             self.poses = self.poses._replace(intrinsics=None, time=None)
-            for message in next(iter(self._sent.values()), {}).values():
+            for message in next(iter(self.sent.values()), {}).values():
                 self.poses = self.poses.moved_by(message)
         return had_control
 

@@ -49,6 +49,9 @@ class Exchange:
         poses: what the next image is to show.
         newest: the image published last in that memory.
         replaced: memory that was published in before and is not freed yet, oldest first.
+        shown: what the image published last shows.
+        lock: guards all of these.
+        changed: notified when there may be something to render.
     """
 
     def __init__(
@@ -60,11 +63,11 @@ class Exchange:
         self.replaced: list[FrameMemory] = []
         self.lens = self._given_lens = lens_of(intrinsics, memory.width, memory.height)
         self._statistics = statistics
-        self._lock = threading.Lock()
-        self._changed = threading.Condition(self._lock)
+        self.lock = threading.Lock()
+        self.changed = threading.Condition(self.lock)
         self._pending: Counter[object] = Counter()
         self._wanted: frozenset[str] = frozenset()
-        self._shown: View | None = None
+        self.shown: View | None = None
         self._written: FrameMemory | None = None
         self._is_awaited = False
         self._failure: BaseException | None = None
@@ -73,8 +76,8 @@ class Exchange:
 
     def next_view(self, timeout: float | None, contents_changed: bool) -> View | None:
         """What to render now; None if nothing needs it within `timeout` seconds [IMG-10]."""
-        with self._lock:
-            if not self._changed.wait_for(lambda: self._is_due(contents_changed), timeout):
+        with self.lock:
+            if not self.changed.wait_for(lambda: self._is_due(contents_changed), timeout):
                 return None
             if self._failure is not None:
                 raise RuntimeError("the server's I/O thread died") from self._failure
@@ -102,7 +105,7 @@ class Exchange:
         Returns whether the I/O thread has something to do: a client waits for an image (the others
         ask when they release theirs), or memory for not being written any more.
         """
-        with self._lock:
+        with self.lock:
             memory = self.memory
             if view.generation != memory.generation:
                 return False
@@ -111,15 +114,15 @@ class Exchange:
         try:
             fill(slot, view.wants)
         finally:
-            with self._lock:
+            with self.lock:
                 self._written = None
         now = time.monotonic()
-        with self._lock:
+        with self.lock:
             if memory is not self.memory:
                 return True
             seq = memory.ring.publish(slot)
             self.newest = Image(memory, slot, seq, view, scene_time, now)
-            self._shown = view
+            self.shown = view
             memory.ring.begin_write()  # now, not before the next image, which does not wait then
             is_awaited, self._is_awaited = self._is_awaited, False
         self._statistics.frames_published += 1
@@ -140,7 +143,7 @@ class Exchange:
             intrinsics: the renderer's own for its size; if not given, the view keeps the height
                 that those given last have.
         """
-        with self._lock:
+        with self.lock:
             if former is not self.memory:
                 return False
             if intrinsics is not None:
@@ -156,22 +159,22 @@ class Exchange:
 
     def move(self, poses: Poses, received: Counter[object]) -> None:
         """Takes the poses to render with, and how many of each kind arrived since the last."""
-        with self._lock:
+        with self.lock:
             self.poses = poses
             self._pending += received
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     def want(self, channels: frozenset[str], memory: FrameMemory) -> None:
         """Takes which channels clients read of this memory; none if nobody reads."""
         if channels != self._wanted:
-            with self._lock:
+            with self.lock:
                 if memory is self.memory:
                     self._wanted = channels
-                    self._changed.notify_all()
+                    self.changed.notify_all()
 
     def lend(self, client: Hashable, memory: FrameMemory, wants: Set[str]) -> Image | None:
         """Leases the newest image of the memory [IMG-3]; None if there is nothing new for it."""
-        with self._lock:
+        with self.lock:
             image = self.newest
             if (
                 image is not None
@@ -185,17 +188,17 @@ class Exchange:
 
     def take_back(self, client: Hashable, image: Image) -> None:
         """Ends a lease."""
-        with self._lock:
+        with self.lock:
             image.memory.ring.release(client, image.seq)
 
     def forget(self, client: Hashable, memory: FrameMemory) -> None:
         """Ends whatever a client had in the memory [IMG-17]."""
-        with self._lock:
+        with self.lock:
             memory.ring.drop(client)
 
     def give_up(self, memory: FrameMemory) -> bool:
         """Forgets memory that was replaced, to be closed then; False while it is written still."""
-        with self._lock:
+        with self.lock:
             if memory is self._written:
                 return False
             self.replaced.remove(memory)
@@ -203,16 +206,16 @@ class Exchange:
 
     def fail(self, error: BaseException) -> None:
         """Lets the render loop know that nobody serves its images any more."""
-        with self._lock:
+        with self.lock:
             self._failure = error
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     def _is_due(self, contents_changed: bool) -> bool:
         if self._failure is not None:
             return True
         if not self._wanted:
             return False
-        shown = self._shown
+        shown = self.shown
         return (
             contents_changed
             or shown is None

@@ -94,7 +94,7 @@ class Memory:
         self._semantics = semantics
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
-        self._remove = weakref.finalize(self, _remove_if_owner, segment, os.getpid())
+        self._remove = weakref.finalize(self, remove_if_owner, segment, os.getpid())
         # Only now: what it writes to for itself takes seconds for a size that cannot be had.
         self.publisher = Publisher(width, height, semantics.depth_empty)
         memory = HostMemory(segment.name, size)
@@ -148,7 +148,8 @@ class Memory:
         self._remove()
 
 
-def _remove_if_owner(segment: shared_memory.Segment, owner: int) -> None:
+def remove_if_owner(segment: shared_memory.Segment, owner: int) -> None:
+    """Removes it from the system."""
     if os.getpid() == owner:  # a forked child ends too, and has not made it
         segment.close()
 

@@ -26,26 +26,30 @@ class Ring:
         newest: the image published last, if any.
         last_seq: number of the image published last, here or in the generation before, for numbers
             only grow on a connection [IMG-1].
+        clients: how many may hold a lease at a time.
+        writing: the slot that is being written, if any.
+        held: the lease of each client that has one.
+        seen: number of the image that each client was lent last, -1 for none.
     """
 
     def __init__(self, clients: int) -> None:
         """Makes a ring of empty slots, for as many clients with a lease at a time."""
         self.slots = clients + 2
         self.newest: Lease | None = None
-        self._clients = clients
+        self.clients = clients
         self.last_seq = 0
-        self._writing: int | None = None
-        self._seen: dict[Hashable, int] = {}
-        self._held: dict[Hashable, Lease] = {}
+        self.writing: int | None = None
+        self.seen: dict[Hashable, int] = {}
+        self.held: dict[Hashable, Lease] = {}
 
     def begin_write(self) -> int:
         """The slot to write the next image to, always at once [IMG-4, IMG-9]."""
-        if self._writing is None:
-            taken = {lease.slot for lease in self._held.values()}
+        if self.writing is None:
+            taken = {lease.slot for lease in self.held.values()}
             if self.newest is not None:
                 taken.add(self.newest.slot)
-            self._writing = next(slot for slot in range(self.slots) if slot not in taken)
-        return self._writing
+            self.writing = next(slot for slot in range(self.slots) if slot not in taken)
+        return self.writing
 
     def publish(self, slot: int) -> int:
         """Makes the image in the slot the newest, and returns its number.
@@ -53,9 +57,9 @@ class Ring:
         Raises:
             ValueError: the slot is not the one being written.
         """
-        if slot != self._writing:
-            raise ValueError(f"slot {slot} is not being written, slot {self._writing} is")
-        self._writing = None
+        if slot != self.writing:
+            raise ValueError(f"slot {slot} is not being written, slot {self.writing} is")
+        self.writing = None
         self.last_seq += 1
         self.newest = Lease(self.last_seq, slot)
         return self.last_seq
@@ -68,13 +72,13 @@ class Ring:
         Raises:
             ValueError: there are as many other clients as the ring was made for [IMG-18].
         """
-        if client not in self._seen and len(self._seen) == self._clients:
-            raise ValueError(f"the ring has slots for {self._clients} clients only [IMG-18]")
-        seen = self._seen.setdefault(client, -1)
-        if self.newest is None or client in self._held or seen == self.newest.seq:
+        if client not in self.seen and len(self.seen) == self.clients:
+            raise ValueError(f"the ring has slots for {self.clients} clients only [IMG-18]")
+        seen = self.seen.setdefault(client, -1)
+        if self.newest is None or client in self.held or seen == self.newest.seq:
             return None
-        self._seen[client] = self.newest.seq
-        self._held[client] = self.newest
+        self.seen[client] = self.newest.seq
+        self.held[client] = self.newest
         return self.newest
 
     def release(self, client: Hashable, seq: int) -> None:
@@ -83,13 +87,13 @@ class Ring:
         Raises:
             ValueError: the client does not hold it; nothing has changed [IMG-16].
         """
-        held = self._held.get(client)
+        held = self.held.get(client)
         if held is None or held.seq != seq:
             holds = "no image" if held is None else f"image {held.seq}"
             raise ValueError(f"image {seq} is not held: the client holds {holds} [IMG-16]")
-        del self._held[client]
+        del self.held[client]
 
     def drop(self, client: Hashable) -> None:
         """Forgets a client and its lease, if it had any [IMG-17]."""
-        self._held.pop(client, None)
-        self._seen.pop(client, None)
+        self.held.pop(client, None)
+        self.seen.pop(client, None)

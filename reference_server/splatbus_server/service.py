@@ -70,8 +70,8 @@ class Service:
         self._session = session
         self._terms = terms
         self._statistics = statistics
-        self._peers: list[Peer] = []
-        self._selector = selectors.DefaultSelector()
+        self.peers: list[Peer] = []
+        self.selector = selectors.DefaultSelector()
         self._aside = ThreadPoolExecutor(1, "splatbus-memory")
         self._bell, self._ringer = socket.socketpair()
         self._bell.setblocking(False)
@@ -79,7 +79,7 @@ class Service:
         self._rung = False
         self._stopping = False
         self._accept_from = math.inf
-        self._selector.register(self._bell, selectors.EVENT_READ, self._on_bell)
+        self.selector.register(self._bell, selectors.EVENT_READ, self._on_bell)
         self._accept_again()
 
     def ring(self) -> None:
@@ -101,20 +101,20 @@ class Service:
             while not self._stopping:
                 self._turn()
         finally:
-            for peer in self._peers:
+            for peer in self.peers:
                 peer.socket.close()
             for listener in self._listeners.values():
                 listener.close()
-            self._selector.close()
+            self.selector.close()
             self._aside.shutdown()
             self._bell.close()
             self._ringer.close()
 
     def _turn(self) -> None:
-        deadlines = [p.connection.deadline for p in self._peers]
+        deadlines = [p.connection.deadline for p in self.peers]
         deadline = min([self._accept_from, self._session.deadline, *deadlines])
         wait = None if deadline == math.inf else max(0.0, deadline - time.monotonic())
-        for key, _ in self._selector.select(wait):
+        for key, _ in self.selector.select(wait):
             key.data()
         now = time.monotonic()
         if now >= deadline:
@@ -123,13 +123,13 @@ class Service:
             self._session.catch_up(now)
             self._hear_on()
         self._do_chores()
-        for peer in [p for p in self._peers if p.connection.unsent or p.connection.ending]:
-            self._flush(peer, now)
+        for peer in [p for p in self.peers if p.connection.unsent or p.connection.ending]:
+            self.flush(peer, now)
 
     def _meet_deadlines(self, now: float) -> None:
         if now >= self._accept_from:
             self._accept_again()
-        for peer in self._peers:
+        for peer in self.peers:
             if now >= peer.connection.deadline:
                 peer.connection.expire(now)
         if now >= self._session.deadline:
@@ -137,7 +137,7 @@ class Service:
 
     def _hear_on(self) -> None:
         """Goes on with what clients sent behind a request whose reply took time."""
-        for peer in [p for p in self._peers if p.is_held and not p.connection.is_held]:
+        for peer in [p for p in self.peers if p.is_held and not p.connection.is_held]:
             self._guarded(peer, self._handle_all)
 
     def _do_chores(self) -> None:
@@ -162,13 +162,15 @@ class Service:
     def _accept_again(self) -> None:
         self._accept_from = math.inf
         for channel, listener in self._listeners.items():
-            accept = self._accepting(channel, listener)
-            self._selector.register(listener, selectors.EVENT_READ, accept)
+            accept = self.accepting(channel, listener)
+            self.selector.register(listener, selectors.EVENT_READ, accept)
 
-    def _accepting(self, channel: Channel, listener: socket.socket) -> Callable[[], None]:
-        return lambda: self._accept(channel, listener)
+    def accepting(self, channel: Channel, listener: socket.socket) -> Callable[[], None]:
+        """What is to be done when a client knocks."""
+        return lambda: self.accept(channel, listener)
 
-    def _accept(self, channel: Channel, listener: socket.socket) -> None:
+    def accept(self, channel: Channel, listener: socket.socket) -> None:
+        """Takes a client in, or turns it away where there are too many [LIM-1]."""
         now = time.monotonic()
         try:
             accepted, address = listener.accept()
@@ -178,10 +180,10 @@ class Service:
             log.error("%s: cannot accept a connection: %s", channel, error)
             self._accept_from = now + PAUSE_SECONDS
             for paused in self._listeners.values():
-                self._selector.unregister(paused)
+                self.selector.unregister(paused)
             return
         name = f"{channel} {address[0]}:{address[1]}"
-        if sum(p.connection.channel == channel for p in self._peers) >= MOST_CONNECTIONS:
+        if sum(p.connection.channel == channel for p in self.peers) >= MOST_CONNECTIONS:
             log.warning("%s: refused, %d connections are open [LIM-1]", name, MOST_CONNECTIONS)
             self._statistics.refused["too_many_connections"] += 1
             accepted.close()
@@ -190,11 +192,11 @@ class Service:
         with suppress(OSError):  # where the client is gone already
             accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         peer = Peer(name, accepted, Connection(channel, self._terms, now))
-        self._peers.append(peer)
+        self.peers.append(peer)
         self._statistics.connections += 1
         if channel == "ipc" and self._terms.token is None:
             self._session.join(peer.connection)
-        self._selector.register(accepted, selectors.EVENT_READ, lambda: self._serve(peer))
+        self.selector.register(accepted, selectors.EVENT_READ, lambda: self._serve(peer))
         log.info("%s: connected", name)
 
     def _serve(self, peer: Peer) -> None:
@@ -205,8 +207,8 @@ class Service:
             work(peer)
         except Exception:
             log.exception("%s: dropped because of a defect of this server", peer.name)
-            if peer in self._peers:
-                self._drop(peer)
+            if peer in self.peers:
+                self.drop(peer)
 
     def _read(self, peer: Peer) -> None:
         connection = peer.connection
@@ -217,13 +219,14 @@ class Service:
                 data = None
             except OSError as error:
                 log.info("%s: lost: %s", peer.name, error.strerror)
-                self._drop(peer)
+                self.drop(peer)
                 return
             if data is not None:
-                self._take(peer, data)
-        self._flush(peer, time.monotonic())
+                self.take(peer, data)
+        self.flush(peer, time.monotonic())
 
-    def _take(self, peer: Peer, data: bytes) -> None:
+    def take(self, peer: Peer, data: bytes) -> None:
+        """Hands on what a read returned."""
         peer.connection.receive(data, time.monotonic())
         self._handle_all(peer)
 
@@ -258,7 +261,7 @@ class Service:
         if peer.noted[refusal.code] == 1:
             log.warning("%s: refused: %s: %s", peer.name, refusal.code, refusal.reason)
 
-    def _flush(self, peer: Peer, now: float) -> None:
+    def flush(self, peer: Peer, now: float) -> None:
         """Sends what can be sent, ends what is to be ended, waits for what must be waited for."""
         connection = peer.connection
         if connection.unsent:
@@ -268,7 +271,7 @@ class Service:
                 count = 0
             except OSError as error:
                 log.info("%s: lost: %s", peer.name, error.strerror)
-                self._drop(peer)
+                self.drop(peer)
                 return
             connection.sent(count, now)
         if connection.ending is not None and not peer.is_ending:
@@ -276,7 +279,7 @@ class Service:
             level = logging.INFO if connection.input_ended else logging.WARNING
             log.log(level, "%s: ends: %s", peer.name, connection.ending)
         if connection.over:
-            self._drop(peer)
+            self.drop(peer)
             return
         if connection.ending is not None and not connection.unsent and not peer.is_shut:
             peer.is_shut = True
@@ -290,16 +293,17 @@ class Service:
         if events == peer.awaits:
             return
         if not events:
-            self._selector.unregister(peer.socket)
+            self.selector.unregister(peer.socket)
         elif not peer.awaits:
-            self._selector.register(peer.socket, events, lambda: self._serve(peer))
+            self.selector.register(peer.socket, events, lambda: self._serve(peer))
         else:
-            self._selector.modify(peer.socket, events, lambda: self._serve(peer))
+            self.selector.modify(peer.socket, events, lambda: self._serve(peer))
         peer.awaits = events
 
-    def _drop(self, peer: Peer) -> None:
+    def drop(self, peer: Peer) -> None:
+        """Closes a connection for good, and tells the session so."""
         self._await(peer, 0)
-        self._peers.remove(peer)
+        self.peers.remove(peer)
         peer.socket.close()
         self._session.leave(peer.connection)
         refused = f"; refused: {dict(peer.noted)}" if peer.noted else ""

@@ -18,6 +18,7 @@ from splatbus_wire.messages import (
     GetScene,
     GetViewportSize,
     Hello,
+    Move,
     ObjectPose,
     Opened,
     OpenFailed,
@@ -29,7 +30,6 @@ from splatbus_wire.messages import (
     Scene,
     SetTime,
     SetViewport,
-    Steering,
     Subscribe,
     SubscribeTelemetry,
     ViewportSize,
@@ -74,6 +74,11 @@ class Session:
         deadline: the moment by which `catch_up` has something to do without any news.
         scene: what `get_scene` tells.
         viewport: has chores for another thread.
+        exchange: with the renderer.
+        control: who steers.
+        readers: what each client on the IPC channel was told and still has.
+        readings: telemetry from the renderer.
+        told_busy: who knows that it does not steer [CTL-2].
     """
 
     def __init__(
@@ -99,15 +104,15 @@ class Session:
         self.deadline = math.inf
         self.scene = scene
         self.viewport = Viewport(exchange)
-        self._exchange = exchange
+        self.exchange = exchange
         self._cameras = tuple(cameras) or (IDENTITY,)
         self._most_readers = readers
         self._statistics = statistics
-        self._readings = readings
-        self._control = Control(exchange.poses)
+        self.readings = readings
+        self.control = Control(exchange.poses)
         self._moves: Counter[object] = Counter()
-        self._told_busy: set[Connection] = set()
-        self._readers: dict[Connection, Reader] = {}
+        self.told_busy: set[Connection] = set()
+        self.readers: dict[Connection, Reader] = {}
 
     def join(self, connection: Connection) -> None:
         """Takes a new connection on the IPC channel of a server that requires no token.
@@ -115,8 +120,8 @@ class Session:
         Memory on a GPU is announced to it at once: it may be of 1.0 and never say a word
         [CHN-4, NEG-15].
         """
-        if self._exchange.memory.kind == "cuda_ipc":
-            self._readers[connection] = Reader()
+        if self.exchange.memory.kind == "cuda_ipc":
+            self.readers[connection] = Reader()
             self.has_news = True
 
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
@@ -126,32 +131,32 @@ class Session:
             reason, request = f"{needed} was not agreed upon [NEG-5]", getattr(message, "id", None)
             return connection.complain(Refusal("unsupported", reason, id=request))
         if isinstance(message, (CameraPose, PointCloudPose, ObjectPose, SetTime)):
-            return self._move(connection, message)
+            return self.move(connection, message)
         if isinstance(message, (GetViewportSize, GetCameraPose, GetScene, SetViewport, Ping)):
-            return self._answer(connection, message, now)
+            return self.answer(connection, message, now)
         self.has_news = True
         if isinstance(message, Hello):
-            return self._greet(connection, now)
+            return self.greet(connection, now)
         if isinstance(message, (Opened, OpenFailed, Closed)):
-            return self._answered(connection, message)
+            return self.take_answer(connection, message)
         if isinstance(message, Release):
-            return self._release(connection, message)
+            return self.release(connection, message)
         if isinstance(message, Subscribe):
-            return self._subscribe(connection, message.channels)
+            return self.subscribe(connection, message.channels)
         if isinstance(message, SubscribeTelemetry):
-            self._readings.subscribe(connection, message.names)
+            self.readings.subscribe(connection, message.names)
         return None
 
     def leave(self, connection: Connection) -> None:
         """Ends what a connection had: control of the scene [POS-11], its lease [IMG-17]."""
         self.has_news = True
-        self._told_busy.discard(connection)
-        self._control.leave(connection)
-        self._readings.unsubscribe(connection)
-        reader = self._readers.pop(connection, None)
+        self.told_busy.discard(connection)
+        self.control.leave(connection)
+        self.readings.unsubscribe(connection)
+        reader = self.readers.pop(connection, None)
         if reader is not None:
             for memory in reader.announced.values():
-                self._exchange.forget(connection, memory)
+                self.exchange.forget(connection, memory)
 
     def catch_up(self, now: float) -> None:
         """Passes on what changed since the last call: poses to the renderer, images to clients.
@@ -159,31 +164,31 @@ class Session:
         Once for all that arrived together, so that of many poses only the newest counts.
         """
         self.has_news = False
-        if self._control.poses is not self._exchange.poses:
-            self._exchange.move(self._control.poses, self._moves)
+        if self.control.poses is not self.exchange.poses:
+            self.exchange.move(self.control.poses, self._moves)
             self._moves = Counter()
-        refusal = self.viewport.settle(self._hindrance, now)
+        refusal = self.viewport.settle(self.hindrance, now)
         if refusal is not None:
             self._statistics.refused[refusal.code] += 1
-        memory = self._exchange.memory
-        for connection, reader in self._readers.items():
+        memory = self.exchange.memory
+        for connection, reader in self.readers.items():
             if reader.told < memory.generation and connection.ending is None:
-                self._announce(connection, reader, memory, now)
+                self.announce(connection, reader, memory, now)
         ready = {
             connection: reader
-            for connection, reader in self._readers.items()
+            for connection, reader in self.readers.items()
             if memory.generation in reader.opened and reader.is_let_in
         }
         for connection, reader in ready.items():
             if reader.lease is None and connection.ending is None:
-                self._lend(connection, reader, memory)
+                self.lend(connection, reader, memory)
         wanted: frozenset[str] = frozenset().union(*(r.needs for r in ready.values()))
-        self._exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
+        self.exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
         self.deadline = math.inf
-        if self._exchange.replaced:
-            self._end_who_keeps(now)
-            self._free(now)
-        self._readings.pass_on()
+        if self.exchange.replaced:
+            self.end_who_keeps(now)
+            self.free_replaced(now)
+        self.readings.pass_on()
 
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
         """Whether a client without `frames` is there, of 1.0 or later: it copies when it likes."""
@@ -191,87 +196,91 @@ class Session:
             reader.told == memory.generation
             and connection.ending is None
             and not connection.has("frames")
-            for connection, reader in self._readers.items()
+            for connection, reader in self.readers.items()
         )
 
-    def _move(self, connection: Connection, message: Steering) -> Refusal | None:
-        memory = self._exchange.memory
-        refusal = objection(connection, message, self._control.poses, memory.width, memory.height)
+    def move(self, connection: Connection, message: Move) -> Refusal | None:
+        """Applies a pose or a time of who has control; tells others once [CTL-1, CTL-2]."""
+        memory = self.exchange.memory
+        refusal = objection(connection, message, self.control.poses, memory.width, memory.height)
         if refusal is not None:
             return connection.complain(refusal)
-        if self._control.move(connection, within(message, self.scene.time_range)):
+        if self.control.move(connection, within(message, self.scene.time_range)):
             self.has_news = True
             self._moves[subject(message)] += 1
             self._statistics.poses_received += 1
             return None
         refusal = Refusal("busy", "another client steers the scene [POS-11]")
-        if connection not in self._told_busy:  # CTL-1, CTL-2
-            self._told_busy.add(connection)
+        if connection not in self.told_busy:  # CTL-1, CTL-2
+            self.told_busy.add(connection)
             connection.complain(refusal)
         return refusal
 
-    def _answer(self, connection: Connection, request: Request, now: float) -> Refusal | None:
+    def answer(self, connection: Connection, request: Request, now: float) -> Refusal | None:
+        """Replies to a request, but to `set_viewport`: that is begun."""
         self._statistics.requests += 1
         if isinstance(request, GetViewportSize):
-            memory = self._exchange.memory
+            memory = self.exchange.memory
             connection.send(ViewportSize(memory.width, memory.height, request.id))
         elif isinstance(request, GetCameraPose):
             camera = self._cameras[request.cam_idx % len(self._cameras)]
-            lens = self._exchange.lens if connection.has("intrinsics") else None  # CAM-8
+            lens = self.exchange.lens if connection.has("intrinsics") else None  # CAM-8
             connection.send(CameraReply(camera, request.id, lens))
         elif isinstance(request, GetScene):
             connection.send(self.scene._replace(id=request.id))
         elif isinstance(request, Ping):
             connection.send(Pong(request.t, now, request.id))
         else:
-            self._free(now)  # of what the messages before this one let go of
-            refusal = self._hindrance(connection)
+            self.free_replaced(now)  # of what the messages before this one let go of
+            refusal = self.hindrance(connection)
             if refusal is not None:
                 return connection.complain(refusal._replace(id=request.id))
             self.has_news = True
             self.viewport.set(connection, request)
         return None
 
-    def _hindrance(self, asker: Connection) -> Refusal | None:
+    def hindrance(self, asker: Connection) -> Refusal | None:
         """Why images cannot have another size now, if a client asks for it."""
-        for connection, reader in self._readers.items():
+        for connection, reader in self.readers.items():
             if reader.told and connection.ending is None and not connection.has("reinit"):
                 return Refusal("unsupported", "a client that reads takes no reinit [VPT-3]")
-        if self._control.holder not in (None, asker):
+        if self.control.holder not in (None, asker):
             return Refusal("busy", "another client steers the scene [VPT-4]")
-        if self._exchange.replaced or self.viewport.is_changing:
+        if self.exchange.replaced or self.viewport.is_changing:
             return Refusal("busy", "memory of the former size is in use [VPT-4]")
         return None
 
-    def _greet(self, connection: Connection, now: float) -> Refusal | None:
+    def greet(self, connection: Connection, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
         version = connection.welcome.version if connection.welcome else "1.0"
         is_named = connection.has("host_shm") and version != "1.0"
-        is_reader = is_named or self._exchange.memory.kind == "cuda_ipc"
+        is_reader = is_named or self.exchange.memory.kind == "cuda_ipc"
         if connection.channel != "ipc" or not is_reader:
             return None
-        let_in = sum(reader.is_let_in for reader in self._readers.values())
+        let_in = sum(reader.is_let_in for reader in self.readers.values())
         if connection.has("frames") and let_in == self._most_readers:
             reason = f"{let_in} clients read images already [IMG-18]"
             refusal = connection.complain(Refusal("too_many_clients", reason))
             connection.end(reason, now)
             return refusal
-        self._readers.setdefault(connection, Reader()).is_let_in = connection.has("frames")
+        self.readers.setdefault(connection, Reader()).is_let_in = connection.has("frames")
         return None
 
-    def _announce(
+    def announce(
         self, connection: Connection, reader: Reader, memory: FrameMemory, now: float
     ) -> None:
+        """Sends an init packet, or ends who takes no further one [OPN-7]."""
         if reader.told and not connection.has("reinit"):
             connection.end("the image has another size now, and it takes no reinit [OPN-7]", now)
             return
         connection.send(memory.init_packet)
         reader.tell(memory, now)
 
-    def _answered(
+    def take_answer(
         self, connection: Connection, message: Opened | OpenFailed | Closed
     ) -> Refusal | None:
-        reader = self._readers.get(connection)
+        """Takes what a client says of memory that was announced to it."""
+        reader = self.readers.get(connection)
         generation = message.generation
         if reader is None or generation not in reader.announced:
             reason = f"generation {generation} is not announced here [OPN-12]"
@@ -279,7 +288,7 @@ class Session:
         if isinstance(message, Opened):
             reader.open(generation)
             return None
-        self._exchange.forget(connection, reader.announced.pop(generation))
+        self.exchange.forget(connection, reader.announced.pop(generation))
         reader.opened.discard(generation)
         if reader.lease is not None and reader.lease.memory.generation == generation:  # OPN-14
             reader.lease = None
@@ -287,33 +296,36 @@ class Session:
             return Refusal("open_failed", f"the client could not open it: {message.reason!r}")
         return None
 
-    def _release(self, connection: Connection, message: Release) -> Refusal | None:
-        reader = self._readers.get(connection)
+    def release(self, connection: Connection, message: Release) -> Refusal | None:
+        """Takes an image back from who holds it [IMG-16]."""
+        reader = self.readers.get(connection)
         lease = reader.lease if reader is not None else None
         if reader is None or lease is None or message != receipt(lease):
             reason = f"image {message.seq} of generation {message.generation} is not held [IMG-16]"
             return connection.complain(Refusal("invalid_message", reason))
-        self._exchange.take_back(connection, lease)
+        self.exchange.take_back(connection, lease)
         reader.give_back()
         return None
 
-    def _subscribe(self, connection: Connection, channels: frozenset[str]) -> Refusal | None:
-        reader = self._readers.get(connection)
+    def subscribe(self, connection: Connection, channels: frozenset[str]) -> Refusal | None:
+        """Takes which channels a client reads from now on."""
+        reader = self.readers.get(connection)
         if reader is None:
             return connection.complain(Refusal("unsupported", "there is no memory to read from"))
         reader.wants = channels
         return None
 
-    def _lend(self, connection: Connection, reader: Reader, memory: FrameMemory) -> None:
-        image = self._exchange.lend(connection, memory, reader.needs)
+    def lend(self, connection: Connection, reader: Reader, memory: FrameMemory) -> None:
+        """Sends the newest image, if it is new for the client [IMG-3]."""
+        image = self.exchange.lend(connection, memory, reader.needs)
         if image is not None:
             reader.lease = image
             connection.send(reader.frame(image))
             self._statistics.frames_sent += 1
 
-    def _end_who_keeps(self, now: float) -> None:
+    def end_who_keeps(self, now: float) -> None:
         """Disconnects who has had former memory for too long [VPT-8]."""
-        for connection, reader in self._readers.items():
+        for connection, reader in self.readers.items():
             late_at = reader.late_at
             if late_at is None or connection.ending is not None:
                 continue
@@ -322,15 +334,15 @@ class Session:
             else:
                 self.deadline = min(self.deadline, late_at)
 
-    def _free(self, now: float) -> None:
+    def free_replaced(self, now: float) -> None:
         """Frees memory that was replaced once no client has it [OPN-8, VPT-7].
 
         Two generations are kept at most: who still has the one before the last when the image
         changes its size again is asked to connect anew.
         """
-        for age, memory in enumerate(self._exchange.replaced[::-1]):
-            having = [c for c, r in self._readers.items() if memory.generation in r.announced]
-            if not having and self._exchange.give_up(memory):
+        for age, memory in enumerate(self.exchange.replaced[::-1]):
+            having = [c for c, r in self.readers.items() if memory.generation in r.announced]
+            if not having and self.exchange.give_up(memory):
                 self.viewport.chores.append(memory.close)
             elif age > 0:
                 for connection in having:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from splatbus_wire.lens import fits
-from splatbus_wire.messages import CameraPose, ObjectPose, SetTime, Steering
+from splatbus_wire.messages import CameraPose, Move, ObjectPose, SetTime
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Poses
@@ -12,7 +12,7 @@ TimeRange = tuple[float, float]
 
 
 def objection(
-    connection: Connection, message: Steering, poses: Poses, width: int, height: int
+    connection: Connection, message: Move, poses: Poses, width: int, height: int
 ) -> Refusal | None:
     """Why the message is refused, whoever has control; None if it is valid.
 
@@ -37,7 +37,7 @@ def objection(
     return None
 
 
-def within(message: Steering, time_range: TimeRange | None) -> Steering:
+def within(message: Move, time_range: TimeRange | None) -> Move:
     """The message, with a time that the scene has [TIM-2]."""
     if isinstance(message, SetTime) and time_range is not None:
         first, last = time_range

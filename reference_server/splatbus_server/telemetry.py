@@ -36,7 +36,7 @@ class Readings:
 
     def __init__(self, statistics: Statistics) -> None:
         self._statistics = statistics
-        self._subscribers: dict[Connection, Subscriber] = {}
+        self.subscribers: dict[Connection, Subscriber] = {}
         self._wanted: frozenset[str] | None = frozenset()
         self._lock = threading.Lock()
         self._given: dict[str, Series] = {}
@@ -71,21 +71,21 @@ class Readings:
 
     def subscribe(self, connection: Connection, names: frozenset[str] | None) -> None:
         """Takes what a connection wants from now on; None for everything [TEL-1, TEL-3]."""
-        self._subscribers[connection] = Subscriber(names)
+        self.subscribers[connection] = Subscriber(names)
         self._add_up()
 
     def unsubscribe(self, connection: Connection) -> None:
         """Forgets a connection."""
-        if self._subscribers.pop(connection, None) is not None:
+        if self.subscribers.pop(connection, None) is not None:
             self._add_up()
 
     def pass_on(self) -> None:
         """Sends one message to each who wants something new and has taken the last [TEL-5]."""
-        if not self._subscribers:
+        if not self.subscribers:
             return
         with self._lock:
             given, self._given, moment = self._given, {}, self._given_at
-        for connection, subscriber in self._subscribers.items():
+        for connection, subscriber in self.subscribers.items():
             names, due = subscriber.names, subscriber.due
             due.update((n, each) for n, each in given.items() if names is None or n in names)
             if due and not connection.unsent and connection.ending is None:
@@ -111,6 +111,6 @@ class Readings:
         self._statistics.telemetry_sent += 1
 
     def _add_up(self) -> None:
-        everyone = [subscriber.names for subscriber in self._subscribers.values()]
+        everyone = [subscriber.names for subscriber in self.subscribers.values()]
         named = [names for names in everyone if names is not None]
         self._wanted = frozenset().union(*named) if len(named) == len(everyone) else None

@@ -50,26 +50,28 @@ class Viewport:
 
     Attributes:
         chores: to be done; whoever does them takes them off the list.
+        exchange: with the renderer.
+        change: the one under way.
     """
 
     def __init__(self, exchange: Exchange) -> None:
         self.chores: list[Chore] = []
-        self._exchange = exchange
-        self._change: Change | None = None
+        self.exchange = exchange
+        self.change: Change | None = None
 
     @property
     def is_changing(self) -> bool:
         """Whether there is one."""
-        return self._change is not None
+        return self.change is not None
 
     def set(self, asker: Connection, request: SetViewport) -> None:
         """Begins what nothing hinders; replies at once where nothing changes [VPT-6]."""
-        memory = self._exchange.memory
+        memory = self.exchange.memory
         if (memory.width, memory.height) == (request.width, request.height):
             asker.send(ViewportSize(*request))
             return
-        self._change = Change(asker, request, memory)
-        self.chores.append(self._change.allocate)
+        self.change = Change(asker, request, memory)
+        self.chores.append(self.change.allocate)
         asker.hold()
 
     def settle(
@@ -81,11 +83,11 @@ class Viewport:
             hindrance: why a client's wish cannot be granted, which may have changed meanwhile.
             now: the moment.
         """
-        change = self._change
+        change = self.change
         if change is None or change.outcome is None:
             return None
-        self._change = None
-        refusal = hindrance(change.asker) or self._replace(change)
+        self.change = None
+        refusal = hindrance(change.asker) or self.replace(change)
         if refusal is None:
             change.asker.send(ViewportSize(*change.request))
         else:
@@ -97,12 +99,13 @@ class Viewport:
 
     def close(self) -> None:
         """Frees what was made for a reply that will not be sent any more."""
-        if self._change is not None:
-            self._discard(self._change)
+        if self.change is not None:
+            self._discard(self.change)
         while self.chores:
             self.chores.pop(0)()
 
-    def _replace(self, change: Change) -> Refusal | None:
+    def replace(self, change: Change) -> Refusal | None:
+        """Puts the new memory in the place of the former, or says why not."""
         made = change.outcome
         if isinstance(made, OSError):
             return Refusal("unsupported", made.strerror or str(made))
@@ -111,7 +114,7 @@ class Viewport:
         if isinstance(made, Exception):
             log.error("a defect of this server", exc_info=made)
             return Refusal("internal", "a defect of this server")
-        if made is None or not self._exchange.replace(change.former, made):
+        if made is None or not self.exchange.replace(change.former, made):
             return Refusal("busy", "the renderer has changed the size itself [VPT-4]")
         return None
 

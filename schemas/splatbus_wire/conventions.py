@@ -11,7 +11,7 @@ from math import sqrt
 from splatbus_wire.poses import Pose, Vector
 from splatbus_wire.rotations import Matrix3, Quaternion
 
-_HALF_SQRT = sqrt(0.5)
+HALF_SQRT = sqrt(0.5)
 
 
 @dataclass(frozen=True)
@@ -103,20 +103,20 @@ def _blender_object_to_wire(q: Quaternion) -> Quaternion:
 def _blender_camera_from_wire(q: Quaternion) -> Quaternion:
     x, y, z, w = q
     return (
-        _HALF_SQRT * (x + w),
-        _HALF_SQRT * (z - y),
-        -_HALF_SQRT * (y + z),
-        _HALF_SQRT * (w - x),
+        HALF_SQRT * (x + w),
+        HALF_SQRT * (z - y),
+        -HALF_SQRT * (y + z),
+        HALF_SQRT * (w - x),
     )
 
 
 def _blender_camera_to_wire(q: Quaternion) -> Quaternion:
     a, b, c, w = q
     return (
-        _HALF_SQRT * (a - w),
-        -_HALF_SQRT * (b + c),
-        _HALF_SQRT * (b - c),
-        _HALF_SQRT * (a + w),
+        HALF_SQRT * (a - w),
+        -HALF_SQRT * (b + c),
+        HALF_SQRT * (b - c),
+        HALF_SQRT * (a + w),
     )
 
 

@@ -10,8 +10,8 @@ from splatbus_wire.errors import FramingError, ProtocolError
 
 _HEADER_BYTES: int = FRAMING["length"]["bytes"]
 _BYTE_ORDER = FRAMING["length"]["byteOrder"]
-_MIN_PAYLOAD_BYTES: int = LIMITS["min_payload_bytes"]
-_MAX_PAYLOAD_BYTES: int = LIMITS["max_payload_bytes"]
+MIN_PAYLOAD_BYTES: int = LIMITS["min_payload_bytes"]
+MAX_PAYLOAD_BYTES: int = LIMITS["max_payload_bytes"]
 
 
 def encode_packet(payload: bytes) -> bytes:
@@ -20,11 +20,11 @@ def encode_packet(payload: bytes) -> bytes:
     Raises:
         ProtocolError: the payload is empty or too long to be sent [FRM-2].
     """
-    if not _MIN_PAYLOAD_BYTES <= len(payload) <= _MAX_PAYLOAD_BYTES:
+    if not MIN_PAYLOAD_BYTES <= len(payload) <= MAX_PAYLOAD_BYTES:
         raise ProtocolError(
             "packet_too_large" if payload else "malformed_packet",
-            f"a payload of {len(payload)} bytes was to be sent; {_MIN_PAYLOAD_BYTES} to"
-            f" {_MAX_PAYLOAD_BYTES} are allowed",
+            f"a payload of {len(payload)} bytes was to be sent; {MIN_PAYLOAD_BYTES} to"
+            f" {MAX_PAYLOAD_BYTES} are allowed",
             requirement="FRM-2",
         )
     return len(payload).to_bytes(_HEADER_BYTES, _BYTE_ORDER) + payload
@@ -39,16 +39,16 @@ class PacketDecoder:
     """
 
     def __init__(self) -> None:
-        self._unfinished = bytearray()
-        self._payloads: deque[bytes] = deque()
-        self._offset = 0
-        self._error: FramingError | None = None
+        self.unfinished = bytearray()
+        self.payloads: deque[bytes] = deque()
+        self.offset = 0
+        self.error: FramingError | None = None
 
     def receive(self, data: bytes) -> None:
         """Take bytes as they came from the connection; after a bad header, drop them."""
-        if self._error is not None:
+        if self.error is not None:
             return
-        unfinished = self._unfinished
+        unfinished = self.unfinished
         if unfinished:
             unfinished += data
         # Where nothing is unfinished, packets are cut straight out of what came.
@@ -58,16 +58,16 @@ class PacketDecoder:
         while available - start >= _HEADER_BYTES:
             body = start + _HEADER_BYTES
             length = int.from_bytes(stream[start:body], _BYTE_ORDER)
-            if not _MIN_PAYLOAD_BYTES <= length <= _MAX_PAYLOAD_BYTES:
-                self._error = _bad_header(length, self._offset + start)
+            if not MIN_PAYLOAD_BYTES <= length <= MAX_PAYLOAD_BYTES:
+                self.error = _bad_header(length, self.offset + start)
                 unfinished.clear()
                 return
             end = body + length
             if end > available:
                 break
-            self._payloads.append(bytes(stream[body:end]))
+            self.payloads.append(bytes(stream[body:end]))
             start = end
-        self._offset += start
+        self.offset += start
         # What is moved or kept here arrived with `data`, so this too is linear.
         if unfinished:
             del unfinished[:start]
@@ -82,22 +82,22 @@ class PacketDecoder:
                 been handed out; so does every later call [FRM-3]. `offset` is that of the header
                 within the connection.
         """
-        if self._payloads:
-            return self._payloads.popleft()
-        if self._error is not None:
-            raise self._error
+        if self.payloads:
+            return self.payloads.popleft()
+        if self.error is not None:
+            raise self.error
         return None
 
     @property
     def incomplete(self) -> bool:
         """Whether the first bytes of a packet are here, and its last are not [FRM-5, FRM-6]."""
-        return bool(self._unfinished)
+        return bool(self.unfinished)
 
 
 def _bad_header(length: int, offset: int) -> FramingError:
     return FramingError(
         "packet_too_large" if length else "malformed_packet",
-        f"a header announces {length} bytes; {_MIN_PAYLOAD_BYTES} to {_MAX_PAYLOAD_BYTES} are"
+        f"a header announces {length} bytes; {MIN_PAYLOAD_BYTES} to {MAX_PAYLOAD_BYTES} are"
         " allowed, and nothing after it can be trusted",
         requirement="FRM-3",
         offset=offset,

@@ -57,11 +57,11 @@ def request_of_1_0(kind: str, message: Field) -> GetViewportSize | GetCameraPose
 def on_message_channel(kind: Any, message: Field) -> ClientMessage | None:
     """A message of the message channel after `hello`; None if the type is unknown."""
     if kind == "camera_pose":
-        return _camera_pose(message)
+        return pose_of_camera(message)
     if kind == "point_cloud_pose":
         return PointCloudPose(*pose_and_timestamp(message))
     if kind == "object_pose":
-        return _object_pose(message)
+        return pose_of_object(message)
     if kind == "set_time":
         return SetTime(message.under("TIM-1").member("time").number())
     if kind == "get_viewport_size":
@@ -71,7 +71,7 @@ def on_message_channel(kind: Any, message: Field) -> ClientMessage | None:
     if kind == "get_scene":
         return GetScene(_id(message))
     if kind == "set_viewport":
-        return _set_viewport(message)
+        return viewport_wanted(message)
     if kind == "ping":
         return Ping(message.under("PNG-1").member("t").number(), _id(message))
     if kind == "subscribe_telemetry":
@@ -121,7 +121,8 @@ def timestamp(message: Field, *, or_string: bool = False) -> float | None:
     return None if given is None else given.number(or_string=or_string)
 
 
-def _camera_pose(message: Field) -> CameraPose:
+def pose_of_camera(message: Field) -> CameraPose:
+    """A `camera_pose` after `hello` [CAM-1]."""
     tag, lens = message.optional("tag"), message.optional("intrinsics")
     return CameraPose(
         *pose_and_timestamp(message),
@@ -130,7 +131,8 @@ def _camera_pose(message: Field) -> CameraPose:
     )
 
 
-def _object_pose(message: Field) -> ObjectPose:
+def pose_of_object(message: Field) -> ObjectPose:
+    """An `object_pose` [OBJ-1]."""
     described = message.under("OBJ-1")
     name, scale = described.member("object"), described.optional("scale")
     pose, when = pose_and_timestamp(message)
@@ -142,7 +144,8 @@ def _object_pose(message: Field) -> ObjectPose:
     )
 
 
-def _set_viewport(message: Field) -> SetViewport:
+def viewport_wanted(message: Field) -> SetViewport:
+    """A `set_viewport` [VPT-1]."""
     size = message.under("VPT-1")
     width, height = (size.member(side).integer(1, MAX_IMAGE_SIZE) for side in ("width", "height"))
     return SetViewport(width, height, _id(message))

@@ -120,7 +120,7 @@ def telemetry(message: Field) -> Telemetry:
     array = fields.member("series")
     listed = array.items(1, LIMITS["max_series"])
     different(array, [item.member("name").string(1, MAX_NAME_CHARS) for item in listed])
-    series = [_series(item) for item in listed]
+    series = [one_series(item) for item in listed]
     return Telemetry(
         fields.seq(),
         fields.member("time").number(),
@@ -187,7 +187,8 @@ def _time_range(array: Field) -> tuple[float, float]:
     return first, last
 
 
-def _series(item: Field) -> Series | None:
+def one_series(item: Field) -> Series | None:
+    """One of what a renderer tells; None if its kind is unknown [TEL-6]."""
     name = item.member("name").string(1, MAX_NAME_CHARS)
     kind = item.member("kind").string(0, MAX_SAFE_INTEGER)
     if kind == "scalar":

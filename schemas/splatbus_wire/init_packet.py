@@ -20,12 +20,12 @@ COLOR_FORMAT = "RGBA32F"
 DEPTH_FORMAT = "R32F"
 VERSION = "1.1"
 
-_MAX_IMAGE_SIZE: int = LIMITS["max_image_size"]
+MAX_IMAGE_SIZE: int = LIMITS["max_image_size"]
 _MAX_SLOTS: int = LIMITS["max_slots"]
 _HANDLE_BYTES: int = LIMITS["handle_bytes"]
-_ALIGNMENT = 16
+ALIGNMENT = 16
 _HANDLES = ("mem_color", "mem_depth", "evt_done")
-_SHM_NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
+SHM_NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
 _DEVICE_UUID = re.compile(r"GPU-[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")
 _ALPHAS = ("straight", "premultiplied")
 _COLOR_SPACES = ("srgb", "linear")
@@ -66,7 +66,7 @@ class CudaMemory(NamedTuple):
     bytes: int
 
 
-class Ring(NamedTuple):
+class Slots(NamedTuple):
     """Slots for whole images; offsets and strides in bytes, CUDA event handles by slot [MEM-8].
 
     The offsets are from the start of the memory; those of `LegacyBuffers` mean nothing here.
@@ -109,11 +109,11 @@ class InitPacket(NamedTuple):
     version: str | None = None
     generation: int | None = None
     memory: HostMemory | CudaMemory | None = None
-    ring: Ring | None = None
+    ring: Slots | None = None
     semantics: Semantics | None = None
 
 
-def host_ring(width: int, height: int, slots: int) -> tuple[Ring, int]:
+def host_ring(width: int, height: int, slots: int) -> tuple[Slots, int]:
     """The closest packing of `slots` images, colour before depth, and its size in bytes.
 
     Args:
@@ -122,9 +122,9 @@ def host_ring(width: int, height: int, slots: int) -> tuple[Ring, int]:
         slots: number of images.
     """
     color_stride = COLOR_PIXEL_BYTES * width * height
-    depth_stride = -(-DEPTH_PIXEL_BYTES * width * height // _ALIGNMENT) * _ALIGNMENT
+    depth_stride = -(-DEPTH_PIXEL_BYTES * width * height // ALIGNMENT) * ALIGNMENT
     depth_offset = slots * color_stride
-    ring = Ring(slots, 0, color_stride, depth_offset, depth_stride)
+    ring = Slots(slots, 0, color_stride, depth_offset, depth_stride)
     return ring, depth_offset + slots * depth_stride
 
 
@@ -199,7 +199,7 @@ def check_fits(packet: InitPacket, actual_bytes: int) -> None:
             pointer="/memory/bytes",
         )
     if ring is not None:
-        _check_slots(ring, packet.width * packet.height, memory.bytes)
+        check_slots(ring, packet.width * packet.height, memory.bytes)
 
 
 def init_packet_object(packet: InitPacket) -> dict[str, Any]:
@@ -232,7 +232,7 @@ def init_packet_object(packet: InitPacket) -> dict[str, Any]:
 
 def _parse_size(meta: Field) -> tuple[int, int]:
     width, height = (
-        meta.member(name).under("INI-2").integer(1, _MAX_IMAGE_SIZE) for name in ("w", "h")
+        meta.member(name).under("INI-2").integer(1, MAX_IMAGE_SIZE) for name in ("w", "h")
     )
     meta.member("fmtColor").under("INI-3").one_of([COLOR_FORMAT])
     meta.member("fmtDepth").under("INI-3").one_of([DEPTH_FORMAT])
@@ -285,10 +285,10 @@ def _parse_memory(memory: Field) -> HostMemory | CudaMemory:
         uuid = memory.member("deviceUuid").matching(_DEVICE_UUID, "GPU- and a UUID in lower case")
         return CudaMemory(uuid, _parse_handle(memory.member("handle")), size)
     name = memory.member("name").under("MEM-7")
-    return HostMemory(name.matching(_SHM_NAME, "a name of 1 to 30 of A-Z a-z 0-9 . _ -"), size)
+    return HostMemory(name.matching(SHM_NAME, "a name of 1 to 30 of A-Z a-z 0-9 . _ -"), size)
 
 
-def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaMemory) -> Ring:
+def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaMemory) -> Slots:
     slots = ring.member("slots").integer(1, _MAX_SLOTS)
     color_bytes = COLOR_PIXEL_BYTES * width * height
     depth_bytes = DEPTH_PIXEL_BYTES * width * height
@@ -296,12 +296,12 @@ def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaM
     if isinstance(memory, CudaMemory):
         handles = ring.member("events").items(slots, slots)
         events = tuple(_parse_handle(handle.under("INI-7")) for handle in handles)
-    return Ring(
+    return Slots(
         slots,
-        _parse_multiple(ring.member("colorOffset"), _ALIGNMENT),
-        _parse_multiple(ring.member("colorStride"), _ALIGNMENT, color_bytes),
-        _parse_multiple(ring.member("depthOffset"), _ALIGNMENT),
-        _parse_multiple(ring.member("depthStride"), _ALIGNMENT, depth_bytes),
+        _parse_multiple(ring.member("colorOffset"), ALIGNMENT),
+        _parse_multiple(ring.member("colorStride"), ALIGNMENT, color_bytes),
+        _parse_multiple(ring.member("depthOffset"), ALIGNMENT),
+        _parse_multiple(ring.member("depthStride"), ALIGNMENT, depth_bytes),
         events,
     )
 
@@ -322,7 +322,8 @@ def _parse_semantics(semantics: Field) -> Semantics:
     )
 
 
-def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
+def check_slots(ring: Slots, pixels: int, memory_bytes: int) -> None:
+    """Refuse slots that leave the memory [MEM-10], or overlap."""
     extents = [
         (start, start + pixel_bytes * pixels, name)
         for name, offset, stride, pixel_bytes in (
@@ -339,10 +340,11 @@ def _check_slots(ring: Ring, pixels: int, memory_bytes: int) -> None:
                 requirement="MEM-10",
                 pointer=f"/ring/{name}Offset",
             )
-    _check_overlaps(sorted(extents))
+    check_overlaps(sorted(extents))
 
 
-def _check_overlaps(placed: list[tuple[int, int, str]]) -> None:
+def check_overlaps(placed: list[tuple[int, int, str]]) -> None:
+    """Refuse slots, in the order of their places, of which one reaches into the next [MEM-9]."""
     for (_, end, name), (start, _, other) in zip(placed, placed[1:]):
         if end > start:
             raise ProtocolError(
@@ -364,7 +366,7 @@ def _memory_object(memory: HostMemory | CudaMemory) -> dict[str, Any]:
     }
 
 
-def _ring_object(ring: Ring) -> dict[str, Any]:
+def _ring_object(ring: Slots) -> dict[str, Any]:
     layout: dict[str, Any] = {
         "slots": ring.slots,
         "colorOffset": ring.color_offset,

@@ -23,7 +23,7 @@ _MAX_POINTER_CHARS = 512
 _DEEPER = dict.fromkeys(b"[{", 1) | dict.fromkeys(b"]}", 0xFF)
 _DEPTH_STEPS = bytes(_DEEPER.get(byte, 0) for byte in range(256))
 _WHITE_SPACE = re.compile(r"[ \t\n\r]*")
-_ESCAPE = re.compile(
+ESCAPE = re.compile(
     r"\\(?:u[dD][89abAB]..\\u[dD][c-fC-F]..|(?P<half>u[dD][89a-fA-F]..)|.)", re.DOTALL
 )
 
@@ -37,7 +37,7 @@ def parse_object(payload: bytes) -> dict[str, Any]:
             number that is not finite in double precision [JSN-4].
     """
     text = _decode(payload)
-    _check_depth(payload)
+    check_depth(payload)
     value = _parse(text)
     if not isinstance(value, dict):
         raise ProtocolError(
@@ -74,7 +74,7 @@ def serialize(message: Mapping[str, Any]) -> bytes:
             requirement="JSN-4",
             pointer=pointer,
         ) from None
-    _check_depth(payload)
+    check_depth(payload)
     return payload
 
 
@@ -115,7 +115,7 @@ def _decode(payload: bytes) -> str:
             offset=0,
         )
     if "\\u" in text:
-        for escape in _ESCAPE.finditer(text):
+        for escape in ESCAPE.finditer(text):
             if escape["half"]:
                 raise ProtocolError(
                     "malformed_json",
@@ -126,7 +126,7 @@ def _decode(payload: bytes) -> str:
     return text
 
 
-def _check_depth(payload: bytes) -> None:
+def check_depth(payload: bytes) -> None:
     """Refuse deep nesting before anything recurses into it, in time linear in the payload."""
     if payload.count(b"[") + payload.count(b"{") <= _MAX_DEPTH:
         return
@@ -149,7 +149,7 @@ def _parse(text: str) -> Any:
     start = _skip_white_space(text, 0)
     try:
         try:
-            value, end = _STRICT.raw_decode(text, start)
+            value, end = STRICT.raw_decode(text, start)
         except ProtocolError:
             tree, _ = _TOLERANT.raw_decode(text, start)
             raise _first_flaw(tree) from None
@@ -176,7 +176,8 @@ def _refuse_text(problem: str, text: str, position: int) -> NoReturn:
     )
 
 
-def _members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def read_members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object; refuses a name that stands there twice [JSN-3]."""
     members = dict(pairs)
     if len(members) != len(pairs):
         seen: set[str] = set()
@@ -193,20 +194,23 @@ def _members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return members
 
 
-def _float(text: str) -> float:
+def read_float(text: str) -> float:
+    """A number with a fraction or an exponent; refuses what is not finite [JSN-4]."""
     value = float(text)
     if not math.isfinite(value):
         _refuse_number(text)
     return value
 
 
-def _integer(text: str) -> int:
+def read_integer(text: str) -> int:
+    """A number without either; refuses what is not finite."""
     # float() first: int() takes quadratic time, and refuses long texts with an error of its own.
-    _float(text)
+    read_float(text)
     return int(text)
 
 
-def _constant(text: str) -> NoReturn:
+def read_constant(text: str) -> NoReturn:
+    """Refuses NaN and infinities, which the parser would take [JSN-4]."""
     _refuse_number(text)
 
 
@@ -235,17 +239,18 @@ def _leaving_flaws(hook: Hook) -> Hook:
     return parse
 
 
-def _decoder(wrap: Callable[[Hook], Hook]) -> json.JSONDecoder:
+def decoder(wrap: Callable[[Hook], Hook]) -> json.JSONDecoder:
+    """A parser with these hooks, each wrapped."""
     return json.JSONDecoder(
-        object_pairs_hook=wrap(_members),
-        parse_float=wrap(_float),
-        parse_int=wrap(_integer),
-        parse_constant=wrap(_constant),
+        object_pairs_hook=wrap(read_members),
+        parse_float=wrap(read_float),
+        parse_int=wrap(read_integer),
+        parse_constant=wrap(read_constant),
     )
 
 
-_STRICT = _decoder(lambda hook: hook)
-_TOLERANT = _decoder(_leaving_flaws)
+STRICT = decoder(lambda hook: hook)
+_TOLERANT = decoder(_leaving_flaws)
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 

@@ -321,12 +321,12 @@ class Frame(NamedTuple):
     objects: tuple[Placement, ...] = ()
 
 
-Steering = Union[CameraPose, PointCloudPose, ObjectPose, SetTime]
+Move = Union[CameraPose, PointCloudPose, ObjectPose, SetTime]
 """What belongs to control of the scene (1.1 section 6.3)."""
 Request = Union[GetViewportSize, GetCameraPose, GetScene, SetViewport, Ping]
 Reply = Union[ViewportSize, CameraReply, Scene, Pong]
 ClientMessage = Union[
-    Steering, Request, Hello, Opened, OpenFailed, Closed, Release, Subscribe, SubscribeTelemetry
+    Move, Request, Hello, Opened, OpenFailed, Closed, Release, Subscribe, SubscribeTelemetry
 ]
 ServerMessage = Union[InitPacket, Reply, Welcome, Frame, Telemetry, ErrorMessage]
 Message = Union[ClientMessage, ServerMessage]

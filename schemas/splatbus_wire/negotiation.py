@@ -31,7 +31,7 @@ def answer_hello(
         the first version of the client's list that the server speaks [NEG-6], and the capabilities
         that both have [NEG-7]; none where that is 1.0 [NEG-33].
     """
-    if token is not None and not _same(hello.token or "", token):
+    if token is not None and not same_token(hello.token or "", token):
         return ErrorMessage("unauthorized", "this server requires a token, and not that one")
     for version in hello.versions:
         if version in versions:
@@ -45,6 +45,6 @@ def answer_hello(
     )
 
 
-def _same(given: str, wanted: str) -> bool:
+def same_token(given: str, wanted: str) -> bool:
     """Whether two tokens are equal, in a time that does not tell where they differ [NEG-20]."""
     return hmac.compare_digest(given.encode(), wanted.encode())

@@ -20,22 +20,23 @@ class PacketReader:
     Attributes:
         deadline: when the packet that has begun has to be complete, in seconds of the caller's
             clock [FRM-5]; infinity while none has.
+        decoder: cuts what came into packets.
     """
 
     def __init__(self) -> None:
-        self._decoder = PacketDecoder()
+        self.decoder = PacketDecoder()
         self._is_held = False
         self.deadline = math.inf
 
     @property
     def incomplete(self) -> bool:
         """Whether the first bytes of a packet are here, and its last are not [FRM-6]."""
-        return self._decoder.incomplete
+        return self.decoder.incomplete
 
     def receive(self, data: bytes, now: float) -> None:
         """Take bytes as they came from the connection."""
-        begins = not self._decoder.incomplete
-        self._decoder.receive(data)
+        begins = not self.decoder.incomplete
+        self.decoder.receive(data)
         if begins and not self._is_held:
             self.deadline = now + COMPLETION_SECONDS
 
@@ -45,10 +46,10 @@ class PacketReader:
         Raises:
             FramingError: a header is bad; the packets before it have been handed out [FRM-3].
         """
-        payload = self._decoder.next_packet()
+        payload = self.decoder.next_packet()
         if payload is not None:
             self.deadline = now + COMPLETION_SECONDS
-        elif not self._decoder.incomplete:
+        elif not self.decoder.incomplete:
             self.deadline = math.inf
         return payload
 

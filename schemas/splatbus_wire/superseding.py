@@ -7,13 +7,13 @@ from typing import TypeVar, Union
 from splatbus_wire.messages import (
     DEFAULT_OBJECT,
     CameraPose,
+    Move,
     ObjectPose,
     PointCloudPose,
-    Steering,
     SubscribeTelemetry,
 )
 
-Told = Union[Steering, SubscribeTelemetry]
+Told = Union[Move, SubscribeTelemetry]
 """What has no reply."""
 T = TypeVar("T", bound=Told)
 

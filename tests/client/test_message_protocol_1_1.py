@@ -127,8 +127,8 @@ def test_nothing_is_ever_sent_that_welcome_does_not_list(capabilities, messages,
     give(messages[before:])
     for _ in range(12):  # replies are needed for requests to go on
         sent += packets(machine.data_to_send(0.0))
-        if machine._asked is not None:
-            error = {"type": "error", "code": "internal", "message": "", "id": machine._asked[1].id}
+        if machine.asked is not None:
+            error = {"type": "error", "code": "internal", "message": "", "id": machine.asked[1].id}
             receive(machine, packet(error), 0.0)
     agreed = capabilities or set()
     refused |= {event.capability for event in events if isinstance(event, NotOffered)}

@@ -242,14 +242,14 @@ def test_a_defect_in_reading_costs_one_connection_only(
     bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """[CHN-14]"""
-    take = Service._take
+    take = Service.take
 
     def fail(self: Service, peer: Peer, data: bytes) -> None:
         if b"trouble" in data:
             raise ZeroDivisionError
         take(self, peer, data)
 
-    monkeypatch.setattr(Service, "_take", fail)
+    monkeypatch.setattr(Service, "take", fail)
     with RawClient(bus.address.message_port) as first, RawClient(bus.address.message_port) as other:
         assert first.ask({"type": "trouble"}) is None
         assert other.viewport() == list(SIZE)
@@ -333,7 +333,7 @@ def test_a_connection_that_the_system_will_not_accept_is_tried_again_later(
     listeners: dict[Channel, socket.socket] = {"ipc": ipc, "message": message}
     with ipc, message:
         service = Service(listeners, bus._service._session, bus._service._terms, Statistics())
-        service._accept("ipc", Exhausted())  # type: ignore[arg-type]
+        service.accept("ipc", Exhausted())  # type: ignore[arg-type]
         assert "Too many open files" in caplog.text
         assert all(listener not in registered(service) for listener in listeners.values())
         service._meet_deadlines(service._accept_from)
@@ -343,14 +343,14 @@ def test_a_connection_that_the_system_will_not_accept_is_tried_again_later(
 
 
 def registered(service: Service) -> list[object]:
-    return [key.fileobj for key in service._selector.get_map().values()]
+    return [key.fileobj for key in service.selector.get_map().values()]
 
 
 def test_small_packets_are_sent_at_once(bus: splatbus_server.Bus) -> None:
     """[FRM-8]"""
     with RawClient(bus.address.message_port) as client:
         client.viewport()
-        (peer,) = bus._service._peers
+        (peer,) = bus._service.peers
         assert peer.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
@@ -370,8 +370,8 @@ def test_nobody_is_kept_busy_by_a_client_that_ended_its_stream_and_does_not_read
         full.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         full.send(*[{"type": "get_camera_pose", "cam_idx": 0}] * 4000)
         full.socket.shutdown(socket.SHUT_WR)
-        assert eventually(lambda: any(p.connection.input_ended for p in bus._service._peers))
-        (peer,) = (p for p in bus._service._peers if p.connection.input_ended)
+        assert eventually(lambda: any(p.connection.input_ended for p in bus._service.peers))
+        (peer,) = (p for p in bus._service.peers if p.connection.input_ended)
         assert peer.connection.unsent
         monkeypatch.setattr(Service, "_serve", counting)
         for _ in range(50):

@@ -308,7 +308,7 @@ def test_a_wish_that_is_not_granted_in_time_leaves_no_memory(stage: Stage) -> No
     (allocate,) = stage.session.viewport.chores
     stage.session.viewport.chores.clear()
     allocate()
-    made = stage.session.viewport._change.outcome  # type: ignore[union-attr]
+    made = stage.session.viewport.change.outcome  # type: ignore[union-attr]
     assert isinstance(made, Memory)
     stage.session.viewport.close()
     assert not made._remove.alive

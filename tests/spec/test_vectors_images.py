@@ -10,7 +10,7 @@ from splatbus_viewer import display
 from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.conventions import ENGINES
 from splatbus_wire.depth import expected_depth, planar_depth, surface_depth
-from splatbus_wire.init_packet import Ring, Semantics
+from splatbus_wire.init_packet import Semantics, Slots
 from splatbus_wire.intrinsics import Pinhole, from_opencv, pixel_at, pixel_centre
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY, Pose, as_array, view_matrix, world_matrix
@@ -113,7 +113,7 @@ def test_the_pixel_lies_where_the_packet_says(case):
     meta, (column, row) = case["meta"], case["pixel"]
     color, depth = meta.get("offsetColor", 0), meta.get("offsetDepth", 0)
     if "ring" in case:
-        ring = Ring(*case["ring"].values())
+        ring = Slots(*case["ring"].values())
         color = ring.color_offset + case["slot"] * ring.color_stride
         depth = ring.depth_offset + case["slot"] * ring.depth_stride
     below = meta["h"] - 1 - row

@@ -11,8 +11,8 @@ from splatbus_wire.init_packet import (
     HostMemory,
     InitPacket,
     LegacyBuffers,
-    Ring,
     Semantics,
+    Slots,
     host_ring,
 )
 from splatbus_wire.messages import (
@@ -270,12 +270,12 @@ def init_packets(draw: st.DrawFn) -> InitPacket:
     )  # fmt: skip
 
 
-def rings(width: int, height: int) -> st.SearchStrategy[Ring]:
+def rings(width: int, height: int) -> st.SearchStrategy[Slots]:
     """Rings whose slots are large enough, wherever they lie."""
     units = st.integers(0, 40).map(lambda n: 16 * n)
     color_bytes, depth_bytes = 16 * width * height, -(-4 * width * height // 16) * 16
     return st.builds(
-        Ring,
+        Slots,
         st.integers(1, 4),
         units,
         units.map(lambda gap: color_bytes + gap),

@@ -156,12 +156,12 @@ class CountingBuffer(bytearray):
 
 
 def held_bytes(decoder: PacketDecoder) -> int:
-    return len(decoder._unfinished)
+    return len(decoder.unfinished)
 
 
 def bytes_copied(stream: bytes, step: int) -> int:
     decoder = PacketDecoder()
-    decoder._unfinished = buffer = CountingBuffer()
+    decoder.unfinished = buffer = CountingBuffer()
     packets = 0
     for start in range(0, len(stream), step):
         decoder.receive(stream[start : start + step])

@@ -13,8 +13,8 @@ from splatbus_wire.init_packet import (
     HostMemory,
     InitPacket,
     LegacyBuffers,
-    Ring,
     Semantics,
+    Slots,
     check_fits,
     host_ring,
     init_packet_object,
@@ -40,7 +40,7 @@ CUDA_PACKET = InitPacket(
     "1.1",
     1,
     CudaMemory("GPU-01234567-89ab-cdef-0123-456789abcdef", b"\x04" * 64, 122_880),
-    Ring(2, 0, 49_152, 98_304, 12_288, (bytes(64), b"\xff" * 64)),
+    Slots(2, 0, 49_152, 98_304, 12_288, (bytes(64), b"\xff" * 64)),
     Semantics(depth_empty=100.0, unit_metres=0.5),
 )
 CUDA = init_packet_object(CUDA_PACKET)
@@ -236,7 +236,7 @@ def test_a_host_ring_fits_exactly(width, height, slots):
 
 
 def test_the_example_of_the_specification_is_a_host_ring():
-    assert host_ring(320, 240, 3) == (Ring(3, 0, 1_228_800, 3_686_400, 307_200), 4_608_000)
+    assert host_ring(320, 240, 3) == (Slots(3, 0, 1_228_800, 3_686_400, 307_200), 4_608_000)
 
 
 def misfit(packet: InitPacket, actual_bytes: int) -> ProtocolError:

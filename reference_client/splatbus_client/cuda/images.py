@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.init_packet import CudaMemory, InitPacket, Ring, Semantics, check_fits
+from splatbus_wire.init_packet import CudaMemory, InitPacket, Semantics, Slots, check_fits
 
 from splatbus_client.cuda.arrays import DeviceArray
 from splatbus_client.cuda.driver import CudaError, Device, api, call, device, filled
@@ -109,7 +109,7 @@ class CudaImages:
         assert isinstance(packet.memory, CudaMemory)
         return device(packet.memory.device_uuid)
 
-    def _open(self, packet: InitPacket, undo: ExitStack) -> tuple[int, Ring, list[Any]]:
+    def _open(self, packet: InitPacket, undo: ExitStack) -> tuple[int, Slots, list[Any]]:
         """Return where the ring begins, what it looks like, and the event of each slot."""
         assert isinstance(packet.memory, CudaMemory)
         assert packet.ring is not None

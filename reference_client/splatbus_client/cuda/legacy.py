@@ -7,7 +7,7 @@ so it may be of two images: nothing in 1.0 tells a server not to write meanwhile
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from splatbus_wire.init_packet import CudaMemory, InitPacket, Ring
+from splatbus_wire.init_packet import CudaMemory, InitPacket, Slots
 
 from splatbus_client.cuda.driver import CudaError, Device, api, call, device, numbered
 from splatbus_client.cuda.images import CudaImages, opened_event, opened_memory
@@ -49,7 +49,7 @@ class LegacyImages(CudaImages):
             return device(packet.memory.device_uuid)
         return numbered(packet.legacy.device or 0)
 
-    def _open(self, packet: InitPacket, undo: ExitStack) -> tuple[int, Ring, list[Any]]:
+    def _open(self, packet: InitPacket, undo: ExitStack) -> tuple[int, Slots, list[Any]]:
         legacy, pixels = packet.legacy, packet.width * packet.height
         assert legacy is not None
         sizes = _COLOR_BYTES * pixels, _DEPTH_BYTES * pixels
@@ -65,7 +65,7 @@ class LegacyImages(CudaImages):
         undo.callback(call, api.cuMemFree, ours)
         done = call(api.cuEventCreate, _DISABLE_TIMING)
         undo.callback(call, api.cuEventDestroy, done)
-        return int(ours), Ring(1, 0, sizes[0], sizes[0], sizes[1]), [done]
+        return int(ours), Slots(1, 0, sizes[0], sizes[0], sizes[1]), [done]
 
     def _order(self, stream: Any, slot: int) -> None:
         if not self._taken:

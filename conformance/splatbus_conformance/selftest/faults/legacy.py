@@ -8,7 +8,7 @@ from typing import Any
 from splatbus_server.connection import Connection
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 
@@ -26,4 +26,4 @@ def announces_at_once(
             greeted += 1
             self.unsent += b"".join(packet(encode(message)) for message in messages)
 
-    wrap(patch, Connection, "__init__", init)
+    server.BEGINS_CONNECTION.wrap(patch, init)

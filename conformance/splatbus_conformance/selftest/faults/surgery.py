@@ -1,49 +1,34 @@
 """Override one behaviour of the reference client from outside."""
 
 import contextlib
-import functools
 import json
 import os
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from splatbus_wire import decoding, encoding, json_text, packet_reader
+from splatbus_wire import encoding, json_text, packet_reader
 from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import wire
 
 Json = dict[str, Any]
 STATUS_ACCESS_VIOLATION = 0xC0000005
 
 
-def wrap(patch: Patch, owner: object, name: str, around: Callable[..., Any]) -> None:
-    """Replace `owner.name` by `around`, which is given the original first, then its arguments.
-
-    AttributeError if there is no such name: then the client changed, and the mutant has to.
-    """
-    original = getattr(owner, name)
-
-    @functools.wraps(original)
-    def replaced(*arguments: Any, **named: Any) -> Any:
-        return around(original, *arguments, **named)
-
-    patch.setattr(owner, name, replaced)
-
-
 def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
     """Change each message that is sent, as an object."""
-    wrap(
+    Seam(encoding, "message_object").wrap(
         patch,
-        encoding,
-        "message_object",
         lambda original, *arguments, **named: change(original(*arguments, **named)),
     )
 
 
 def payloads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
     """Change each payload that is sent."""
-    wrap(patch, encoding, "serialize", lambda original, message: change(original(message)))
+    Seam(encoding, "serialize").wrap(patch, lambda original, message: change(original(message)))
 
 
 def counts_each_byte(patch: Patch) -> None:
@@ -53,12 +38,12 @@ def counts_each_byte(patch: Patch) -> None:
         original(self, data, now)
         self.deadline = now + packet_reader.COMPLETION_SECONDS
 
-    wrap(patch, PacketReader, "receive", receive)
+    Seam(PacketReader, "receive").wrap(patch, receive)
 
 
 def packets(patch: Patch, change: Callable[[bytes], bytes]) -> None:
     """Change each packet that is sent, header included, or what follows it."""
-    wrap(patch, encoding, "encode_packet", lambda original, payload: change(original(payload)))
+    wire.ENCODES_PACKET.wrap(patch, lambda original, payload: change(original(payload)))
 
 
 def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
@@ -69,7 +54,7 @@ def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
             repair(message)
         return original(message)
 
-    wrap(patch, decoding, "parse_init_packet", parse)
+    wire.READS_INIT_PACKET.wrap(patch, parse)
 
 
 def adding_up_digits(patch: Patch) -> None:
@@ -85,13 +70,13 @@ def adding_up_digits(patch: Patch) -> None:
         return -value if text.startswith("-") else value
 
     decoder = json.JSONDecoder(
-        object_pairs_hook=json_text._members,
+        object_pairs_hook=json_text.read_members,
         parse_float=read,
-        parse_int=json_text._integer,
-        parse_constant=json_text._constant,
+        parse_int=json_text.read_integer,
+        parse_constant=json_text.read_constant,
     )
-    patch.setattr(json_text, "_STRICT", decoder)
-    patch.setattr(decoding, "plain_pose", lambda payload: None)
+    wire.PARSES_JSON.replace(patch, decoder)
+    wire.READS_POSE_THE_SHORT_WAY.replace(patch, lambda payload: None)
 
 
 def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:

@@ -5,14 +5,13 @@ import os
 from typing import Any
 
 import numpy as np
-from splatbus_client import channel, ipc_protocol, message_protocol, reading, steering
+from splatbus_client import steering
 from splatbus_client.channel import Channel
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_schemas import LIMITS
-from splatbus_viewer import adapter
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.settings import TOKEN_VARIABLE
 
@@ -24,7 +23,9 @@ from splatbus_conformance.selftest.faults.respelling import (
     space_out,
     write_fractions,
 )
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, viewer
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0 as say_no_hello
 from splatbus_conformance.selftest.mutants.v1_0.frm.clients import in_two_writes
@@ -107,10 +108,10 @@ def closes_on_what_is_broken(patch: Patch) -> None:
         except MustCloseError as problem:
             yield MustClose(str(problem))
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", strict)
-    wrap(patch, message_protocol, "decode_from_server_message", strict)
-    wrap(patch, IpcProtocol, "_on_payload", closing)
-    wrap(patch, MessageProtocol, "_on_payload", closing)
+    client.READS_ON_IPC.wrap(patch, strict)
+    client.READS_MESSAGE.wrap(patch, strict)
+    client.TAKES_PAYLOAD_ON_IPC.wrap(patch, closing)
+    client.TAKES_PAYLOAD.wrap(patch, closing)
 
 
 class MustCloseError(Exception):
@@ -125,13 +126,13 @@ def closes_on_frames_of_unknown_memory(patch: Patch) -> None:
         for event in original(self, frame):
             yield MustClose(event.reason) if isinstance(event, Ignored) else event
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @variation()
 def never_subscribes(patch: Patch) -> None:
     """Does not declare `subscribe`."""
-    patch.setattr(reading, "CAPABILITIES", ("host_shm", "frames", "reinit"))
+    client.CAPABILITIES_ON_IPC.replace(patch, ("host_shm", "frames", "reinit"))
 
 
 @variation()
@@ -143,24 +144,24 @@ def subscribes_to_depth_alone(patch: Patch) -> None:
 @variation()
 def no_reinit(patch: Patch) -> None:
     """Does not declare `reinit`."""
-    patch.setattr(reading, "CAPABILITIES", ("host_shm", "frames"))
+    client.CAPABILITIES_ON_IPC.replace(patch, ("host_shm", "frames"))
 
 
 @variation()
 def no_frames(patch: Patch) -> None:
     """Does not declare `frames`: opens the memory, and leaves it alone."""
-    patch.setattr(reading, "CAPABILITIES", ("host_shm",))
+    client.CAPABILITIES_ON_IPC.replace(patch, ("host_shm",))
 
 
 @variation()
 def cuda_memory_alone(patch: Patch) -> None:
     """Can open CUDA memory, and none of the host."""
-    patch.setattr(reading, "CAPABILITIES", ("cuda_ipc", "frames", "reinit"))
+    client.CAPABILITIES_ON_IPC.replace(patch, ("cuda_ipc", "frames", "reinit"))
 
     def images(_: Any, packet: Any) -> None:
         raise CannotOpenError("this client has CUDA memory alone")
 
-    wrap(patch, reading, "HostImages", images)
+    client.OPENS_MEMORY.wrap(patch, images)
 
 
 @variation()
@@ -188,13 +189,13 @@ def token(patch: Patch) -> None:
 @variation()
 def comes_back_slowly(patch: Patch) -> None:
     """Connects again after more than half a second."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(0.6))
+    client.DELAYS_OF_ATTEMPTS.replace(patch, lambda: itertools.repeat(0.6))
 
 
 @variation()
 def declares_nothing_on_the_message_channel(patch: Patch) -> None:
     """Declares no capability of the message channel."""
-    patch.setattr(steering, "CAPABILITIES", ())
+    Seam(steering, "CAPABILITIES").replace(patch, ())
 
 
 @variation()
@@ -213,14 +214,14 @@ def flushes_subnormal_numbers(patch: Patch) -> None:
     def composed(original: Any, color: Any, *rest: Any) -> Any:
         return flushed(original(flushed(color), *rest))
 
-    wrap(patch, adapter, "composed", composed)
+    viewer.COMPOSES.wrap(patch, composed)
 
 
 @variation()
 def says_nothing_but_hello(patch: Patch) -> None:
     """Sends neither poses nor requests."""
-    patch.setattr(MessageProtocol, "ask", lambda self, request: -1)
-    patch.setattr(MessageProtocol, "tell", lambda self, message: None)
+    client.ASKS.replace(patch, lambda self, request: -1)
+    Seam(MessageProtocol, "tell").replace(patch, lambda self, message: None)
 
 
 @variation()
@@ -233,10 +234,8 @@ def speaks_1_0(patch: Patch) -> None:
 def requests_without_id(patch: Patch) -> None:
     """Does not number its requests."""
     messages(patch, without("id"))
-    wrap(
+    client.READS_MESSAGE.wrap(
         patch,
-        message_protocol,
-        "decode_from_server_message",
         lambda original, payload, request: original(payload, request and request._replace(id=None)),
     )
 
@@ -257,7 +256,7 @@ def closes_on_a_frame_that_it_cannot_use(patch: Patch) -> None:
         else:
             yield from original(self, payload, problem)
 
-    wrap(patch, IpcProtocol, "_on_broken", on_broken)
+    client.TAKES_BROKEN_PACKET.wrap(patch, on_broken)
 
 
 @variation()
@@ -280,12 +279,12 @@ def steers_alone(patch: Patch) -> None:
 
 def _one_channel(patch: Patch, name: str) -> None:
     def connect(original: Any, self: Channel, now: float) -> None:
-        if self._name == name:
+        if self.name == name:
             original(self, now)
         else:
-            self._due = now + 60
+            self.due = now + 60
 
-    wrap(patch, Channel, "_connect", connect)
+    client.CONNECTS.wrap(patch, connect)
 
 
 @variation(warns=("CHN-20",))
@@ -297,4 +296,4 @@ def ends_with_its_server(patch: Patch) -> None:
         if self.status.connections:
             os._exit(0)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)

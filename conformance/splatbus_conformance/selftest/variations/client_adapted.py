@@ -4,7 +4,6 @@ from decimal import Decimal, localcontext
 from fractions import Fraction
 from typing import Any
 
-from splatbus_client import message_protocol
 from splatbus_client.outgoing import Told
 from splatbus_client.steering import Steering
 from splatbus_wire.conventions import Engine
@@ -13,7 +12,8 @@ from splatbus_wire.poses import Pose
 from splatbus_wire.superseding import subject
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
 from splatbus_conformance.selftest.mutant import variation
 
 DIGITS = 60
@@ -25,20 +25,20 @@ def says_its_last_camera_again(patch: Patch) -> None:
     begun: list[CameraPose] = []
 
     def begin(original: Any, self: Steering) -> Any:
-        former = list(self._newest.values())
-        self._newest.clear()
+        former = list(self.newest.values())
+        self.newest.clear()
         machine = original(self)
-        self._newest.update({subject(message): message for message in former})
+        self.newest.update({subject(message): message for message in former})
         begun[:] = [message for message in former if isinstance(message, CameraPose)]
         return machine
 
     def tell(original: Any, self: Steering, message: Told) -> None:
-        if isinstance(message, CameraPose) and begun and self._machine is not None:
-            self._machine._out += encode(begun.pop()._replace(timestamp=message.timestamp))
+        if isinstance(message, CameraPose) and begun and self.machine is not None:
+            self.machine.unsent += encode(begun.pop()._replace(timestamp=message.timestamp))
         original(self, message)
 
-    wrap(patch, Steering, "begin", begin)
-    wrap(patch, Steering, "tell", tell)
+    client.BEGINS_TO_STEER.wrap(patch, begin)
+    Seam(Steering, "tell").wrap(patch, tell)
 
 
 @variation(axes="unity")
@@ -50,7 +50,7 @@ def moves_the_splats_as_an_object(patch: Patch) -> None:
             return message
         return original(message, version, capabilities)
 
-    wrap(patch, message_protocol, "permitted", permitted)
+    client.CUTS_TO_WHAT_WAS_AGREED.wrap(patch, permitted)
 
 
 @variation(axes="blender")
@@ -61,7 +61,7 @@ def converts_by_matrices_with_scale(patch: Patch) -> None:
         matrix = self.matrix_to_wire(_matrix(*map(Fraction, pose.rotation)))  # type: ignore[arg-type]
         return Pose(self.position_to_wire(pose.position), _quaternion(matrix))
 
-    patch.setattr(Engine, "to_wire", to_wire)
+    Seam(Engine, "to_wire").replace(patch, to_wire)
 
 
 def _matrix(x: Fraction, y: Fraction, z: Fraction, w: Fraction) -> tuple[Fraction, ...]:

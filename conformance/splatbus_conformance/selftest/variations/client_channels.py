@@ -5,7 +5,7 @@ from typing import Any
 from splatbus_client.channel import Channel
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import client
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import all_channels
 
@@ -16,12 +16,12 @@ def one_channel_after_the_other(patch: Patch) -> None:
     made = all_channels(patch)
 
     def connect(original: Any, self: Channel, now: float) -> None:
-        if self is not made[0] and made[0]._machine is None:
-            self._due = now + 0.05
+        if self is not made[0] and made[0].machine is None:
+            self.due = now + 0.05
             return
         original(self, now)
 
-    wrap(patch, Channel, "_connect", connect)
+    client.CONNECTS.wrap(patch, connect)
 
 
 @variation()
@@ -30,6 +30,6 @@ def comes_back_late(patch: Patch) -> None:
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         original(self, reason, now)
-        self._due = now + 8.0
+        self.due = now + 8.0
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)

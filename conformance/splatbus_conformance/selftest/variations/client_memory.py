@@ -8,7 +8,8 @@ from splatbus_client.lease import FrameLease
 from splatbus_viewer.mirror import Mirror
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
 from splatbus_conformance.selftest.mutant import variation
 
 LOADING_SECONDS = 4.0
@@ -26,7 +27,7 @@ def loads_its_driver_with_the_first_memory(patch: Patch) -> None:
             time.sleep(LOADING_SECONDS)
         original(self, packet)
 
-    wrap(patch, HostImages, "__init__", init)
+    client.BEGINS_WITH_MEMORY.wrap(patch, init)
 
 
 @variation(axes="opencv")
@@ -40,7 +41,7 @@ def builds_its_shaders_with_the_first_frame(patch: Patch) -> None:
             time.sleep(LOADING_SECONDS)
         original(self)
 
-    wrap(patch, FrameLease, "release", release)
+    Seam(FrameLease, "release").wrap(patch, release)
 
 
 @variation(axes="opencv")
@@ -51,4 +52,4 @@ def looks_for_frames_at_4_hz(patch: Patch) -> None:
         time.sleep(PERIOD_SECONDS)
         original(self, timeout)
 
-    wrap(patch, Mirror, "read", read)
+    Seam(Mirror, "read").wrap(patch, read)

@@ -3,9 +3,7 @@
 import socket
 from typing import Any
 
-from splatbus_renderer import cli
-from splatbus_server import api, memory, service
-from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
+from splatbus_server.connection import REQUESTS, Connection, Refusal, type_and_id
 from splatbus_server.control import Control
 from splatbus_server.service import Peer, Service
 from splatbus_server.session import Session
@@ -22,7 +20,8 @@ from splatbus_conformance.selftest.faults.respelling import (
     space_out,
     write_fractions,
 )
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer, server
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.wire.messages import init_packet_1_0
 
@@ -72,7 +71,7 @@ def server_sends_byte_by_byte(patch: Patch) -> None:
             pass
         original(self, peer, now)
 
-    wrap(patch, Service, "_flush", flush)
+    server.FLUSHES.wrap(patch, flush)
 
 
 @variation()
@@ -84,7 +83,7 @@ def server_closes_on_what_is_broken(patch: Patch) -> None:
             self.end("it is broken", now)
         return original(self, error, payload, now)
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @variation()
@@ -92,20 +91,19 @@ def server_ignores_broken_requests(patch: Patch) -> None:
     """Leaves a message connection of 1.0 open after a broken request."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.welcome is None and _type_and_id(payload)[0] in REQUESTS:
+        if self.welcome is None and type_and_id(payload)[0] in REQUESTS:
             return Refusal(error.code, str(error))
         return original(self, error, payload, now)
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @variation()
 def server_takes_no_strings_for_numbers(patch: Patch) -> None:
     """Refuses poses whose numbers are strings."""
     original = from_client.pose_and_timestamp
-    patch.setattr(
-        from_client,
-        "pose_and_timestamp",
+    Seam(from_client, "pose_and_timestamp").replace(
+        patch,
         lambda message, or_strings=False: original(message),
     )
 
@@ -125,25 +123,25 @@ def server_keeps_two_connections(patch: Patch) -> None:
 @variation()
 def server_keeps_the_oldest_client(patch: Patch) -> None:
     """Serves one client on each channel, and closes others at once."""
-    patch.setattr(service, "MOST_CONNECTIONS", 1)
+    server.MOST_CONNECTIONS.replace(patch, 1)
 
 
 @variation()
 def server_keeps_many_clients(patch: Patch) -> None:
     """Serves sixty-four clients on each channel."""
-    patch.setattr(service, "MOST_CONNECTIONS", 64)
+    server.MOST_CONNECTIONS.replace(patch, 64)
 
 
 @variation()
 def server_without_reinit(patch: Patch) -> None:
     """Has neither `reinit` nor `subscribe`."""
-    patch.setattr(api, "CAPABILITIES", ("host_shm", "frames"))
+    server.CAPABILITIES_ON_IPC.replace(patch, ("host_shm", "frames"))
 
 
 @variation()
 def server_without_frames(patch: Patch) -> None:
     """Has no `frames`: announces memory, and lends nothing."""
-    patch.setattr(api, "CAPABILITIES", ("host_shm",))
+    server.CAPABILITIES_ON_IPC.replace(patch, ("host_shm",))
 
 
 @variation()
@@ -178,12 +176,12 @@ def server_tells_no_size_at_first(patch: Patch) -> None:
     def handle(
         original: Any, self: Session, connection: Connection, message: Any, *rest: Any
     ) -> Any:
-        if isinstance(message, GetViewportSize) and self._exchange._shown is None:
+        if isinstance(message, GetViewportSize) and self.exchange.shown is None:
             connection.send(ViewportSize(0, 0, message.id))
             return None
         return original(self, connection, message, *rest)
 
-    wrap(patch, Session, "handle", handle)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @variation()
@@ -203,13 +201,13 @@ def server_goes_home(patch: Patch) -> None:
     """Puts camera and Gaussians back when the client that moved them has gone."""
 
     def leave(original: Any, self: Control, connection: Any) -> bool:
-        had_control = next(iter(self._sent), None) is connection
+        had_control = next(iter(self.sent), None) is connection
         if had_control:
             at_rest = {name: Placement(name, IDENTITY) for name in self.poses.objects}
             self.poses = self.poses._replace(camera=IDENTITY, objects=at_rest, tag=None)
         return bool(original(self, connection)) or had_control
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 @variation()
@@ -232,17 +230,17 @@ def server_spaces_its_ring(patch: Patch) -> None:
         )
         return moved, begin + slots * color + 20
 
-    wrap(patch, memory, "host_ring", spaced)
+    server.LAYS_OUT_RING.wrap(patch, spaced)
 
 
 def _keeps_the_newest(patch: Patch, count: int) -> None:
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
-        served = [peer for peer in self._peers if peer.connection.channel == channel]
+        served = [peer for peer in self.peers if peer.connection.channel == channel]
         for peer in served[: max(0, len(served) + 1 - count)]:
-            self._drop(peer)
+            self.drop(peer)
         original(self, channel, listener)
 
-    wrap(patch, Service, "_accept", accept)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 def _knows_no_hello(patch: Patch) -> None:
@@ -253,15 +251,15 @@ def _knows_no_hello(patch: Patch) -> None:
             return Refusal("unknown_type", "this channel speaks, and does not listen")
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 def _serves(patch: Patch, **changed: Any) -> None:
-    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, **named | changed))
+    renderer.SERVES.wrap(patch, lambda original, *a, **named: original(*a, **named | changed))
 
 
 def _renders(patch: Patch, fps: float, degrees_per_second: float) -> None:
     def render(original: Any, stop: Any, bus: Any, *_: float) -> None:
         original(stop, bus, fps, degrees_per_second)
 
-    wrap(patch, cli, "render_until", render)
+    renderer.RENDERS_UNTIL_TOLD.wrap(patch, render)

@@ -6,17 +6,18 @@ import secrets
 from functools import partial
 from typing import Any
 
-from splatbus_renderer import cli
-from splatbus_server import api, memory, ring, shared_memory
+from splatbus_server import api, ring, shared_memory
 from splatbus_server import connection as connections
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
-from splatbus_wire.init_packet import Ring as Layout
+from splatbus_wire.init_packet import Slots
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer, server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.mutants.v1_1.neg.servers import (
     announces_cuda_memory,
@@ -31,20 +32,20 @@ NEEDLESS = (
 
 def has(patch: Patch, *capabilities: str) -> None:
     """Have these capabilities and no others."""
-    patch.setattr(api, "CAPABILITIES", capabilities)
+    server.CAPABILITIES_ON_IPC.replace(patch, capabilities)
 
 
 @variation()
 def server_has_no_capability(patch: Patch) -> None:
     """Says hello back, and has no images for anybody."""
     has(patch)
-    patch.setattr(api, "MESSAGE_CAPABILITIES", ())
+    server.CAPABILITIES_OF_MESSAGES.replace(patch, ())
 
 
 @variation()
 def server_speaks_1_1_alone(patch: Patch) -> None:
     """Refuses clients that say hello for 1.0."""
-    patch.setattr(connections, "VERSIONS", ("1.1",))
+    Seam(connections, "VERSIONS").replace(patch, ("1.1",))
 
 
 @variation()
@@ -63,7 +64,7 @@ def server_reports_nothing_that_it_need_not(patch: Patch) -> None:
         if code not in NEEDLESS:
             original(self, code, text, pointer, id)
 
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @variation()
@@ -106,20 +107,20 @@ def server_counts_otherwise(patch: Patch) -> None:
         number: int = original(self, slot)
         return number
 
-    wrap(patch, Memory, "__init__", init)
-    wrap(patch, ring.Ring, "publish", publish)
+    server.ALLOCATES.wrap(patch, init)
+    Seam(ring.Ring, "publish").wrap(patch, publish)
 
 
 @variation()
 def server_alternates_colour_and_depth(patch: Patch) -> None:
     """Puts the depth of each slot behind its colour."""
 
-    def host_ring(original: Any, width: int, height: int, slots: int) -> tuple[Layout, int]:
+    def host_ring(original: Any, width: int, height: int, slots: int) -> tuple[Slots, int]:
         usual, _ = original(width, height, slots)
         stride = usual.color_stride + usual.depth_stride
-        return Layout(slots, 0, stride, usual.color_stride, stride), slots * stride
+        return Slots(slots, 0, stride, usual.color_stride, stride), slots * stride
 
-    wrap(patch, memory, "host_ring", host_ring)
+    server.LAYS_OUT_RING.wrap(patch, host_ring)
 
 
 @variation()
@@ -128,18 +129,18 @@ def server_has_one_name_for_its_memory(patch: Patch) -> None:
 
     def create(original: Any, size: int) -> Any:
         name = f"{port}-{next(count)}"
-        patch.setattr(secrets, "token_hex", lambda length: name)
+        Seam(secrets, "token_hex").replace(patch, lambda length: name)
         (shared_memory.DIRECTORY / f"splatbus-own-{name}").unlink(missing_ok=True)
         return original(size, "splatbus-own-")
 
     port, count = os.environ.get("SPLATBUS_IPC_PORT", "0"), itertools.count(1)
-    wrap(patch, shared_memory, "create", create)
+    server.CREATES_SEGMENT.wrap(patch, create)
 
 
 @variation()
 def server_lends_to_many_readers(patch: Patch) -> None:
     """Has slots for more readers than it takes connections."""
-    patch.setattr(cli, "serve", partial(api.serve, readers=20))
+    renderer.SERVES.replace(patch, partial(api.serve, readers=20))
 
 
 @variation()
@@ -147,14 +148,14 @@ def server_republishes_for_each_reader(patch: Patch) -> None:
     """Renders anew whenever somebody opens the ring or subscribes."""
 
     def again(original: Any, self: Session, *arguments: Any) -> Any:
-        self._exchange._shown = None
+        self.exchange.shown = None
         return original(self, *arguments)
 
-    wrap(patch, Session, "_subscribe", again)
-    wrap(patch, Session, "_answered", again)
+    server.TAKES_SUBSCRIPTION.wrap(patch, again)
+    server.HEARS_OF_MEMORY.wrap(patch, again)
 
 
 @variation(warns=("IMG-21",))
 def server_writes_colour_and_depth_always(patch: Patch) -> None:
     """Writes both, whatever readers want."""
-    wrap(patch, Exchange, "want", lambda original, self, c, m: original(self, c and BOTH, m))
+    Seam(Exchange, "want").wrap(patch, lambda original, self, c, m: original(self, c and BOTH, m))

@@ -8,7 +8,7 @@ from splatbus_renderer.raycast import Raycaster, Stats
 from splatbus_renderer.scene import Camera, Scene
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import renderer
 from splatbus_conformance.selftest.mutant import variation
 
 Reals = NDArray[np.float64]
@@ -82,7 +82,7 @@ def showing(patch: Patch, blobs: Blobs) -> None:
             stats=Stats(0, 0),
         )
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)
 
 
 @variation()

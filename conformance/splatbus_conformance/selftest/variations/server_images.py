@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_renderer import cli, demo
 from splatbus_renderer.raycast import Raycaster
 from splatbus_renderer.scene import Floor, Scene, Sphere
 from splatbus_server.view import Intrinsics
@@ -13,7 +12,7 @@ from splatbus_wire.init_packet import Semantics
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import renderer
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.mutants.v1_0.buf import stored
 
@@ -22,10 +21,8 @@ ELSEWHERE = Pose((-0.8, -0.6, -1.2), (-0.1, 0.12, 0.03, 0.987319604))
 
 def serving(patch: Patch, **changes: Any) -> None:
     """Serve with other arguments."""
-    wrap(
+    renderer.SERVES.wrap(
         patch,
-        cli,
-        "serve",
         lambda original, *size, **named: original(*size, **(named | changes)),
     )
 
@@ -40,7 +37,7 @@ def server_of_another_scene(patch: Patch) -> None:
     )
     floor = Floor(1.5, 20.0, 0.7, (0.5, 0.6, 0.5), (0.3, 0.3, 0.2))
     scene = Scene(spheres, floor, (0.0, -1.0, 0.0))
-    patch.setattr(demo, "default_scene", lambda: scene)
+    renderer.DEFAULT_SCENE.replace(patch, lambda: scene)
 
 
 @variation()
@@ -69,7 +66,7 @@ def server_of_distances(patch: Patch) -> None:
         length = np.sqrt(1.0 + x[None, :] ** 2 + y[:, None] ** 2)
         return image._replace(depth=(image.depth * length).astype(np.float32))
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)
 
 
 @variation()
@@ -103,7 +100,7 @@ def server_in_single_precision(patch: Patch) -> None:
             position=tuple((-turned @ moved).tolist()),
         )
 
-    wrap(patch, demo, "_camera", camera)
+    renderer.CAMERA_OF_VIEW.wrap(patch, camera)
 
 
 @variation()
@@ -115,4 +112,4 @@ def server_that_renders_slowly(patch: Patch) -> None:
         nothing.wait(0.05)
         return original(*arguments)
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)

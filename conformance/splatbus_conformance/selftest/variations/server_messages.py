@@ -14,7 +14,9 @@ from splatbus_server.viewport import Change
 from splatbus_wire.messages import SceneObject
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.variations.server_images import serving
 from splatbus_conformance.wire.packets import CROWD_BYTES
@@ -25,7 +27,7 @@ def grants(patch: Patch, *capabilities: str) -> None:
 
     A scene that is not told is the one of `conformance/SCENE.md` with all in one object.
     """
-    patch.setattr(api, "MESSAGE_CAPABILITIES", capabilities)
+    server.CAPABILITIES_OF_MESSAGES.replace(patch, capabilities)
     if "scene" not in capabilities:
         serving(patch, objects=api.ONE_OBJECT)
 
@@ -61,7 +63,7 @@ def server_has_no_other_size(patch: Patch) -> None:
     def successor(original: Any, self: Memory, width: int, height: int) -> Any:
         raise OSError("images have the size that they have")
 
-    wrap(patch, Memory, "successor", successor)
+    server.MAKES_SUCCESSOR.wrap(patch, successor)
 
 
 @variation()
@@ -72,13 +74,13 @@ def server_takes_its_time_for_a_size(patch: Patch) -> None:
         time.sleep(0.2)
         original(self)
 
-    wrap(patch, Change, "allocate", allocate)
+    Seam(Change, "allocate").wrap(patch, allocate)
 
 
 @variation()
 def server_lists_every_object(patch: Patch) -> None:
     """Lists objects that are at rest in each frame, too."""
-    patch.setattr(Poses, "moved_objects", property(lambda self: tuple(self.objects.values())))
+    Seam(Poses, "moved_objects").replace(patch, property(lambda self: tuple(self.objects.values())))
 
 
 @variation()
@@ -103,7 +105,7 @@ def server_tells_lenses_in_single_precision(patch: Patch) -> None:
 @variation()
 def server_has_nothing_to_tell(patch: Patch) -> None:
     """Has `telemetry`, and no series."""
-    wrap(patch, Bus, "telemetry", lambda original, self, *values, **named: None)
+    Seam(Bus, "telemetry").wrap(patch, lambda original, self, *values, **named: None)
 
 
 @variation()
@@ -121,4 +123,4 @@ def server_is_cut_behind_a_header(patch: Patch) -> None:
                 time.sleep(0.002)
         original(self, peer, now)
 
-    wrap(patch, Service, "_flush", flush)
+    server.FLUSHES.wrap(patch, flush)

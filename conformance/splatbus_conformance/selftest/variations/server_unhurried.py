@@ -4,12 +4,12 @@ import threading
 from dataclasses import replace
 from typing import Any
 
-from splatbus_renderer import cli, demo
-from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer import demo
 from splatbus_renderer.scene import Scene, Sphere, default_scene
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer
 from splatbus_conformance.selftest.mutant import variation
 from splatbus_conformance.selftest.variations.server_images import serving
 
@@ -19,18 +19,20 @@ FIRST_SECONDS = 2.5
 def showing(patch: Patch, *spheres: Sphere) -> None:
     """Show these, and no floor."""
     scene = Scene(spheres, None, (0.0, -1.0, 0.0))
-    patch.setattr(demo, "default_scene", lambda: scene)
-    patch.setattr(demo, "scene_at", lambda time, view, turn=0.0: placed(view))
+    renderer.DEFAULT_SCENE.replace(patch, lambda: scene)
+    Seam(demo, "scene_at").replace(patch, lambda time, view, turn=0.0: placed(view))
 
     def placed(view: Any) -> Scene:
-        return replace(scene, pose=demo._object_pose(view, 0.0))
+        return replace(scene, pose=demo.object_pose_of(view, 0.0))
 
     serving(patch, objects=demo.OBJECTS[:1])
 
 
 def drawing(patch: Patch, fps: float) -> None:
     """Draw so many images a second at most."""
-    wrap(patch, cli, "render_until", lambda original, stop, bus, *_: original(stop, bus, fps))
+    renderer.RENDERS_UNTIL_TOLD.wrap(
+        patch, lambda original, stop, bus, *_: original(stop, bus, fps)
+    )
 
 
 @variation()
@@ -51,7 +53,7 @@ def server_takes_long_for_its_first_image(patch: Patch) -> None:
         loaded.append(True)
         return original(*arguments)
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)
 
 
 @variation()

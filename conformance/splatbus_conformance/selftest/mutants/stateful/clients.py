@@ -3,7 +3,6 @@
 from collections import Counter
 from typing import Any
 
-from splatbus_client import reading
 from splatbus_client.channel import Channel
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -12,7 +11,8 @@ from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.messages import Closed, Frame, Opened, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -26,7 +26,7 @@ def _counted(patch: Patch) -> Counter[InitPacket | None]:
         counts[packet] = counts[None] = on_it[self]
         return original(self, packet)
 
-    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
     return counts
 
 
@@ -44,13 +44,13 @@ def crashes_when_lost_without_images(patch: Patch) -> None:
         original(*arguments)
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
-        if failed[0] and isinstance(self._machine, MessageProtocol):
+        if failed[0] and isinstance(self.machine, MessageProtocol):
             crash()
         original(self, reason, now)
 
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
-    wrap(patch, IpcProtocol, "opened", opened)
-    wrap(patch, Channel, "_lose", lose)
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
+    client.SAYS_OPENED.wrap(patch, opened)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-20", check="check_returns_in_any_session", code="no-reconnect")
@@ -60,12 +60,12 @@ def stays_away_after_a_second_memory(patch: Patch) -> None:
     counts = _counted(patch)
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
-        lost = self._machine
+        lost = self.machine
         original(self, reason, now)
         if isinstance(lost, IpcProtocol) and counts[None] > 1:
-            self._due = now + 600
+            self.due = now + 600
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant(
@@ -87,7 +87,7 @@ def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
             changed.add(size)
         return original(packet)
 
-    wrap(patch, reading, "HostImages", images)
+    client.OPENS_MEMORY.wrap(patch, images)
 
 
 @mutant("OPN-1", check="check_answers_in_any_session", code="answered-twice")
@@ -102,11 +102,11 @@ def answers_twice_after_a_failure(patch: Patch) -> None:
     def opened(original: Any, self: IpcProtocol, packet: InitPacket) -> None:
         if failed and self not in failed:
             failed.clear()
-            self._out += encode(Opened(packet.generation or 0))
+            self.unsent += encode(Opened(packet.generation or 0))
         original(self, packet)
 
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
-    wrap(patch, IpcProtocol, "opened", opened)
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
+    client.SAYS_OPENED.wrap(patch, opened)
 
 
 @mutant(
@@ -119,14 +119,14 @@ def closes_each_generation_once_in_its_life(patch: Patch) -> None:
     said: set[int] = set()
 
     def closed(original: Any, self: IpcProtocol, generation: int) -> None:
-        before = bytes(self._out)
+        before = bytes(self.unsent)
         original(self, generation)
-        if bytes(self._out) != before:
+        if bytes(self.unsent) != before:
             if generation in said:
-                self._out[:] = self._out.removesuffix(encode(Closed(generation)))
+                self.unsent[:] = self.unsent.removesuffix(encode(Closed(generation)))
             said.add(generation)
 
-    wrap(patch, IpcProtocol, "closed", closed)
+    client.SAYS_CLOSED.wrap(patch, closed)
 
 
 @mutant(
@@ -146,4 +146,4 @@ def remembers_releases_over_a_loss(patch: Patch) -> None:
         if counts[None] > 1:
             released.add(image)
 
-    wrap(patch, IpcProtocol, "release", release)
+    client.RELEASES.wrap(patch, release)

@@ -9,7 +9,8 @@ from splatbus_server.session import Session
 from splatbus_wire.messages import GetCameraPose, GetViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -19,21 +20,21 @@ def server_turns_from_the_first_as_others_leave(patch: Patch) -> None:
     left: list[Any] = []
 
     def leave(original: Any, self: Control, connection: Any) -> bool:
-        if next(iter(self._sent), None) is connection:
+        if next(iter(self.sent), None) is connection:
             left.clear()
-        elif connection in self._sent:
+        elif connection in self.sent:
             left.append(connection)
         given: bool = original(self, connection)
         return given
 
     def handle(original: Any, self: Session, connection: Connection, *arguments: Any) -> Any:
-        first = next(iter(self._control._sent), None)
+        first = next(iter(self.control.sent), None)
         if len(left) > 1 and connection is first and isinstance(arguments[0], GetViewportSize):
             return None
         return original(self, connection, *arguments)
 
-    wrap(patch, Control, "leave", leave)
-    wrap(patch, Session, "handle", handle)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @mutant(
@@ -63,8 +64,8 @@ def server_mixes_up_replies_after_a_loss(patch: Patch) -> None:
             gone.clear()
         original(self, connection)
 
-    wrap(patch, Session, "handle", handle)
-    wrap(patch, Session, "leave", leave)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
+    server.FORGETS_CLIENT.wrap(patch, leave)
 
 
 @mutant("POS-11", check="check_obeys_the_first_in_any_session", code="pose-not-shown")
@@ -73,17 +74,17 @@ def server_leaves_control_with_the_dead(patch: Patch) -> None:
     passed: list[bool] = []
 
     def leave(original: Any, self: Control, connection: Any) -> bool:
-        has_control = next(iter(self._sent), None) is connection
-        if has_control and passed and len(self._sent) > 1:
+        has_control = next(iter(self.sent), None) is connection
+        if has_control and passed and len(self.sent) > 1:
             return False
         given: bool = original(self, connection)
-        if has_control and self._sent:
+        if has_control and self.sent:
             passed.append(True)
-        elif not self._sent:
+        elif not self.sent:
             passed.clear()
         return given
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 @mutant(
@@ -96,15 +97,15 @@ def server_forgets_the_lease_when_subscribed(patch: Patch) -> None:
 
     def subscribe(original: Any, self: Session, connection: Connection, channels: Any) -> Any:
         given = original(self, connection, channels)
-        reader = self._readers.get(connection)
+        reader = self.readers.get(connection)
         if reader is not None and reader.lease is not None:
-            newest = self._exchange.newest
+            newest = self.exchange.newest
             if newest is not None and newest.seq > reader.lease.seq + 1:
-                self._exchange.take_back(connection, reader.lease)
+                self.exchange.take_back(connection, reader.lease)
                 reader.lease = None
         return given
 
-    wrap(patch, Session, "_subscribe", subscribe)
+    server.TAKES_SUBSCRIPTION.wrap(patch, subscribe)
 
 
 @mutant("IMG-17", check="check_takes_leases_back_in_any_session", code="leases-not-taken-back")
@@ -112,8 +113,8 @@ def server_leaks_leases_of_old_images(patch: Patch) -> None:
     """Keeps the lease of a client that leaves with an image that is the newest no more."""
 
     def drop(original: Any, self: Ring, client: Any) -> None:
-        held = self._held.get(client)
+        held = self.held.get(client)
         if held is None or held == self.newest:
             original(self, client)
 
-    wrap(patch, Ring, "drop", drop)
+    Seam(Ring, "drop").wrap(patch, drop)

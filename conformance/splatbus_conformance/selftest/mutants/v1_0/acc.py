@@ -4,11 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_renderer import demo, scene
-from splatbus_renderer.raycast import Raycaster
+from splatbus_renderer import scene
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import adding_up_digits, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer
+from splatbus_conformance.selftest.faults.surgery import adding_up_digits
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.cnv.servers import cameras, depths
 
@@ -25,13 +26,15 @@ def server_takes_quaternions_for_unit_ones(patch: Patch) -> None:
             (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
         )
 
-    wrap(patch, demo, "_matrix", matrix)
+    renderer.ROWS_OF_ROTATION.wrap(patch, matrix)
 
 
 @mutant("ACC-2", check="check_rotations_are_those_of_the_quaternion", code="beyond-its-budget")
 def server_rounds_quaternions_to_four_digits(patch: Patch) -> None:
     """Keeps four digits of each number of a rotation."""
-    wrap(patch, demo, "_matrix", lambda original, q: original(tuple(round(part, 4) for part in q)))
+    renderer.ROWS_OF_ROTATION.wrap(
+        patch, lambda original, q: original(tuple(round(part, 4) for part in q))
+    )
 
 
 @mutant("ACC-3", check="check_rotations_do_not_shear", code="beyond-its-budget")
@@ -103,7 +106,7 @@ def server_subtracts_in_single_precision(patch: Patch) -> None:
         single = np.subtract(np.array(a, np.float32), np.array(b, np.float32))
         return tuple(single.astype(float).tolist())
 
-    wrap(patch, scene, "subtract", rounded)
+    Seam(scene, "subtract").wrap(patch, rounded)
 
 
 @mutant(
@@ -120,7 +123,7 @@ def server_has_a_dead_pixel(patch: Patch) -> None:
         image.color[height // 2, width // 2, :3] = 0.0
         return image
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)
 
 
 @mutant("ACC-14", check="check_numbers_are_read_to_the_last_bit", code="misrounded")

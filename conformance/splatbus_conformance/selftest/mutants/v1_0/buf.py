@@ -11,7 +11,8 @@ from splatbus_server.ring import Ring
 from splatbus_server.view import View
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
 LATE_SECONDS = 0.03
@@ -30,7 +31,7 @@ def stored(patch: Patch, channel: str, change: Callable[[Any], None]) -> None:
 
         return written
 
-    wrap(patch, Memory, "writer", writer)
+    server.WRITES_IMAGE.wrap(patch, writer)
 
 
 @mutant("BUF-2", check="check_numbers_are_little_endian", code="big-endian")
@@ -118,10 +119,10 @@ def server_writes_to_slots_that_are_lent(patch: Patch) -> None:
 
     def begin_write(original: Any, self: Ring) -> int:
         newest = self.newest.slot if self.newest else -1
-        self._writing = (newest + 1) % self.slots
-        return self._writing
+        self.writing = (newest + 1) % self.slots
+        return self.writing
 
-    wrap(patch, Ring, "begin_write", begin_write)
+    server.CHOOSES_SLOT.wrap(patch, begin_write)
 
 
 @mutant("IMG-6", check="check_images_are_whole_when_they_are_lent", code="lent-unfinished")
@@ -132,16 +133,14 @@ def server_lends_before_it_has_written(patch: Patch) -> None:
         later = lambda *what: threading.Timer(LATE_SECONDS, fill, what).start()  # noqa: E731
         return original(self, view, moment, later)
 
-    wrap(patch, Exchange, "publish", publish)
+    server.PUBLISHES.wrap(patch, publish)
 
 
 @mutant("IMG-20", check="check_what_is_subscribed_to_is_written", code="other-pixels")
 def server_lends_what_it_has(patch: Patch) -> None:
     """Lends images in which only what was wanted before is written."""
-    wrap(
+    server.LEASES_NEWEST.wrap(
         patch,
-        Exchange,
-        "lend",
         lambda original, self, client, memory, wants: original(self, client, memory, frozenset()),
     )
 
@@ -160,13 +159,13 @@ def server_swaps_colours_in_its_fourth_slot(patch: Patch) -> None:
 
         return written
 
-    wrap(patch, Memory, "writer", writer)
+    server.WRITES_IMAGE.wrap(patch, writer)
 
 
 @mutant("BUF-6", check="check_depth_is_planar", code="no-depth")
 def server_stores_no_depth(patch: Patch) -> None:
     """Renders depth when nobody wants it, and leaves the slots empty otherwise."""
-    patch.setattr(View, "wants_depth", property(lambda self: "depth" not in self.wants))
+    Seam(View, "wants_depth").replace(patch, property(lambda self: "depth" not in self.wants))
 
 
 @mutant("IMG-5", check="check_every_pixel_is_of_the_camera", code="other-depths")
@@ -184,4 +183,4 @@ def server_tells_other_depths_in_a_corner(patch: Patch) -> None:
 
         return written
 
-    wrap(patch, Memory, "writer", writer)
+    server.WRITES_IMAGE.wrap(patch, writer)

@@ -2,18 +2,18 @@
 
 from typing import Any
 
-from splatbus_server import api, service
 from splatbus_server.connection import Connection
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
 
 @mutant("LIM-1", check="check_connections_are_limited", code="not-limited")
 def server_keeps_every_connection(patch: Patch) -> None:
     """Has no limit of connections."""
-    patch.setattr(service, "MOST_CONNECTIONS", 100_000)
+    server.MOST_CONNECTIONS.replace(patch, 100_000)
 
 
 @mutant("LIM-2", check="check_who_never_reads_is_closed", code="hangs")
@@ -23,10 +23,10 @@ def server_keeps_every_reply(patch: Patch) -> None:
     def sent(original: Any, self: Connection, count: int, now: float) -> None:
         del self.unsent[:count]
 
-    wrap(patch, Connection, "sent", sent)
+    Seam(Connection, "sent").wrap(patch, sent)
 
 
 @mutant("SEC-1", check="check_listens_on_loopback_alone", code="beyond-loopback")
 def server_listens_everywhere(patch: Patch) -> None:
     """Listens on every address, whatever it is told."""
-    wrap(patch, api, "listen", lambda original, host, port: original("0.0.0.0", port))
+    server.LISTENS.wrap(patch, lambda original, host, port: original("0.0.0.0", port))

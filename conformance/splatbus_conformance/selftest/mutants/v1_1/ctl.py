@@ -8,7 +8,8 @@ from splatbus_server.session import Session
 from splatbus_wire.messages import CameraPose, ObjectPose, PointCloudPose, SetTime
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
 TOLD, ONCE = "check_tells_who_has_no_control", "check_tells_it_once"
@@ -24,7 +25,7 @@ def unsaid(patch: Patch, code: str) -> None:
         if said != code:
             original(self, said, *more)
 
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @mutant("CTL-1", check=TOLD, code="not-told-busy")
@@ -40,12 +41,12 @@ def server_is_busy_for_cameras_alone(patch: Patch) -> None:
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         if isinstance(message, CameraPose):
             return original(self, connection, message)
-        self._told_busy.add(connection)
+        self.told_busy.add(connection)
         refusal = original(self, connection, message)
-        self._told_busy.discard(connection)
+        self.told_busy.discard(connection)
         return refusal
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("CTL-2", check=ONCE, code="busy-again")
@@ -53,10 +54,10 @@ def server_says_again_that_it_is_busy(patch: Patch) -> None:
     """Says with each pose that another client has control."""
 
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        self._told_busy.discard(connection)
+        self.told_busy.discard(connection)
         return original(self, connection, message)
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("CTL-2", check=ONCE, code="busy-again")
@@ -64,11 +65,11 @@ def server_is_busy_again_for_the_rest(patch: Patch) -> None:
     """Tells those who wait that it is busy once more when control has passed to another."""
 
     def leave(original: Any, self: Session, connection: Connection) -> None:
-        if self._control.holder is connection:
-            self._told_busy.clear()
+        if self.control.holder is connection:
+            self.told_busy.clear()
         original(self, connection)
 
-    wrap(patch, Session, "leave", leave)
+    server.FORGETS_CLIENT.wrap(patch, leave)
 
 
 @mutant("CTL-3", check=ENDS, code="intrinsics-kept")
@@ -81,7 +82,7 @@ def server_keeps_the_lens_of_who_left(patch: Patch) -> None:
             self.poses = self.poses._replace(intrinsics=lens)
         return had_control
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 @mutant("CTL-3", check=ENDS, code="intrinsics-kept")
@@ -97,12 +98,12 @@ def server_keeps_the_lens_until_the_next_camera(patch: Patch) -> None:
 
     def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
         lent = isinstance(message, CameraPose) and message.intrinsics is None
-        if lent and CameraPose not in self._sent.get(connection, {}):
+        if lent and CameraPose not in self.sent.get(connection, {}):
             self.poses = self.poses._replace(intrinsics=None)
         return original(self, connection, message)
 
-    wrap(patch, Control, "leave", leave)
-    wrap(patch, Control, "move", move)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("CTL-4", check=REFUSED, code="refused-pose-gave-control")
@@ -110,8 +111,8 @@ def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
     """Gives control to a client whose intrinsics or object it refuses, if nobody has it."""
 
     def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
-        if refusal.pointer in ("/intrinsics", "/object") and not control[0]._sent:
-            control[0]._sent[self] = {}
+        if refusal.pointer in ("/intrinsics", "/object") and not control[0].sent:
+            control[0].sent[self] = {}
         return original(self, refusal)
 
     def begin(original: Any, self: Control, poses: Any) -> None:
@@ -119,8 +120,8 @@ def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
         control[:] = [self]
 
     control: list[Control] = []
-    wrap(patch, Control, "__init__", begin)
-    wrap(patch, Connection, "complain", complain)
+    Seam(Control, "__init__").wrap(patch, begin)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("CTL-1", check=TOLD, code="control-not-given")
@@ -128,12 +129,12 @@ def server_says_to_everyone_that_it_is_busy(patch: Patch) -> None:
     """Says of every pose that another client has control, and applies it if none has."""
 
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        if connection not in self._told_busy:
-            self._told_busy.add(connection)
+        if connection not in self.told_busy:
+            self.told_busy.add(connection)
             connection.complain(Refusal("busy", "another client steers the scene"))
         return original(self, connection, message)
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("CTL-4", check=REFUSED, code="wrongly-busy")
@@ -145,7 +146,7 @@ def server_is_busy_for_broken_poses(patch: Patch) -> None:
             original(self, refusal._replace(code="busy"))
         return original(self, refusal)
 
-    wrap(patch, Connection, "complain", complain)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("CTL-4", check=REFUSED, code="not-told-busy")
@@ -160,7 +161,7 @@ def server_counts_refused_poses(patch: Patch) -> None:
         return original(self, refusal)
 
     refused: set[int] = set()
-    wrap(patch, Connection, "complain", complain)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("CTL-5", check=PASSES, code="another-camera")
@@ -172,7 +173,7 @@ def server_waits_for_the_next_pose(patch: Patch) -> None:
         self.poses = before._replace(intrinsics=None, time=None)
         return had_control
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 @mutant("CTL-5", check=PASSES, code="another-placement")
@@ -184,7 +185,7 @@ def server_passes_on_the_camera_alone(patch: Patch) -> None:
         self.poses = self.poses._replace(objects=objects)
         return had_control
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 @mutant("CTL-5", check=PASSES, code="another-camera")
@@ -192,12 +193,12 @@ def server_remembers_the_first_pose(patch: Patch) -> None:
     """Keeps the first pose of who has no control, not the newest."""
 
     def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
-        known = self._sent.get(connection, {})
+        known = self.sent.get(connection, {})
         if self.holder not in (None, connection) and type(message) in known:
             return False
         return original(self, connection, message)
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("CTL-5", check=PASSES, code="other-intrinsics")
@@ -205,14 +206,14 @@ def server_forgets_the_lens_of_who_has_no_control(patch: Patch) -> None:
     """Keeps the newest pose of who has no control, and not the intrinsics that came before it."""
 
     def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
-        known = self._sent.get(connection, {})
+        known = self.sent.get(connection, {})
         if self.holder is not connection and isinstance(
             former := known.get(CameraPose), CameraPose
         ):
             known[CameraPose] = former._replace(intrinsics=None)
         return original(self, connection, message)
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 def leaves(patch: Patch, **changes: Any) -> None:
@@ -220,11 +221,11 @@ def leaves(patch: Patch, **changes: Any) -> None:
 
     def leave(original: Any, self: Control, connection: Any) -> Any:
         had_control = original(self, connection)
-        if had_control and self._sent:
+        if had_control and self.sent:
             self.poses = self.poses._replace(**changes)
         return had_control
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 def obeys(patch: Patch, *kinds: Any) -> None:
@@ -236,7 +237,7 @@ def obeys(patch: Patch, *kinds: Any) -> None:
             self.poses = self.poses.moved_by(message)
         return has_control
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("POS-11", check=OTHERS, code="applied-without-control")
@@ -276,7 +277,7 @@ def server_forgets_whom_it_told_with_another_error(patch: Patch) -> None:
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         refusal = original(self, connection, message)
         if refusal is not None and refusal.code != "busy":
-            self._told_busy.discard(connection)
+            self.told_busy.discard(connection)
         return refusal
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)

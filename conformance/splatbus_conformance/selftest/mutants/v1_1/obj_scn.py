@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_renderer import cli, demo
 from splatbus_renderer.raycast import Raycaster
 from splatbus_server import api
 from splatbus_server.control import Poses
@@ -14,7 +13,9 @@ from splatbus_wire.messages import PointCloudPose
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer, server, wire
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
 from splatbus_conformance.selftest.mutants.v1_1.cam.lenses import read_again
@@ -46,7 +47,7 @@ def server_keeps_the_scale(patch: Patch) -> None:
         placed = {"default": after.objects["default"]._replace(scale=scale)}
         return after._replace(objects={**after.objects, **placed})
 
-    wrap(patch, Poses, "moved_by", moved)
+    server.APPLIES_POSE.wrap(patch, moved)
 
 
 @mutant("OBJ-3", check="check_reports_unknown_objects", code="no-error")
@@ -69,16 +70,14 @@ def server_does_not_point_at_objects(patch: Patch) -> None:
 @mutant("OBJ-4", check=KEEPS, code="applies")
 def server_takes_any_scale(patch: Patch) -> None:
     """Takes a scale that is none for 1."""
-    read_again(patch, "_object_pose", lambda message: message | {"scale": 1.0})
+    read_again(patch, wire.POSE_OF_OBJECT, lambda message: message | {"scale": 1.0})
 
 
 @mutant("OBJ-5", check=PUT, code="other-colours")
 def server_scales_nothing(patch: Patch) -> None:
     """Renders every object in its own size."""
-    wrap(
+    renderer.POSE_IN_VIEW.wrap(
         patch,
-        demo,
-        "_object_pose",
         lambda original, *arguments: replace(original(*arguments), scale=1.0),
     )
 
@@ -92,13 +91,13 @@ def server_scales_where_objects_are(patch: Patch) -> None:
         x, y, z = asked.position
         return replace(asked, position=(asked.scale * x, asked.scale * y, asked.scale * z))
 
-    wrap(patch, demo, "_object_pose", pose)
+    renderer.POSE_IN_VIEW.wrap(patch, pose)
 
 
 @mutant("OBJ-5", check=PUT, code="other-colours")
 def server_moves_all_objects_at_once(patch: Patch) -> None:
     """Puts every object where the default one is."""
-    wrap(patch, View, "of", lambda original, self, name: self)
+    Seam(View, "of").wrap(patch, lambda original, self, name: self)
 
 
 @mutant("OBJ-6", check="check_depth_is_in_world_units", code="other-depths")
@@ -111,7 +110,7 @@ def server_stores_depth_in_units_of_the_object(patch: Patch) -> None:
             return image
         return image._replace(depth=(image.depth / scene.pose.scale).astype(np.float32))
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)
 
 
 @mutant("OBJ-7", check=LISTED, code="object-not-listed")
@@ -155,7 +154,7 @@ def server_lists_an_object_that_is_not_there(patch: Patch) -> None:
 @mutant("SCN-2", check=SCENE, code="another-count")
 def server_forgets_a_camera(patch: Patch) -> None:
     """Tells of one camera fewer than it has."""
-    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, **named | CAMERAS))
+    renderer.SERVES.wrap(patch, lambda original, *a, **named: original(*a, **named | CAMERAS))
     scene_told(patch, lambda scene: {"cameras": scene["cameras"] - 1})
 
 
@@ -181,10 +180,8 @@ def server_turns_bounds_round(patch: Patch) -> None:
 def server_grants_time_of_a_still_scene(patch: Patch) -> None:
     """Grants `time`, whether or not anything moves."""
     scene_told(patch, lambda scene: {"timeRange": None})
-    wrap(
+    Seam(api, "Terms").wrap(
         patch,
-        api,
-        "Terms",
         lambda original, server, offered, token: original(
             server, offered | {"message": MESSAGE_CAPABILITIES}, token
         ),

@@ -11,7 +11,9 @@ from splatbus_server.telemetry import Readings
 from splatbus_wire.messages import SetTime
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 
 SETS, PONG = "check_renders_at_the_time_that_was_set", "check_pong_tells_the_clock"
@@ -26,7 +28,7 @@ def pongs(patch: Patch, change: Any) -> None:
 @mutant("TIM-2", check=SETS, code="another-time")
 def server_takes_any_time(patch: Patch) -> None:
     """Renders at times that the scene has not."""
-    patch.setattr(session, "within", lambda message, time_range: message)
+    Seam(session, "within").replace(patch, lambda message, time_range: message)
 
 
 @mutant("TIM-2", check=SETS, code="another-time")
@@ -36,7 +38,7 @@ def server_plays_on(patch: Patch) -> None:
     def moved(original: Any, self: Poses, message: Any) -> Any:
         return self if isinstance(message, SetTime) else original(self, message)
 
-    wrap(patch, Poses, "moved_by", moved)
+    server.APPLIES_POSE.wrap(patch, moved)
 
 
 @mutant("TIM-3", check="check_frames_tell_the_time_of_their_image", code="other-pixels")
@@ -137,19 +139,19 @@ def server_tells_the_next_what_one_asked_for(patch: Patch) -> None:
     left: list[Any] = []
 
     def unsubscribe(original: Any, self: Readings, connection: Any) -> None:
-        if connection in self._subscribers:
-            left.append(self._subscribers[connection].names)
+        if connection in self.subscribers:
+            left.append(self.subscribers[connection].names)
         original(self, connection)
 
     def handle(
         original: Any, self: Session, connection: Connection, message: Any, *rest: Any
     ) -> Any:
-        if left and connection.has("telemetry") and connection not in self._readings._subscribers:
-            self._readings.subscribe(connection, left.pop())
+        if left and connection.has("telemetry") and connection not in self.readings.subscribers:
+            self.readings.subscribe(connection, left.pop())
         return original(self, connection, message, *rest)
 
-    wrap(patch, Readings, "unsubscribe", unsubscribe)
-    wrap(patch, Session, "handle", handle)
+    Seam(Readings, "unsubscribe").wrap(patch, unsubscribe)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @mutant("TEL-3", check=ASKED, code="other-series")
@@ -159,7 +161,7 @@ def server_tells_everything(patch: Patch) -> None:
     def subscribe(original: Any, self: Readings, connection: Any, names: Any) -> None:
         original(self, connection, None)
 
-    wrap(patch, Readings, "subscribe", subscribe)
+    server.TAKES_TELEMETRY_SUBSCRIPTION.wrap(patch, subscribe)
 
 
 @mutant("TEL-3", code="another-series", through="TEL-3")
@@ -177,4 +179,4 @@ def server_takes_no_list_of_series(patch: Patch) -> None:
         if names is None:
             original(self, connection, names)
 
-    wrap(patch, Readings, "subscribe", subscribe)
+    server.TAKES_TELEMETRY_SUBSCRIPTION.wrap(patch, subscribe)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-from splatbus_server import viewport
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
 from splatbus_server.service import Service
@@ -12,7 +11,8 @@ from splatbus_server.viewport import Change, Viewport
 from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.cnv.servers import cameras
 
@@ -31,7 +31,7 @@ def unhindered(patch: Patch, requirement: str, words: str) -> None:
         stands = refusal is not None and requirement in refusal.reason and words in refusal.reason
         return None if stands else refusal
 
-    wrap(patch, Session, "_hindrance", hindrance)
+    server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
 
 
 @mutant(
@@ -41,7 +41,7 @@ def unhindered(patch: Patch, requirement: str, words: str) -> None:
 )
 def server_answers_while_it_makes_memory(patch: Patch) -> None:
     """Goes on answering requests while it has not yet answered a `set_viewport`."""
-    patch.setattr(Connection, "hold", lambda self: None)
+    Seam(Connection, "hold").replace(patch, lambda self: None)
 
 
 @mutant("VPT-2", check=ANSWERS, code="another-answer")
@@ -51,19 +51,19 @@ def server_rounds_sizes_up(patch: Patch) -> None:
     def size(width: int, height: int, id: int | None = None) -> ViewportSize:
         return ViewportSize(-(-width // 4) * 4, height, id)
 
-    patch.setattr(viewport, "ViewportSize", size)
+    server.SIZE_IN_REPLY.replace(patch, size)
 
 
 @mutant("VPT-2", check=ANSWERS, code="wrong-size")
 def server_tells_the_former_size(patch: Patch) -> None:
     """Agrees to a size, and leaves images as they are."""
-    wrap(patch, Viewport, "_replace", lambda original, self, change: None)
+    Seam(Viewport, "replace").wrap(patch, lambda original, self, change: None)
 
 
 @mutant("VPT-2", code="wrong-size", through="VPT-2")
 def server_swaps_sides(patch: Patch) -> None:
     """Answers with the height first."""
-    patch.setattr(viewport, "ViewportSize", lambda w, h, id=None: ViewportSize(h, w, id))
+    server.SIZE_IN_REPLY.replace(patch, lambda w, h, id=None: ViewportSize(h, w, id))
 
 
 @mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", code="another-answer")
@@ -83,7 +83,7 @@ def server_remembers_who_could_not_follow(patch: Patch) -> None:
             remembered.append(refusal)
         return remembered[-1] if remembered else refusal
 
-    wrap(patch, Session, "_hindrance", hindrance)
+    server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
 
 
 @mutant("VPT-2", check=ANSWERS, code="refused-yet-changed")
@@ -103,7 +103,7 @@ def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
             return None
         return original(self, connection, *more)
 
-    wrap(patch, Session, "_answer", answer)
+    server.ANSWERS_REQUEST.wrap(patch, answer)
 
 
 @mutant("VPT-4", check="check_obeys_who_has_control", code="another-answer")
@@ -128,7 +128,7 @@ def server_tells_those_who_take_frames(patch: Patch) -> None:
         if connection.has("frames") or not reader.told:
             original(self, connection, reader, *more)
 
-    wrap(patch, Session, "_announce", announce)
+    server.ANNOUNCES_MEMORY.wrap(patch, announce)
 
 
 @mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
@@ -136,11 +136,11 @@ def server_makes_the_same_memory_again(patch: Patch) -> None:
     """Has new memory also for the size that its images have."""
 
     def set_size(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
-        self._change = Change(asker, request, self._exchange.memory)
-        self.chores.append(self._change.allocate)
+        self.change = Change(asker, request, self.exchange.memory)
+        self.chores.append(self.change.allocate)
         asker.hold()
 
-    wrap(patch, Viewport, "set", set_size)
+    server.BEGINS_OTHER_SIZE.wrap(patch, set_size)
 
 
 @mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
@@ -149,25 +149,25 @@ def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
     server_makes_the_same_memory_again(patch)
 
     def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
-        former = [peer for peer in self._peers if peer.connection.channel == channel == "message"]
+        former = [peer for peer in self.peers if peer.connection.channel == channel == "message"]
         original(self, channel, listener)
         for peer in former:
-            self._drop(peer)
+            self.drop(peer)
 
-    wrap(patch, Service, "_accept", accept)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 @mutant("VPT-7", check="check_frees_former_memory", code="memory-left-behind")
 def server_frees_nothing(patch: Patch) -> None:
     """Keeps former memory, and forgets it."""
     kept: list[Memory] = []
-    patch.setattr(Memory, "close", lambda self: kept.append(self))
+    server.FREES_MEMORY.replace(patch, lambda self: kept.append(self))
 
 
 @mutant("VPT-8", check="check_closes_who_does_not_let_go", code="waits")
 def server_waits_for_ever(patch: Patch) -> None:
     """Lets a client keep former memory."""
-    wrap(patch, Session, "_end_who_keeps", lambda original, self, now: None)
+    Seam(Session, "end_who_keeps").wrap(patch, lambda original, self, now: None)
 
 
 @mutant("OPN-8", check=KEEPS, code="memory-gone")
@@ -180,14 +180,14 @@ def forgets(patch: Patch, forgotten: Any) -> None:
     """Forget that a reader has former memory, of some generations."""
 
     def free(original: Any, self: Session, now: float) -> None:
-        for reader in self._readers.values():
+        for reader in self.readers.values():
             former = [number for number in reader.announced if number < reader.told]
             for number in former:
                 if forgotten(reader, number):
                     del reader.announced[number]
         original(self, now)
 
-    wrap(patch, Session, "_free", free)
+    Seam(Session, "free_replaced").wrap(patch, free)
 
 
 @mutant("OPN-8", check=KEEPS, code="written-while-held")
@@ -200,7 +200,7 @@ def server_wipes_former_memory(patch: Patch) -> None:
             self.color(slot)[:] = 0.0
         return made
 
-    wrap(patch, Memory, "successor", successor)
+    server.MAKES_SUCCESSOR.wrap(patch, successor)
 
 
 @mutant("OPN-8", check="check_keeps_former_memory_for_who_may_open_it", code="memory-gone")
@@ -214,14 +214,14 @@ def server_waits_for_the_release(patch: Patch) -> None:
     """Takes a frame for held until it is released, whatever becomes of its memory."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        reader = self._readers.get(connection)
+        reader = self.readers.get(connection)
         lease = reader.lease if reader is not None else None
         refusal = original(self, connection, message)
         if reader is not None:
             reader.lease = lease
         return refusal
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)
 
 
 @mutant("IMG-5", check="check_images_of_another_size_are_right", code="other-pixels")
@@ -243,6 +243,6 @@ def server_obeys_who_waits_for_control(patch: Patch) -> None:
     def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
         refusal: Refusal | None = original(self, asker)
         stands = refusal is not None and "steers" in refusal.reason
-        return None if stands and asker in self._control._sent else refusal
+        return None if stands and asker in self.control.sent else refusal
 
-    wrap(patch, Session, "_hindrance", hindrance)
+    server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from splatbus_client import ipc_protocol, message_protocol, reading
+from splatbus_client import ipc_protocol, message_protocol
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.host_memory import CannotOpenError
@@ -13,7 +13,9 @@ from splatbus_wire import settings
 from splatbus_wire.messages import GetViewportSize, Hello, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -25,17 +27,15 @@ def all_channels(patch: Patch) -> list[Channel]:
         original(self, *arguments)
         made.append(self)
 
-    wrap(patch, Channel, "__init__", init)
+    Seam(Channel, "__init__").wrap(patch, init)
     return made
 
 
 @mutant("CHN-2", check="check_host_and_ports_can_be_set", code="another-port")
 def ipc_port_that_cannot_be_set(patch: Patch) -> None:
     """Connects to the IPC channel on port 6001, whatever it is told."""
-    wrap(
+    Seam(settings.Settings, "__new__").wrap(
         patch,
-        settings.Settings,
-        "__new__",
         lambda original, cls, host, ipc, msg, token: original(cls, host, 6001, msg, token),
     )
 
@@ -46,12 +46,12 @@ def gives_up_what_refused_when_the_other_accepts(patch: Patch) -> None:
     made = all_channels(patch)
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
-        refused = self._machine is None
+        refused = self.machine is None
         original(self, reason, now)
-        if refused and self is made[0] and made[1]._machine is not None:
-            self._due = now + 600
+        if refused and self is made[0] and made[1].machine is not None:
+            self.due = now + 600
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-3", check="check_either_channel_first", code="hangs")
@@ -73,20 +73,20 @@ def gives_up_what_is_accepted_late(patch: Patch) -> None:
         return [MustClose("a limit of the mutant")]
 
     def connect(original: Any, self: Channel, now: float) -> None:
-        if given_up and self._name == "IPC":
-            self._due = now + 600
+        if given_up and self.name == "IPC":
+            self.due = now + 600
         else:
             original(self, now)
 
-    wrap(patch, IpcProtocol, "deadline", deadline)
-    wrap(patch, IpcProtocol, "expire", expire)
-    wrap(patch, Channel, "_connect", connect)
+    client.DEADLINE_ON_IPC.wrap(patch, deadline)
+    client.EXPIRES_ON_IPC.wrap(patch, expire)
+    client.CONNECTS.wrap(patch, connect)
 
 
 @mutant("CHN-9", check="check_waits_for_the_init_packet", code="closes")
 def impatient_for_the_init_packet(patch: Patch) -> None:
     """Closes the IPC connection if no init packet has come within five seconds."""
-    _limit(patch, lambda machine: not machine._slots, 5.0)
+    _limit(patch, lambda machine: not machine.slots, 5.0)
 
 
 @mutant("CHN-9", check="check_waits_for_the_init_packet", code="hangs")
@@ -99,17 +99,17 @@ def deaf_to_a_late_init_packet(patch: Patch) -> None:
         begun[self] = time.monotonic()
 
     def take(original: Any, self: IpcProtocol, packet: Any) -> Any:
-        if self._slots or time.monotonic() < begun[self] + 1.0:
+        if self.slots or time.monotonic() < begun[self] + 1.0:
             yield from original(self, packet)
 
-    wrap(patch, IpcProtocol, "__init__", init)
-    wrap(patch, IpcProtocol, "_on_init_packet", take)
+    client.BEGINS_ON_IPC.wrap(patch, init)
+    client.TAKES_INIT_PACKET.wrap(patch, take)
 
 
 @mutant("CHN-10", check="check_keeps_the_ipc_connection", code="closes")
 def ipc_connection_closed_once_opened(patch: Patch) -> None:
     """Closes the IPC connection when it has what it wants, and goes on reading."""
-    _limit(patch, lambda machine: bool(machine._slots), 0.2)
+    _limit(patch, lambda machine: bool(machine.slots), 0.2)
 
 
 def _limit(patch: Patch, applies: Any, seconds: float) -> None:
@@ -127,14 +127,14 @@ def _limit(patch: Patch, applies: Any, seconds: float) -> None:
             return [MustClose("a limit of the mutant")]
         return original(self, now)
 
-    wrap(patch, IpcProtocol, "deadline", deadline)
-    wrap(patch, IpcProtocol, "expire", expire)
+    client.DEADLINE_ON_IPC.wrap(patch, deadline)
+    client.EXPIRES_ON_IPC.wrap(patch, expire)
 
 
 @mutant("CHN-15", check="check_gives_up_a_reply", code="hangs")
 def waits_for_a_reply_for_ever(patch: Patch) -> None:
     """Never gives up waiting for a reply."""
-    patch.setattr(message_protocol, "REPLY_SECONDS", 600.0)
+    Seam(message_protocol, "REPLY_SECONDS").replace(patch, 600.0)
 
 
 @mutant("CHN-17", check="check_closes_after_end_of_stream", code="hangs")
@@ -147,7 +147,7 @@ def deaf_to_the_end_of_the_stream(patch: Patch) -> None:
         else:
             original(self, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-17", check="check_closes_after_end_of_stream", code="hangs")
@@ -155,12 +155,12 @@ def waits_for_a_reply_after_the_end_of_the_stream(patch: Patch) -> None:
     """Keeps its side open when the server has ended the stream and still owes it a reply."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
-        if reason == "the server ended it" and getattr(self._machine, "_asked", None) is not None:
+        if reason == "the server ended it" and getattr(self.machine, "asked", None) is not None:
             time.sleep(0.02)
         else:
             original(self, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-17", check="check_closes_after_end_of_stream", code="dies")
@@ -172,7 +172,7 @@ def crashes_at_the_end_of_the_stream(patch: Patch) -> None:
             crash()
         original(self, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-19", check="check_survives_losing_its_server", code="dies")
@@ -184,7 +184,7 @@ def crashes_when_reset(patch: Patch) -> None:
             crash()
         original(self, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-19", check="check_survives_losing_its_server", code="hangs")
@@ -196,7 +196,7 @@ def hangs_when_reset(patch: Patch) -> None:
             time.sleep(60)
         original(self, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-20", check="check_connects_again", code="waits")
@@ -207,9 +207,9 @@ def never_connects_to_ipc_again(patch: Patch) -> None:
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         original(self, reason, now)
         if self is made[0] and self.status.connections:
-            self._due = now + 600
+            self.due = now + 600
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-23", check="check_keeps_the_other_channel", code="closes")
@@ -220,10 +220,10 @@ def drops_both_channels(patch: Patch) -> None:
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         original(self, reason, now)
         for other in made:
-            if other._machine is not None:
+            if other.machine is not None:
                 original(other, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-23", check="check_keeps_the_other_channel", code="closes")
@@ -234,10 +234,10 @@ def drops_both_channels_when_one_is_reset(patch: Patch) -> None:
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
         original(self, reason, now)
         for other in made:
-            if other._machine is not None and "reset" in reason:
+            if other.machine is not None and "reset" in reason:
                 original(other, reason, now)
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-24", check="check_uses_the_new_memory", code="not-opened")
@@ -266,8 +266,8 @@ def _insists(patch: Patch, forgets: Callable[[str], bool]) -> None:
             seen.clear()
         original(self, reason, now)
 
-    wrap(patch, reading, "HostImages", images)
-    wrap(patch, Channel, "_lose", lose)
+    client.OPENS_MEMORY.wrap(patch, images)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-6", code="sent-without-hello", through="CHN-9")
@@ -277,17 +277,15 @@ def asks_on_the_ipc_channel_in_1_0(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
         original(self, *arguments)
-        self._out += encode(GetViewportSize())
+        self.unsent += encode(GetViewportSize())
 
-    wrap(patch, IpcProtocol, "__init__", init)
+    client.BEGINS_ON_IPC.wrap(patch, init)
 
 
 def speaks_1_0(patch: Patch) -> None:
     """Say no hello on either channel."""
     for module in (ipc_protocol, message_protocol):
-        wrap(
+        Seam(module, "encode").wrap(
             patch,
-            module,
-            "encode",
             lambda original, message: b"" if isinstance(message, Hello) else original(message),
         )

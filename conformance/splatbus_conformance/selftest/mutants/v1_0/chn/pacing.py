@@ -4,12 +4,11 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
-from splatbus_client import channel
 from splatbus_client.channel import Channel
 from splatbus_client.ipc_protocol import IpcProtocol
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import client
 from splatbus_conformance.selftest.mutant import mutant
 
 PACES = "check_paces_its_attempts"
@@ -18,21 +17,21 @@ PACES = "check_paces_its_attempts"
 @mutant("CHN-21", check=PACES, code="too-soon")
 def connects_again_at_once(patch: Patch) -> None:
     """Connects again without a pause."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(0.0))
+    client.DELAYS_OF_ATTEMPTS.replace(patch, lambda: itertools.repeat(0.0))
 
 
 @mutant("CHN-21", check=PACES, code="too-soon")
 def connects_again_at_once_to_its_one_channel(patch: Patch) -> None:
     """Has the IPC channel alone, and connects to it again after 3 milliseconds."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(0.003))
+    client.DELAYS_OF_ATTEMPTS.replace(patch, lambda: itertools.repeat(0.003))
 
     def connect(original: Any, self: Channel, now: float) -> None:
-        if self._name == "IPC":
+        if self.name == "IPC":
             original(self, now)
         else:
-            self._due = now + 600
+            self.due = now + 600
 
-    wrap(patch, Channel, "_connect", connect)
+    client.CONNECTS.wrap(patch, connect)
 
 
 def _waits(patch: Patch, seconds: float, applies: Callable[[Channel, str], bool]) -> None:
@@ -42,9 +41,9 @@ def _waits(patch: Patch, seconds: float, applies: Callable[[Channel, str], bool]
         ends = applies(self, reason)
         original(self, reason, now)
         if ends:
-            self._due = now + seconds
+            self.due = now + seconds
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-21", check=PACES, code="too-soon")
@@ -60,8 +59,8 @@ def connects_again_at_once_when_reset(patch: Patch) -> None:
 )
 def connects_again_at_once_when_refused(patch: Patch) -> None:
     """Tries again without a pause, but for a millisecond, when it was refused."""
-    patch.setattr(channel, "delays", lambda: itertools.repeat(0.25))
-    _waits(patch, 0.001, lambda self, reason: self._machine is None)
+    client.DELAYS_OF_ATTEMPTS.replace(patch, lambda: itertools.repeat(0.25))
+    _waits(patch, 0.001, lambda self, reason: self.machine is None)
 
 
 @mutant("CHN-21", check=PACES, code="too-soon")
@@ -80,13 +79,13 @@ def connects_again_at_once_when_it_cannot_open(patch: Patch) -> None:
 
     def flush(original: Any, self: Channel, now: float) -> None:
         original(self, now)
-        if self._machine in hopeless:
-            self._lose("it has nothing to show", now)
-            self._due = now
+        if self.machine in hopeless:
+            self.lose("it has nothing to show", now)
+            self.due = now
 
     hopeless: set[object] = set()
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
-    wrap(patch, Channel, "flush", flush)
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
+    client.FLUSHES.wrap(patch, flush)
 
 
 @mutant("NEG-24", check="check_pauses_after_errors", code="too-soon")
@@ -104,7 +103,9 @@ def stays_away_after_an_error(patch: Patch) -> None:
 @mutant("CHN-22", check="check_comes_back_soon", code="too-late")
 def backs_off_too_far(patch: Patch) -> None:
     """Waits 0.125 seconds after the first failure, and 8 after the second."""
-    patch.setattr(channel, "delays", lambda: itertools.chain([0.125], itertools.repeat(8.0)))
+    client.DELAYS_OF_ATTEMPTS.replace(
+        patch, lambda: itertools.chain([0.125], itertools.repeat(8.0))
+    )
 
 
 def _complained(self: Channel) -> bool:

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
-from splatbus_server import api
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.service import Peer, Service
 from splatbus_server.session import Session
 
 from splatbus_conformance.selftest.faults.legacy import announces_at_once
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.wire.messages import init_packet_1_0, init_packet_1_1
 
@@ -30,7 +30,7 @@ def server_offers_no_ipc_channel(patch: Patch) -> None:
     def listen(original: Any, host: str, port: int) -> Any:
         return original(host, 0 if next(calls) else port)
 
-    wrap(patch, api, "listen", listen)
+    server.LISTENS.wrap(patch, listen)
 
 
 @mutant("CHN-4", code="another-packet-first", through="CHN-4")
@@ -61,7 +61,7 @@ def server_wants_silence_on_ipc(patch: Patch) -> None:
             self.end("this is no hello", now)
         return event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant(
@@ -73,13 +73,13 @@ def server_awaits_more_after_a_packet(patch: Patch) -> None:
     """Takes a connection on which a whole packet came for one on which a packet is incomplete."""
 
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        due = self._reader.deadline
+        due = self.reader.deadline
         event = original(self, now)
         if event is None and self.ending is None:
-            self._reader.deadline = due
+            self.reader.deadline = due
         return event
 
-    wrap(patch, Connection, "next_event", next_event)
+    server.NEXT_EVENT.wrap(patch, next_event)
 
 
 @mutant("CHN-8", code="further-packet", through="CHN-4")
@@ -105,10 +105,10 @@ def server_serves_one_channel_at_a_time(patch: Patch) -> None:
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
         original(self, channel, listener)
         if channel == "message":
-            for peer in [p for p in self._peers if p.connection.channel == "ipc"]:
-                self._drop(peer)
+            for peer in [p for p in self.peers if p.connection.channel == "ipc"]:
+                self.drop(peer)
 
-    wrap(patch, Service, "_accept", accept)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 @mutant(
@@ -141,7 +141,7 @@ def server_reads_packets_to_their_end(patch: Patch) -> None:
 
     def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
         original(self, peer, data)
-        while peer.connection._reader.incomplete and peer.connection.ending is None:
+        while peer.connection.reader.incomplete and peer.connection.ending is None:
             peer.socket.setblocking(True)
             data = peer.socket.recv(65536)
             peer.socket.setblocking(False)
@@ -149,7 +149,7 @@ def server_reads_packets_to_their_end(patch: Patch) -> None:
             if not data:
                 return
 
-    wrap(patch, Service, "_take", take)
+    server.TAKES_BYTES.wrap(patch, take)
 
 
 @mutant(
@@ -161,10 +161,10 @@ def server_waits_for_its_readers(patch: Patch) -> None:
     """Lends no further image before every reader has given back the last."""
 
     def lend(original: Any, self: Session, connection: Connection, *rest: Any) -> None:
-        if all(reader.lease is None for reader in self._readers.values()):
+        if all(reader.lease is None for reader in self.readers.values()):
             original(self, connection, *rest)
 
-    wrap(patch, Session, "_lend", lend)
+    server.LENDS_IMAGE.wrap(patch, lend)
 
 
 @mutant("CHN-14", check="check_a_crowd_does_no_harm", code="not-served")
@@ -180,7 +180,7 @@ def server_never_forgets_a_client(patch: Patch) -> None:
             with suppress(OSError):
                 listener.accept()[0].close()
 
-    wrap(patch, Service, "_accept", accept)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 @mutant("CHN-14", check="check_others_are_served_whatever_one_does", code="no-reply")
@@ -192,7 +192,7 @@ def server_dies_of_a_reset(patch: Patch) -> None:
             crash()
         original(self, peer)
 
-    wrap(patch, Service, "_drop", drop)
+    server.DROPS_CLIENT.wrap(patch, drop)
 
 
 @mutant("CHN-14", check=NEIGHBOURS, code="not-served")
@@ -206,13 +206,13 @@ def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
 
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
         if lost and channel == "message":
-            self._selector.unregister(listener)
+            self.selector.unregister(listener)
         else:
             original(self, channel, listener)
 
     lost: list[Peer] = []
-    wrap(patch, Service, "_drop", drop)
-    wrap(patch, Service, "_accept", accept)
+    server.DROPS_CLIENT.wrap(patch, drop)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 @mutant("CHN-14", check=NEIGHBOURS, code="no-reply")
@@ -227,7 +227,7 @@ def server_waits_for_who_does_not_read(patch: Patch) -> None:
             peer.socket.setblocking(False)
         original(self, peer, now)
 
-    wrap(patch, Service, "_flush", flush)
+    server.FLUSHES.wrap(patch, flush)
 
 
 @mutant("CHN-14", check=NEIGHBOURS, code="closes")
@@ -247,8 +247,8 @@ def server_ends_everybody_for_one(patch: Patch) -> None:
             there.append(self)
 
     there: list[Connection] = []
-    wrap(patch, Connection, "__init__", init)
-    wrap(patch, Connection, "end", end)
+    server.BEGINS_CONNECTION.wrap(patch, init)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 def _knows_deep_text(patch: Patch) -> list[bytes]:
@@ -260,7 +260,7 @@ def _knows_deep_text(patch: Patch) -> list[bytes]:
             known.append(payload)
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
     return known
 
 
@@ -268,7 +268,7 @@ def _knows_deep_text(patch: Patch) -> list[bytes]:
 def server_announces_nothing_after_deep_text(patch: Patch) -> None:
     """Welcomes readers, and announces memory to none of them, once deep text has come."""
     known = _knows_deep_text(patch)
-    wrap(patch, Session, "_announce", lambda original, *it: None if known else original(*it))
+    server.ANNOUNCES_MEMORY.wrap(patch, lambda original, *it: None if known else original(*it))
 
 
 @mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", code="lost-a-vital-sign")
@@ -282,7 +282,7 @@ def server_lends_nothing_after_deep_text(patch: Patch) -> None:
         if to in early:
             original(self, to, *arguments)
 
-    wrap(patch, Session, "_lend", lend)
+    server.LENDS_IMAGE.wrap(patch, lend)
 
 
 @mutant("CHN-16", check="check_answers_before_the_end", code="not-closed")
@@ -290,11 +290,11 @@ def server_waits_where_nothing_was_asked(patch: Patch) -> None:
     """Does not see the end of the stream of a client that has asked nothing."""
 
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        if self.input_ended and self._reader._decoder._offset == 0:
+        if self.input_ended and self.reader.decoder.offset == 0:
             return None
         return original(self, now)
 
-    wrap(patch, Connection, "next_event", next_event)
+    server.NEXT_EVENT.wrap(patch, next_event)
 
 
 @mutant("CHN-16", check="check_answers_before_the_end", code="another-count")
@@ -308,7 +308,7 @@ def server_answers_the_old_to_the_end(patch: Patch) -> None:
             if peer.connection.welcome and not peer.socket.recv(1, socket.MSG_PEEK):
                 peer.connection.unsent.clear()
 
-    wrap(patch, Service, "_take", take)
+    server.TAKES_BYTES.wrap(patch, take)
 
 
 @mutant("CHN-16", check="check_answers_before_the_end", code="another-count")
@@ -322,29 +322,29 @@ def server_leaves_with_its_client(patch: Patch) -> None:
             if not peer.socket.recv(1, socket.MSG_PEEK):
                 peer.connection.unsent.clear()
 
-    wrap(patch, Service, "_take", take)
+    server.TAKES_BYTES.wrap(patch, take)
 
 
 def _leaves_waiting(patch: Patch, channel: str, most: int) -> None:
     """Accept no connection on a channel while so many are there."""
 
     def accept(original: Any, self: Service, on: str, listener: socket.socket) -> None:
-        there = sum(peer.connection.channel == channel for peer in self._peers)
+        there = sum(peer.connection.channel == channel for peer in self.peers)
         if on != channel or there < most:
             original(self, on, listener)
             return
-        self._selector.unregister(listener)
+        self.selector.unregister(listener)
         waiting.append((on, listener))
 
     def drop(original: Any, self: Service, peer: Peer) -> None:
         original(self, peer)
         for on, listener in _taken(waiting):
-            accepting = self._accepting(on, listener)
-            self._selector.register(listener, selectors.EVENT_READ, accepting)
+            accepting = self.accepting(on, listener)
+            self.selector.register(listener, selectors.EVENT_READ, accepting)
 
     waiting: list[tuple[Any, socket.socket]] = []
-    wrap(patch, Service, "_accept", accept)
-    wrap(patch, Service, "_drop", drop)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
+    server.DROPS_CLIENT.wrap(patch, drop)
 
 
 def _taken(waiting: list[tuple[Any, socket.socket]]) -> Iterator[tuple[Any, socket.socket]]:

@@ -20,12 +20,13 @@ from splatbus_wire.messages import CameraPose, ObjectPose
 from splatbus_wire.poses import Pose, view_matrix
 
 from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, wire
 from splatbus_conformance.selftest.faults.surgery import (
     Json,
     adding_up_digits,
     messages,
     of_type,
-    wrap,
 )
 from splatbus_conformance.selftest.mutant import mutant
 
@@ -42,13 +43,13 @@ def sends_world_to_camera(patch: Patch) -> None:
         view, (x, y, z, w) = view_matrix(pose), pose.rotation
         original(self, Pose((view[3], view[7], view[11]), (-x, -y, -z, w)))
 
-    wrap(patch, Session, "send_camera", send)
+    client.SENDS_CAMERA.wrap(patch, send)
 
 
 @mutant("CNV-1", check="check_understands_cameras", code="another-pose", axes="unity")
 def takes_replies_as_they_are(patch: Patch) -> None:
     """Puts the engine's camera where the reply says, without a change of axes."""
-    patch.setattr(Engine, "from_wire", lambda self, pose: pose)
+    wire.POSE_FROM_WIRE.replace(patch, lambda self, pose: pose)
 
 
 @mutant("CNV-1", check=CAMERAS, code="another-pose", axes="unity")
@@ -61,7 +62,7 @@ def sends_the_pose_before(patch: Patch) -> None:
             original(self, before)
         former[:] = [pose]
 
-    wrap(patch, Session, "send_camera", send)
+    client.SENDS_CAMERA.wrap(patch, send)
 
 
 @mutant(
@@ -74,19 +75,19 @@ def says_its_camera_again_in_other_axes(patch: Patch) -> None:
     """Says its last camera again, when it has come back, in the axes of its engine."""
 
     def begin(original: Any, self: Steering) -> Any:
-        for key, message in self._newest.items():
+        for key, message in self.newest.items():
             if isinstance(message, CameraPose):
                 pose = BLENDER_CAMERA.from_wire(message.pose)
-                self._newest[key] = message._replace(pose=pose)
+                self.newest[key] = message._replace(pose=pose)
         return original(self)
 
-    wrap(patch, Steering, "begin", begin)
+    client.BEGINS_TO_STEER.wrap(patch, begin)
 
 
 @mutant("CNV-1", check="check_understands_cameras", code="another-pose", axes="unreal")
 def converts_replies_in_the_other_direction(patch: Patch) -> None:
     """Converts the camera of a reply as if it were the engine's own."""
-    patch.setattr(Engine, "from_wire", Engine.to_wire)
+    wire.POSE_FROM_WIRE.replace(patch, Engine.to_wire)
 
 
 @mutant(
@@ -113,7 +114,7 @@ def sends_w_under_the_name_of_x(patch: Patch) -> None:
         x, y, z, w = pose.rotation
         original(self, pose._replace(rotation=(w, x, y, z)))
 
-    wrap(patch, Session, "send_camera", send)
+    client.SENDS_CAMERA.wrap(patch, send)
 
 
 @mutant("CNV-4", check="check_unity_s_row", code="another-pose", axes="unity")
@@ -192,13 +193,13 @@ def multiplies_by_a_hundredth(patch: Patch) -> None:
         x, y, z = original(dataclasses.replace(self, scale=1.0), position)
         return 0.01 * x, 0.01 * y, 0.01 * z
 
-    wrap(patch, Engine, "position_to_wire", to_wire)
+    Seam(Engine, "position_to_wire").wrap(patch, to_wire)
 
 
 @mutant("ACC-7", check=OUT, code="beyond-its-budget", axes="blender")
 def types_the_root_of_one_half(patch: Patch) -> None:
     """Types √½ with seven digits."""
-    patch.setattr(conventions, "_HALF_SQRT", 0.7071068)
+    Seam(conventions, "HALF_SQRT").replace(patch, 0.7071068)
 
 
 @mutant("ACC-7", check=IN, code="beyond-its-budget", axes="unity")
@@ -209,7 +210,7 @@ def understands_in_single_precision(patch: Patch) -> None:
         position, rotation = original(self, pose)
         return Pose(position, tuple(float(np.float32(number)) for number in rotation))  # type: ignore[arg-type]
 
-    wrap(patch, Engine, "from_wire", from_wire)
+    wire.POSE_FROM_WIRE.wrap(patch, from_wire)
 
 
 @mutant(
@@ -222,13 +223,13 @@ def gives_replies_to_the_last_who_asked(patch: Patch) -> None:
     """Takes a reply for that to the last of all open questions of its kind."""
 
     def answered(original: Any, self: Steering, ticket: int) -> Any:
-        asked = [question for question in self._questions if question.ticket == ticket]
-        alike = [q for q in self._questions if asked and type(q.request) is type(asked[0].request)]
+        asked = [question for question in self.questions if question.ticket == ticket]
+        alike = [q for q in self.questions if asked and type(q.request) is type(asked[0].request)]
         for question in asked:
             question.ticket, alike[-1].ticket = alike[-1].ticket, question.ticket
         return original(self, ticket)
 
-    wrap(patch, Steering, "_answered", answered)
+    Seam(Steering, "answered").wrap(patch, answered)
 
 
 @mutant(
@@ -241,12 +242,12 @@ def says_its_object_again_in_the_engine_s_axes(patch: Patch) -> None:
     """Converts the pose of the splats when it is sent, and not when it is said again."""
 
     def begin(original: Any, self: Steering) -> Any:
-        for key, message in self._newest.items():
+        for key, message in self.newest.items():
             if isinstance(message, ObjectPose):
-                self._newest[key] = message._replace(pose=UNITY.from_wire(message.pose))
+                self.newest[key] = message._replace(pose=UNITY.from_wire(message.pose))
         return original(self)
 
-    wrap(patch, Steering, "begin", begin)
+    client.BEGINS_TO_STEER.wrap(patch, begin)
 
 
 @mutant("ACC-7", check=OUT, code="beyond-its-budget", axes="opencv")
@@ -257,4 +258,4 @@ def holds_the_splats_in_single_precision(patch: Patch) -> None:
         x, y, z = (float(np.float32(number)) for number in pose.position)
         original(self, pose._replace(position=(x, y, z)))
 
-    wrap(patch, Session, "send_object", send)
+    Seam(Session, "send_object").wrap(patch, send)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_renderer import cli, demo
+from splatbus_renderer import demo
 from splatbus_renderer.raycast import Raycaster
 from splatbus_renderer.scene import IDENTITY, ObjectPose, multiply, rotate, transpose
 from splatbus_server import api
@@ -15,7 +15,9 @@ from splatbus_wire.messages import CameraPose, Placement
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer, server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.buf import stored
 
@@ -24,17 +26,17 @@ SOMEWHERE = Pose((0.4, -0.3, -0.6), (0.1, -0.2, 0.05, 0.9733961166965893))
 
 def cameras(patch: Patch, change: Any) -> None:
     """Render with another camera than the view asks for."""
-    wrap(patch, demo, "_camera", lambda original, view: change(original(view)))
+    renderer.CAMERA_OF_VIEW.wrap(patch, lambda original, view: change(original(view)))
 
 
 def rotations(patch: Patch, change: Any) -> None:
     """Take the quaternion of the camera for another one."""
 
     def camera(original: Any, view: Any) -> Any:
-        matrix = demo._matrix(change(view.poses.camera.rotation))
+        matrix = demo.matrix_of(change(view.poses.camera.rotation))
         return replace(original(view), rotation=matrix)
 
-    wrap(patch, demo, "_camera", camera)
+    renderer.CAMERA_OF_VIEW.wrap(patch, camera)
 
 
 def depths(patch: Patch, change: Any) -> None:
@@ -46,7 +48,7 @@ def depths(patch: Patch, change: Any) -> None:
             return image
         return image._replace(depth=change(image.depth, camera).astype(np.float32))
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)
 
 
 def inverse(rotation: Any, position: Any) -> Any:
@@ -124,7 +126,7 @@ def server_names_world_to_camera_poses(patch: Patch) -> None:
 
     def told(message: Json) -> Json:
         camera = message["camera"]
-        _, position = inverse(demo._matrix(camera["rotation"]), camera["position"])
+        _, position = inverse(demo.matrix_of(camera["rotation"]), camera["position"])
         x, y, z, w = camera["rotation"]
         named = camera | {"position": list(position), "rotation": [-x, -y, -z, w]}
         return message | {"camera": named}
@@ -135,17 +137,15 @@ def server_names_world_to_camera_poses(patch: Patch) -> None:
 @mutant("CNV-1", check="check_poses_are_camera_to_world", code="misreported-pose")
 def server_tells_cameras_as_world_to_camera(patch: Patch) -> None:
     """Has a camera of its own, and tells the inverse of its pose when asked."""
-    wrap(
+    renderer.SERVES.wrap(
         patch,
-        cli,
-        "serve",
         lambda original, *size, **named: original(*size, cameras=[SOMEWHERE], **named),
     )
 
     def told(message: Json) -> Json:
         if "viewport_size" in message or "rotation" not in message:
             return message
-        _, position = inverse(demo._matrix(message["rotation"]), message["position"])
+        _, position = inverse(demo.matrix_of(message["rotation"]), message["position"])
         x, y, z, w = message["rotation"]
         return message | {"position": list(position), "rotation": [-x, -y, -z, w]}
 
@@ -231,7 +231,7 @@ def server_names_the_newest_camera(patch: Patch) -> None:
             return None
         return replace_view(image, replace(image.view, poses=self.poses))
 
-    wrap(patch, Exchange, "lend", lend)
+    server.LEASES_NEWEST.wrap(patch, lend)
 
 
 def replace_view(image: Any, view: Any) -> Any:
@@ -264,22 +264,20 @@ def server_takes_the_first_of_many_poses(patch: Patch) -> None:
                 return True
         return original(self, connection, message)
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("POS-7", check="check_the_newest_scene_is_shown", code="scene-unmoved")
 def server_leaves_the_scene_where_it_is(patch: Patch) -> None:
     """Renders the Gaussians where they always were."""
-    patch.setattr(demo, "_object_pose", lambda view, angle: ObjectPose())
+    renderer.POSE_IN_VIEW.replace(patch, lambda view, angle: ObjectPose())
 
 
 @mutant("POS-7", check="check_the_newest_scene_is_shown", code="scene-not-turned")
 def server_does_not_turn_the_scene(patch: Patch) -> None:
     """Takes the position of the Gaussians, and leaves out their rotation."""
-    wrap(
+    renderer.POSE_IN_VIEW.wrap(
         patch,
-        demo,
-        "_object_pose",
         lambda original, *arguments: replace(original(*arguments), rotation=IDENTITY),
     )
 
@@ -293,7 +291,7 @@ def server_moves_the_scene_by_the_inverse(patch: Patch) -> None:
         rotation, position = inverse(asked.rotation, asked.position)
         return replace(asked, rotation=rotation, position=position)
 
-    wrap(patch, demo, "_object_pose", pose)
+    renderer.POSE_IN_VIEW.wrap(patch, pose)
 
 
 @mutant("POS-13", check="check_the_scene_is_at_rest_at_first", code="not-at-rest")
@@ -301,4 +299,4 @@ def server_puts_the_scene_elsewhere_at_first(patch: Patch) -> None:
     """Begins with the Gaussians moved to the left, as its author likes them."""
     moved = Pose((-0.25, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     there = {"default": Placement("default", moved)}
-    patch.setattr(api, "Poses", lambda camera, objects: Poses(camera, {**objects, **there}))
+    Seam(api, "Poses").replace(patch, lambda camera, objects: Poses(camera, {**objects, **there}))

@@ -7,12 +7,14 @@ from splatbus_wire.errors import FramingError
 from splatbus_wire.framing import PacketDecoder
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import counts_each_byte, packets, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import wire
+from splatbus_conformance.selftest.faults.surgery import counts_each_byte, packets
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
 
 NEVER = 600.0
-LONGEST = framing._MAX_PAYLOAD_BYTES
+LONGEST = framing.MAX_PAYLOAD_BYTES
 
 
 @mutant("FRM-2", code="out-of-range", both=True)
@@ -33,25 +35,25 @@ def deaf_after_a_bad_length(patch: Patch) -> None:
             return None
         return payload
 
-    wrap(patch, PacketDecoder, "next_packet", next_packet)
+    wire.NEXT_PACKET.wrap(patch, next_packet)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def empty_packets_are_skipped(patch: Patch) -> None:
     """Takes a length of 0 for a packet that says nothing."""
-    patch.setattr(framing, "_MIN_PAYLOAD_BYTES", 0)
+    Seam(framing, "MIN_PAYLOAD_BYTES").replace(patch, 0)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def any_length_is_waited_for(patch: Patch) -> None:
     """Waits for as many bytes as any header announces."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
+    wire.MOST_PAYLOAD_BYTES.replace(patch, 1 << 32)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
 def a_byte_too_many_is_taken(patch: Patch) -> None:
     """Takes payloads that are a byte longer than any may be."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", LONGEST + 1)
+    wire.MOST_PAYLOAD_BYTES.replace(patch, LONGEST + 1)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs", both=True)
@@ -61,10 +63,10 @@ def trusts_whom_it_has_heard(patch: Patch) -> None:
     def receive(original: Any, self: PacketDecoder, data: bytes) -> None:
         length = int.from_bytes(data[:4], "little")
         bad = not 1 <= length <= LONGEST
-        if not (bad and self._offset and not self._unfinished):
+        if not (bad and self.offset and not self.unfinished):
             original(self, data)
 
-    wrap(patch, PacketDecoder, "receive", receive)
+    wire.RECEIVES_BYTES.wrap(patch, receive)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken", both=True)
@@ -76,7 +78,7 @@ def one_packet_per_read(patch: Patch) -> None:
             return
         original(decoder, data)
 
-    wrap(patch, PacketDecoder, "receive", receive)
+    wire.RECEIVES_BYTES.wrap(patch, receive)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken", both=True)
@@ -86,11 +88,11 @@ def drops_what_follows_a_packet(patch: Patch) -> None:
     def next_packet(original: Any, decoder: PacketDecoder) -> bytes | None:
         payload: bytes | None = original(decoder)
         if payload is not None:
-            decoder._payloads.clear()
-            decoder._unfinished.clear()
+            decoder.payloads.clear()
+            decoder.unfinished.clear()
         return payload
 
-    wrap(patch, PacketDecoder, "next_packet", next_packet)
+    wire.NEXT_PACKET.wrap(patch, next_packet)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken", both=True)
@@ -98,7 +100,7 @@ def decodes_each_piece_by_itself(patch: Patch) -> None:
     """Decodes what each read brings of a payload, and loses what ends inside a character."""
 
     def receive(original: Any, decoder: PacketDecoder, data: bytes) -> None:
-        begun = decoder._unfinished
+        begun = decoder.unfinished
         if len(begun) >= 4:
             rest = 4 + int.from_bytes(begun[:4], "little") - len(begun)
             try:
@@ -107,7 +109,7 @@ def decodes_each_piece_by_itself(patch: Patch) -> None:
                 data = bytes(len(data[:rest])) + data[rest:]
         original(decoder, data)
 
-    wrap(patch, PacketDecoder, "receive", receive)
+    wire.RECEIVES_BYTES.wrap(patch, receive)
 
 
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", code="hangs", both=True)
@@ -119,4 +121,4 @@ def each_byte_gives_a_packet_more_time(patch: Patch) -> None:
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", code="hangs", both=True)
 def waits_for_the_rest_of_a_packet(patch: Patch) -> None:
     """Waits for ever for the rest of a packet."""
-    patch.setattr(packet_reader, "COMPLETION_SECONDS", NEVER)
+    Seam(packet_reader, "COMPLETION_SECONDS").replace(patch, NEVER)

@@ -7,11 +7,13 @@ from typing import Any
 from splatbus_client import channel, ipc_protocol, message_protocol
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
-from splatbus_wire import encoding, framing
+from splatbus_wire import framing
 from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, packets, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, wire
+from splatbus_conformance.selftest.faults.surgery import crash, packets
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 
@@ -46,7 +48,7 @@ def payload_beyond_the_limit(patch: Patch) -> None:
         padded = payload.ljust((1 << 20) + 1)
         return len(padded).to_bytes(4, "little") + padded
 
-    wrap(patch, encoding, "encode_packet", encode)
+    wire.ENCODES_PACKET.wrap(patch, encode)
 
 
 @mutant(
@@ -60,12 +62,12 @@ def bad_length_is_skipped_on_the_message_channel(patch: Patch) -> None:
     def receive(original: Any, machine: Any, data: bytes, now: float) -> Any:
         events = list(original(machine, data, now))
         if events and isinstance(events[-1], MustClose):
-            machine._reader = PacketReader()
-            machine._asked = None
+            machine.reader = PacketReader()
+            machine.asked = None
             return events[:-1]
         return events
 
-    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+    client.RECEIVES_MESSAGES.wrap(patch, receive)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
@@ -74,12 +76,12 @@ def any_length_is_waited_for_in_1_0(patch: Patch) -> None:
     speaks_1_0(patch)
 
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
-        usual = framing._MAX_PAYLOAD_BYTES
-        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 32)
+        usual = framing.MAX_PAYLOAD_BYTES
+        wire.MOST_PAYLOAD_BYTES.replace(patch, 1 << 32)
         yield from original(self, data, now)
-        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", usual)
+        wire.MOST_PAYLOAD_BYTES.replace(patch, usual)
 
-    wrap(patch, IpcProtocol, "receive", receive)
+    client.RECEIVES_ON_IPC.wrap(patch, receive)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
@@ -88,10 +90,10 @@ def lengths_with_a_sign_in_1_0(patch: Patch) -> None:
     speaks_1_0(patch)
 
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Any:
-        begins = not self._reader._decoder._unfinished
+        begins = not self.reader.incomplete
         return original(self, data[4:] if begins and data[3:4] >= b"\x80" else data, now)
 
-    wrap(patch, IpcProtocol, "receive", receive)
+    client.RECEIVES_ON_IPC.wrap(patch, receive)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
@@ -103,7 +105,7 @@ def takes_one_read_for_a_reply(patch: Patch) -> None:
             return iter(())
         return original(machine, data, now)
 
-    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+    client.RECEIVES_MESSAGES.wrap(patch, receive)
 
 
 @mutant("FRM-4", check="check_any_segmentation_of_welcome", code="hangs")
@@ -115,21 +117,21 @@ def takes_one_read_for_a_welcome(patch: Patch) -> None:
             return iter(())
         return original(machine, data, now)
 
-    wrap(patch, message_protocol.MessageProtocol, "receive", receive)
+    client.RECEIVES_MESSAGES.wrap(patch, receive)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def half_a_packet_continues(patch: Patch) -> None:
     """Keeps half a packet when the connection ends, and goes on with it on the next one."""
     kept = PacketReader()
-    patch.setattr(ipc_protocol, "PacketReader", lambda: kept)
+    Seam(ipc_protocol, "PacketReader").replace(patch, lambda: kept)
 
 
 @mutant("FRM-6", check="check_half_reply_is_discarded", code="closes")
 def half_a_reply_continues(patch: Patch) -> None:
     """Keeps half a reply when the connection ends, and goes on with it on the next one."""
     kept = PacketReader()
-    patch.setattr(message_protocol, "PacketReader", lambda: kept)
+    Seam(message_protocol, "PacketReader").replace(patch, lambda: kept)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded_unheard", code="dies")
@@ -140,11 +142,11 @@ def crashes_after_half_a_packet_in_1_0(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
-        if any(it._reader._decoder._unfinished for it in former):
+        if any(it.reader.incomplete for it in former):
             crash()
         former[:] = [self]
 
-    wrap(patch, IpcProtocol, "__init__", init)
+    client.BEGINS_ON_IPC.wrap(patch, init)
 
 
 @mutant("FRM-7", code="header-apart")
@@ -157,8 +159,8 @@ def in_two_writes(patch: Patch) -> None:
     """Give header and payload to TCP one after the other."""
 
     def flush(original: Any, self: channel.Channel, now: float) -> None:
-        if self.socket is not None and self._machine is not None and not self._unsent:
-            data = self._machine.data_to_send(now)
+        if self.socket is not None and self.machine is not None and not self.unsent:
+            data = self.machine.data_to_send(now)
             with contextlib.suppress(OSError):
                 while data:
                     end = 4 + int.from_bytes(data[:4], "little")
@@ -168,4 +170,4 @@ def in_two_writes(patch: Patch) -> None:
                     data = data[end:]
         original(self, now)
 
-    wrap(patch, channel.Channel, "flush", flush)
+    client.FLUSHES.wrap(patch, flush)

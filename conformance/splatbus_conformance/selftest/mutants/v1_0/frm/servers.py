@@ -10,10 +10,11 @@ from splatbus_wire import framing
 from splatbus_wire.errors import FramingError, ProtocolError
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.faults.seams import server, wire
+from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 
-LONGEST = framing._MAX_PAYLOAD_BYTES
+LONGEST = framing.MAX_PAYLOAD_BYTES
 
 
 @mutant("FRM-1", code="cut-short", through="FRM-3")
@@ -25,7 +26,7 @@ def server_ends_within_a_packet(patch: Patch) -> None:
             self.unsent += b"\x1c\x00\x00\x00{"
         original(self, reason, now)
 
-    wrap(patch, Connection, "end", end)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
@@ -39,17 +40,17 @@ def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> N
         ending = self.ending
         event = original(self, now)
         try:
-            self._reader.next_packet(now)
+            self.reader.next_packet(now)
         except FramingError:
             if self.channel not in channels:
                 return event
             if ending is None:
                 self.ending = None
-                self._reader.deadline = min(self._reader.deadline, now + seconds)
+                self.reader.deadline = min(self.reader.deadline, now + seconds)
             return None
         return event
 
-    wrap(patch, Connection, "next_event", next_event)
+    server.NEXT_EVENT.wrap(patch, next_event)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
@@ -60,10 +61,10 @@ def server_waits_for_any_length(patch: Patch) -> None:
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         most = 1 << 33 if self.channel == "message" else LONGEST
-        patch.setattr(framing, "_MAX_PAYLOAD_BYTES", most)
+        wire.MOST_PAYLOAD_BYTES.replace(patch, most)
         original(self, data, now)
 
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="replies")
@@ -73,12 +74,12 @@ def server_answers_behind_a_bad_length(patch: Patch) -> None:
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         length = int.from_bytes(data[:4], "little")
         bad = self.channel == "message" and len(data) > 4 and not 1 <= length <= LONGEST
-        if bad and not self._reader.incomplete:
+        if bad and not self.reader.incomplete:
             original(self, data[4:], now)
             data = data[:4]
         original(self, data, now)
 
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
@@ -92,19 +93,19 @@ def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
 
     def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
         if bad and channel == "ipc":
-            self._selector.unregister(listener)
+            self.selector.unregister(listener)
         else:
             original(self, channel, listener)
 
     bad: list[str] = []
-    wrap(patch, Connection, "end", end)
-    wrap(patch, Service, "_accept", accept)
+    server.ENDS_CONNECTION.wrap(patch, end)
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 @mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
 def server_refuses_the_longest_packet(patch: Patch) -> None:
     """Refuses payloads of the greatest length."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", framing._MAX_PAYLOAD_BYTES - 1)
+    wire.MOST_PAYLOAD_BYTES.replace(patch, framing.MAX_PAYLOAD_BYTES - 1)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
@@ -116,15 +117,15 @@ def server_handles_four_packets_a_read(patch: Patch) -> None:
         original(self, peer, data)
 
     def next_packet(original: Any, self: framing.PacketDecoder) -> Any:
-        peer = next((it for it in handled if it.connection._reader._decoder is self), None)
-        if peer is None or self._error is not None:
+        peer = next((it for it in handled if it.connection.reader.decoder is self), None)
+        if peer is None or self.error is not None:
             return original(self)
         handled[peer] += 1
         return original(self) if handled[peer] <= 4 else None
 
     handled: dict[Peer, int] = {}
-    wrap(patch, Service, "_take", take)
-    wrap(patch, framing.PacketDecoder, "next_packet", next_packet)
+    server.TAKES_BYTES.wrap(patch, take)
+    wire.NEXT_PACKET.wrap(patch, next_packet)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
@@ -132,13 +133,13 @@ def server_answers_twice_what_was_cut(patch: Patch) -> None:
     """Answers a request twice whose packet was cut behind its header."""
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        was_cut = len(self._reader._decoder._unfinished) > 4
+        was_cut = len(self.reader.decoder.unfinished) > 4
         original(self, data, now)
-        waiting = self._reader._decoder._payloads
+        waiting = self.reader.decoder.payloads
         if was_cut and self.channel == "message" and waiting:
             waiting.appendleft(waiting[0])
 
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
@@ -171,11 +172,11 @@ def server_goes_on_after_a_reset(patch: Patch) -> None:
 
     def drop(original: Any, self: Service, peer: Peer) -> None:
         if peer.connection.channel == "message" and not peer.connection.input_ended:
-            left["message"] = bytes(peer.connection._reader._decoder._unfinished)
+            left["message"] = bytes(peer.connection.reader.decoder.unfinished)
         original(self, peer)
 
     left = _left_over(patch)
-    wrap(patch, Service, "_drop", drop)
+    server.DROPS_CLIENT.wrap(patch, drop)
 
 
 @mutant("FRM-6", check="check_cut_request_is_not_answered", code="unasked-reply")
@@ -183,11 +184,11 @@ def server_makes_do_with_a_cut_packet(patch: Patch) -> None:
     """Takes what has come of a packet for the whole when the stream ends."""
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        if not data and self._reader.incomplete:
+        if not data and self.reader.incomplete:
             original(self, b" ", now)
         original(self, data, now)
 
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 @mutant("FRM-7", code="header-apart")
@@ -201,7 +202,7 @@ def server_writes_header_and_payload_apart(patch: Patch) -> None:
             time.sleep(0.002)
         original(self, peer, now)
 
-    wrap(patch, Service, "_flush", flush)
+    server.FLUSHES.wrap(patch, flush)
 
 
 def _continues(patch: Patch, channel: str) -> None:
@@ -209,11 +210,11 @@ def _continues(patch: Patch, channel: str) -> None:
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         if not data and self.channel == channel:
-            left[channel] = bytes(self._reader._decoder._unfinished)
+            left[channel] = bytes(self.reader.decoder.unfinished)
         original(self, data, now)
 
     left = _left_over(patch)
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 def _left_over(patch: Patch) -> dict[str, bytes]:
@@ -223,9 +224,9 @@ def _left_over(patch: Patch) -> dict[str, bytes]:
     def init(original: Any, self: Connection, *arguments: Any) -> None:
         original(self, *arguments)
         if rest := left.pop(self.channel, b""):
-            self._reader._decoder.receive(rest)
+            self.reader.decoder.receive(rest)
 
-    wrap(patch, Connection, "__init__", init)
+    server.BEGINS_CONNECTION.wrap(patch, init)
     return left
 
 
@@ -233,10 +234,10 @@ def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
     def receive(original: Any, self: Connection, data: bytes, now: float) -> Any:
         given = original(self, data, now)
         if self.channel == channel:
-            self._reader._decoder._unfinished.clear()
+            self.reader.decoder.unfinished.clear()
         return given
 
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 @mutant("FRM-6", check="check_half_hello_is_discarded", code="dies")
@@ -253,8 +254,8 @@ def server_dies_of_half_a_hello(patch: Patch) -> None:
             crash()
         original(self, reason, now)
 
-    wrap(patch, Connection, "receive", receive)
-    wrap(patch, Connection, "end", end)
+    server.RECEIVES.wrap(patch, receive)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 @mutant("FRM-5", check="check_incomplete_packet_behind_another_size", code="hangs")
@@ -263,9 +264,9 @@ def server_waits_forever_behind_another_size(patch: Patch) -> None:
 
     def go_on(original: Any, self: Connection, now: float) -> None:
         original(self, now)
-        self._reader.deadline = math.inf
+        self.reader.deadline = math.inf
 
-    wrap(patch, Connection, "go_on", go_on)
+    server.GOES_ON.wrap(patch, go_on)
 
 
 @mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
@@ -290,7 +291,7 @@ def _refuses_the_longest(patch: Patch, part: bytes, *, greeted: bool) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if len(payload) == LONGEST and part in payload and (self.welcome is not None) == greeted:
             error = ProtocolError("internal", "so long", requirement="FRM-2")
-            return self._refuse_packet(error, payload, now)
+            return self.refuse_packet(error, payload, now)
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)

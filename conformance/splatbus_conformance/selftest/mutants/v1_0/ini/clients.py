@@ -2,15 +2,16 @@
 
 from typing import Any
 
-from splatbus_client import host_memory, ipc_protocol, reading
 from splatbus_client.events import Declined, Ignored, MustClose
 from splatbus_client.host_memory import CannotOpenError
-from splatbus_wire import decoding, init_packet
+from splatbus_wire import init_packet
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import InitPacket
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, crash, init_packets, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, wire
+from splatbus_conformance.selftest.faults.surgery import Json, crash, init_packets
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 
@@ -26,7 +27,7 @@ def _declines(patch: Patch, unwanted: Any) -> None:
             raise CannotOpenError("it does not suit")
         return original(packet)
 
-    wrap(patch, reading, "HostImages", images)
+    client.OPENS_MEMORY.wrap(patch, images)
 
 
 @mutant("INI-8", check=ACCEPTS, code="not-opened")
@@ -81,7 +82,7 @@ def reads_sizes_from_strings(patch: Patch) -> None:
 @mutant("INI-9", check=REFUSES, code="accepts")
 def has_no_limit_on_the_size(patch: Patch) -> None:
     """Takes images of any size."""
-    patch.setattr(init_packet, "_MAX_IMAGE_SIZE", 1 << 40)
+    Seam(init_packet, "MAX_IMAGE_SIZE").replace(patch, 1 << 40)
 
 
 @mutant("INI-9", check=REFUSES, code="accepts")
@@ -107,7 +108,7 @@ def crashes_without_a_format(patch: Patch) -> None:
                 crash()
             raise
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", parse)
+    client.READS_ON_IPC.wrap(patch, parse)
 
 
 @mutant("INI-9", check=REFUSES, code="dies")
@@ -116,11 +117,11 @@ def crashes_on_a_first_packet_that_is_broken(patch: Patch) -> None:
 
     def on_payload(original: Any, self: Any, payload: bytes) -> Any:
         for event in original(self, payload):
-            if isinstance(event, Declined) and not self._slots and "/meta" in event.reason:
+            if isinstance(event, Declined) and not self.slots and "/meta" in event.reason:
                 crash()
             yield event
 
-    wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
 @mutant("INI-10", check="check_computes_in_64_bits", code="accepts")
@@ -148,7 +149,7 @@ def crashes_on_other_objects(patch: Patch) -> None:
                 crash()
             raise
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    client.READS_ON_IPC.wrap(patch, decode)
 
 
 @mutant("INI-11", check="check_ignores_what_is_no_init_packet", code="closes")
@@ -160,7 +161,7 @@ def closes_on_other_objects(patch: Patch) -> None:
             closing = isinstance(event, Ignored) and "INI-11" in event.reason
             yield MustClose("no init packet") if closing else event
 
-    wrap(patch, ipc_protocol.IpcProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
 STRANGERS = "check_ignores_what_is_no_init_packet"
@@ -185,8 +186,8 @@ def _takes(patch: Patch, overlooked: Any) -> None:
             message.pop("type", None)
         return message
 
-    for module in (decoding, ipc_protocol):
-        wrap(patch, module, "parse_object", parse)
+    for seam in (wire.READS_OBJECT, client.READS_WHAT_IS_BROKEN):
+        seam.wrap(patch, parse)
 
 
 @mutant(
@@ -203,7 +204,7 @@ def closes_on_other_objects_in_1_0(patch: Patch) -> None:
 @mutant("INI-13", check="check_goes_on_without_images", code="exits")
 def exits_without_images(patch: Patch) -> None:
     """Does not handle that shared memory is missing, and exits."""
-    wrap(patch, host_memory, "_map", _without_handler)
+    client.MAPS_MEMORY.wrap(patch, _without_handler)
 
 
 def _without_handler(original: Any, *arguments: Any) -> Any:

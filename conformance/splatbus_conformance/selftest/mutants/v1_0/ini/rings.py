@@ -4,16 +4,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_client import host_memory
 from splatbus_client.events import Lent
 from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import CHANNELS, IpcProtocol
-from splatbus_viewer import adapter, display
 from splatbus_viewer.mirror import Mirror
-from splatbus_wire import decoding
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import client, viewer, wire
 from splatbus_conformance.selftest.mutant import mutant
 
 ANY_RING = "check_shows_what_any_ring_holds"
@@ -35,8 +32,8 @@ def keeps_memory_of_the_same_size(patch: Patch) -> None:
             mapped[kind] = original(memory, packet)
         return mapped[kind]
 
-    wrap(patch, host_memory, "_map", once)
-    patch.setattr(HostImages, "close", lambda self: True)
+    client.MAPS_MEMORY.wrap(patch, once)
+    client.UNMAPS_MEMORY.replace(patch, lambda self: True)
 
 
 @mutant("INI-8", check=ANY_RING, code="other-pixels", axes="opencv")
@@ -46,12 +43,12 @@ def rounds_the_rows_of_depth_up(patch: Patch) -> None:
     def depth(self: HostImages, slot: int) -> NDArray[np.float32]:
         width, height = self.size
         pitch = -(-4 * width // 16) * 16
-        begin = self._ring.depth_offset + slot * self._ring.depth_stride
-        data = bytes(self._map[begin : begin + pitch * height]).ljust(pitch * height, b"\0")
+        begin = self.ring.depth_offset + slot * self.ring.depth_stride
+        data = bytes(self.map[begin : begin + pitch * height]).ljust(pitch * height, b"\0")
         rows = np.frombuffer(data, np.float32).reshape(height, pitch // 4)
         return rows[::-1, :width]
 
-    patch.setattr(HostImages, "depth", depth)
+    client.DEPTH_OF_SLOT.replace(patch, depth)
 
 
 @mutant("INI-8", check=ANY_RING, code="other-pixels", axes="opencv")
@@ -64,7 +61,7 @@ def reads_pairs_of_columns(patch: Patch) -> None:
             pixels[:, -1] = pixels[:, -2]
         return pixels
 
-    wrap(patch, HostImages, "color", color)
+    client.COLOR_OF_SLOT.wrap(patch, color)
 
 
 @mutant("INI-8", check="check_accepts_good_init_packets", code="not-opened")
@@ -77,7 +74,7 @@ def adds_the_offsets_of_1_0(patch: Patch) -> None:
             message = message | {"ring": message["ring"] | {"colorOffset": begin}}
         return original(message)
 
-    wrap(patch, decoding, "parse_init_packet", parse)
+    wire.READS_INIT_PACKET.wrap(patch, parse)
 
 
 @mutant(
@@ -93,7 +90,7 @@ def keeps_the_lens_of_the_first_image(patch: Patch) -> None:
     def rays(original: Any, camera: Any) -> Any:
         return known.setdefault((camera.width, camera.height), original(camera))
 
-    wrap(patch, display, "rays", rays)
+    viewer.RAYS_OF_PIXELS.wrap(patch, rays)
 
 
 def _composed(patch: Patch, change: Any) -> None:
@@ -102,7 +99,7 @@ def _composed(patch: Patch, change: Any) -> None:
     def composed(original: Any, *given: Any) -> Any:
         return change(original(*given), *given)
 
-    wrap(patch, adapter, "composed", composed)
+    viewer.COMPOSES.wrap(patch, composed)
 
 
 @mutant(
@@ -137,16 +134,16 @@ def shows_the_colour_of_lost_memory(patch: Patch) -> None:
         return views[0]
 
     def newest(self: Mirror) -> Any:
-        kept = self.__dict__.get("_kept")
-        if kept is None or kept.color is None or self._session.status.ipc.connected:
+        kept = self.__dict__.get("kept")
+        if kept is None or kept.color is None or self.session.status.ipc.connected:
             return kept
         return kept._replace(color=views[0])
 
     def keep(self: Mirror, image: Any) -> None:
-        self.__dict__["_kept"] = image
+        self.__dict__["kept"] = image
 
-    wrap(patch, HostImages, "color", color)
-    patch.setattr(Mirror, "newest", property(newest, keep), raising=False)
+    client.COLOR_OF_SLOT.wrap(patch, color)
+    viewer.NEWEST_IMAGE.replace(patch, property(newest, keep))
 
 
 @mutant(
@@ -159,13 +156,13 @@ def reads_the_first_image_of_a_connection_whole(patch: Patch) -> None:
     """Subscribes again when it has come back, and reads both channels of the first image."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Any) -> Any:
-        first = "_has_read" not in self.__dict__
-        self.__dict__["_has_read"] = True
+        first = "has_read" not in self.__dict__
+        self.__dict__["has_read"] = True
         for event in original(self, frame):
             whole = first and isinstance(event, Lent)
             yield event._replace(channels=CHANNELS) if whole else event
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -176,4 +173,4 @@ def keeps_images_from_before_time_0(patch: Patch) -> None:
         if frame.time >= 0:
             yield from original(self, frame)
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)

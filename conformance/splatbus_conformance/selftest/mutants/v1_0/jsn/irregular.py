@@ -4,17 +4,18 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from splatbus_client import channel, ipc_protocol
 from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
-from splatbus_wire import decoding, framing, json_text
+from splatbus_wire import decoding, json_text
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, crash, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, wire
+from splatbus_conformance.selftest.faults.surgery import Json, crash
 from splatbus_conformance.selftest.mutant import mutant
 
 ROOM = 16
@@ -22,15 +23,15 @@ ROOM = 16
 
 def on_parsing(patch: Patch, look: Callable[[bytes, Json], object]) -> None:
     """Look at each payload that is received, and at its object, before anything else does."""
-    patch.setattr(decoding, "plain_frame", lambda payload: None)
+    Seam(decoding, "plain_frame").replace(patch, lambda payload: None)
 
     def parse(original: Any, payload: bytes) -> Json:
         message: Json = original(payload)
         look(payload, message)
         return message
 
-    for module in (decoding, ipc_protocol):
-        wrap(patch, module, "parse_object", parse)
+    for seam in (wire.READS_OBJECT, client.READS_WHAT_IS_BROKEN):
+        seam.wrap(patch, parse)
 
 
 def refusing(patch: Patch, refuses: Callable[[bytes, Json], object]) -> None:
@@ -49,12 +50,12 @@ def bad_length_is_skipped_once_memory_is_open(patch: Patch) -> None:
 
     def receive(original: Any, self: IpcProtocol, data: bytes, now: float) -> Iterator[Any]:
         for event in original(self, data, now):
-            if isinstance(event, MustClose) and self._slots:
-                self._reader = PacketReader()
+            if isinstance(event, MustClose) and self.slots:
+                self.reader = PacketReader()
                 return
             yield event
 
-    wrap(patch, IpcProtocol, "receive", receive)
+    client.RECEIVES_ON_IPC.wrap(patch, receive)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
@@ -64,11 +65,11 @@ def half_a_header_continues(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
-        if last and 0 < len(last[0]._reader._decoder._unfinished) < 4:
-            self._reader = last[0]._reader
+        if last and 0 < len(last[0].reader.decoder.unfinished) < 4:
+            self.reader = last[0].reader
         last[:] = [self]
 
-    wrap(patch, IpcProtocol, "__init__", init)
+    client.BEGINS_ON_IPC.wrap(patch, init)
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
@@ -77,29 +78,29 @@ def half_a_packet_continues_after_a_reset(patch: Patch) -> None:
     kept: list[PacketReader] = []
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
-        if "reset" in reason and isinstance(self._machine, IpcProtocol):
-            kept[:] = [self._machine._reader]
+        if "reset" in reason and isinstance(self.machine, IpcProtocol):
+            kept[:] = [self.machine.reader]
         original(self, reason, now)
 
     def init(original: Any, self: IpcProtocol, *arguments: Any, **named: Any) -> None:
         original(self, *arguments, **named)
         if kept:
-            self._reader = kept.pop()
+            self.reader = kept.pop()
 
-    wrap(patch, Channel, "_lose", lose)
-    wrap(patch, IpcProtocol, "__init__", init)
+    client.LOSES_CONNECTION.wrap(patch, lose)
+    client.BEGINS_ON_IPC.wrap(patch, init)
 
 
 @mutant("JSN-6", check="check_takes_any_length_on_ipc", code="closes")
 def closes_on_more_than_64_kib(patch: Patch) -> None:
     """Takes a payload that its buffer of 64 KiB does not hold for one that there may not be."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", 1 << 16)
+    wire.MOST_PAYLOAD_BYTES.replace(patch, 1 << 16)
 
 
 @mutant("JSN-6", check="check_takes_any_length_on_ipc", code="closes")
 def closes_on_the_longest_payload(patch: Patch) -> None:
     """Takes the longest payload for one that is too long."""
-    patch.setattr(framing, "_MAX_PAYLOAD_BYTES", (1 << 20) - 1)
+    wire.MOST_PAYLOAD_BYTES.replace(patch, (1 << 20) - 1)
 
 
 @mutant(
@@ -112,10 +113,10 @@ def closes_on_long_replies(patch: Patch) -> None:
 
     def receive(original: Any, self: MessageProtocol, data: bytes, now: float) -> Iterator[Any]:
         yield from original(self, data, now)
-        if len(self._reader._decoder._unfinished) > 1 << 16:
+        if len(self.reader.decoder.unfinished) > 1 << 16:
             yield MustClose("a reply is longer than its buffer")
 
-    wrap(patch, MessageProtocol, "receive", receive)
+    client.RECEIVES_MESSAGES.wrap(patch, receive)
 
 
 @mutant("JSN-6", check="check_takes_any_spelling_on_ipc", code="ignores")
@@ -156,7 +157,7 @@ def refuses_a_camera_with_unknown_members(patch: Patch) -> None:
 def takes_half_a_pair_in_capitals(patch: Patch) -> None:
     """Looks for half a pair of surrogates among escapes in lower case alone."""
     halves = r"\\(?:ud[89ab]..\\ud[c-f]..|(?P<half>ud[89a-f]..)|.)"
-    patch.setattr(json_text, "_ESCAPE", re.compile(halves, re.DOTALL))
+    Seam(json_text, "ESCAPE").replace(patch, re.compile(halves, re.DOTALL))
 
 
 @mutant("CHN-21", check="check_paces_its_attempts", code="too-soon")
@@ -164,12 +165,12 @@ def connects_at_once_after_its_own_close(patch: Patch) -> None:
     """Connects again at once where it was itself that closed the connection."""
 
     def lose(original: Any, self: Channel, reason: str, now: float) -> None:
-        its_own = self._machine is not None and "ended" not in reason and "reset" not in reason
+        its_own = self.machine is not None and "ended" not in reason and "reset" not in reason
         original(self, reason, now)
         if its_own:
-            self._due = now
+            self.due = now
 
-    wrap(patch, Channel, "_lose", lose)
+    client.LOSES_CONNECTION.wrap(patch, lose)
 
 
 @mutant("CHN-21", check="check_paces_attempts_that_are_refused_for_long", code="too-soon")
@@ -181,7 +182,7 @@ def table_of_pauses_that_ends(patch: Patch) -> None:
         while True:
             yield 0.01
 
-    patch.setattr(channel, "delays", delays)
+    client.DELAYS_OF_ATTEMPTS.replace(patch, delays)
 
 
 @mutant("CHN-22", check="check_comes_back_soon", code="too-late")
@@ -194,7 +195,7 @@ def pauses_that_double_without_end(patch: Patch) -> None:
             yield pause
             pause *= 2
 
-    patch.setattr(channel, "delays", delays)
+    client.DELAYS_OF_ATTEMPTS.replace(patch, delays)
 
 
 @mutant("INI-11", check="check_ignores_what_is_no_init_packet", code="accepts")
@@ -235,12 +236,12 @@ def takes_whatever_has_its_id_for_the_reply(patch: Patch) -> None:
     """Closes on a message of a type that it does not know, if that has the id of its request."""
 
     def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
-        awaited = b'"id":%d' % (self._asked[1].id or 0) if self._asked else b"no id"
+        awaited = b'"id":%d' % (self.asked[1].id or 0) if self.asked else b"no id"
         if b'"weather_report"' in payload and awaited in payload:
             yield MustClose("the reply is of another type")
         yield from original(self, payload, now)
 
-    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
 @mutant("NEG-24", check="check_survives_errors", code="dies")
@@ -259,11 +260,11 @@ def crashes_on_an_error_for_nobody(patch: Patch) -> None:
     """Crashes on an `error` with an id that no request of its had."""
 
     def on_error(original: Any, self: MessageProtocol, error: Any) -> Any:
-        if error.id is not None and (self._asked is None or self._asked[1].id != error.id):
+        if error.id is not None and (self.asked is None or self.asked[1].id != error.id):
             crash()
         return original(self, error)
 
-    wrap(patch, MessageProtocol, "_on_error", on_error)
+    client.TAKES_ERROR.wrap(patch, on_error)
 
 
 @mutant("REQ-13", check="check_survives_bad_replies", code="dies")

@@ -4,16 +4,17 @@ import contextlib
 import json
 from typing import Any
 
-from splatbus_client import ipc_protocol, message_protocol
 from splatbus_client.events import Ignored
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
-from splatbus_wire import decoding, json_text
+from splatbus_wire import json_text
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import Field
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, crash, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, wire
+from splatbus_conformance.selftest.faults.surgery import Json, crash
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 
@@ -31,7 +32,7 @@ def _refuses(patch: Patch, unwanted: Any) -> None:
         value: Json = original(payload)
         return value
 
-    wrap(patch, decoding, "parse_object", parse)
+    wire.READS_OBJECT.wrap(patch, parse)
 
 
 def _reads(patch: Patch, read: Any) -> None:
@@ -45,8 +46,8 @@ def _reads(patch: Patch, read: Any) -> None:
         given: Json = original(payload)
         return given
 
-    wrap(patch, decoding, "parse_object", parse)
-    wrap(patch, ipc_protocol, "parse_object", parse)
+    wire.READS_OBJECT.wrap(patch, parse)
+    client.READS_WHAT_IS_BROKEN.wrap(patch, parse)
 
 
 @mutant("JSN-6", check=SPELLING, code="ignores")
@@ -64,7 +65,7 @@ def knows_no_exponents(patch: Patch) -> None:
             raise ProtocolError("invalid_number", "an exponent", requirement="JSN-6")
         return float(spelling)
 
-    patch.setattr(json_text, "_STRICT", json.JSONDecoder(parse_float=refuse))
+    wire.PARSES_JSON.replace(patch, json.JSONDecoder(parse_float=refuse))
 
 
 @mutant("JSN-6", check=SPELLING, code="ignores")
@@ -82,7 +83,7 @@ def takes_integers_without_a_fraction_only(patch: Patch) -> None:
             raise self.refused("is no integer")
         return int(original(self, least, most))
 
-    wrap(patch, Field, "integer", integer)
+    Seam(Field, "integer").wrap(patch, integer)
 
 
 @mutant(
@@ -98,7 +99,7 @@ def crashes_on_white_space_in_a_reply(patch: Patch) -> None:
             crash()
         return original(self, payload, now)
 
-    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
 @mutant("JSN-7", check=MEMBERS, code="ignores")
@@ -111,7 +112,7 @@ def refuses_unknown_members(patch: Patch) -> None:
             raise ProtocolError("invalid_message", f"unknown {unknown}", requirement="JSN-7")
         return original(message)
 
-    wrap(patch, decoding, "parse_init_packet", parse)
+    wire.READS_INIT_PACKET.wrap(patch, parse)
 
 
 @mutant("JSN-7", check=MEMBERS, code="ignores")
@@ -123,7 +124,7 @@ def finds_members_at_any_level(patch: Patch) -> None:
         width = json.JSONDecoder().raw_decode(text[text.index('"w":') + 4 :].lstrip())[0]
         return original({**message, "meta": {**message["meta"], "w": width}})
 
-    wrap(patch, decoding, "parse_init_packet", parse)
+    wire.READS_INIT_PACKET.wrap(patch, parse)
 
 
 @mutant("JSN-7", check=MEMBERS, code="ignores")
@@ -148,21 +149,21 @@ def crashes_on_unknown_members_of_a_reply(patch: Patch) -> None:
             crash()
         return original(payload, request)
 
-    wrap(patch, message_protocol, "decode_from_server_message", decode)
+    client.READS_MESSAGE.wrap(patch, decode)
 
 
 @mutant("JSN-8", check=BROKEN, code="declines")
 def reads_nan(patch: Patch) -> None:
     """Reads NaN and infinities, as the parser of its language does by default."""
-    patch.setattr(json_text, "_constant", float)
-    patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
+    Seam(json_text, "read_constant").replace(patch, float)
+    wire.PARSES_JSON.replace(patch, json_text.decoder(lambda hook: hook))
 
 
 @mutant("JSN-8", check=BROKEN, code="accepts")
 def reads_the_last_of_two(patch: Patch) -> None:
     """Takes the last of two members of the same name."""
-    patch.setattr(json_text, "_members", dict)
-    patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
+    Seam(json_text, "read_members").replace(patch, dict)
+    wire.PARSES_JSON.replace(patch, json_text.decoder(lambda hook: hook))
 
 
 @mutant("JSN-8", check=BROKEN, code="accepts")
@@ -205,7 +206,7 @@ def reads_the_first_object_of_a_payload(patch: Patch) -> None:
 @mutant("JSN-8", check=BROKEN, code="accepts")
 def does_not_count_levels(patch: Patch) -> None:
     """Reads arrays and objects as deep as its parser goes."""
-    patch.setattr(json_text, "_check_depth", lambda payload: None)
+    wire.CHECKS_DEPTH.replace(patch, lambda payload: None)
 
     def parse(original: Any, payload: bytes) -> Json:
         try:
@@ -214,15 +215,15 @@ def does_not_count_levels(patch: Patch) -> None:
             raise ProtocolError("malformed_json", "too deep", requirement="JSN-5") from None
         return value
 
-    wrap(patch, decoding, "parse_object", parse)
-    wrap(patch, ipc_protocol, "parse_object", parse)
+    wire.READS_OBJECT.wrap(patch, parse)
+    client.READS_WHAT_IS_BROKEN.wrap(patch, parse)
 
 
 @mutant("JSN-8", check=BROKEN, code="accepts")
 def reads_infinity_from_digits(patch: Patch) -> None:
     """Reads numbers beyond double precision as infinity."""
-    patch.setattr(json_text, "_float", float)
-    patch.setattr(json_text, "_STRICT", json_text._decoder(lambda hook: hook))
+    Seam(json_text, "read_float").replace(patch, float)
+    wire.PARSES_JSON.replace(patch, json_text.decoder(lambda hook: hook))
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", code="hangs")
@@ -236,7 +237,7 @@ def deaf_after_broken_text(patch: Patch) -> None:
                 deaf.add(self)
             yield event
 
-    wrap(patch, IpcProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
 @mutant(
@@ -254,7 +255,7 @@ def deaf_after_broken_text_on_the_message_channel(patch: Patch) -> None:
                 deaf.add(self)
             yield event
 
-    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
@@ -281,7 +282,7 @@ def exits_on_text_that_is_no_object(patch: Patch) -> None:
                 raise TypeError("no object") from None
             raise
 
-    wrap(patch, decoding, "parse_object", parse)
+    wire.READS_OBJECT.wrap(patch, parse)
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
@@ -293,7 +294,7 @@ def recurses_without_limit(patch: Patch) -> None:
             crash()
         return original(payload)
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    client.READS_ON_IPC.wrap(patch, decode)
 
 
 @mutant(
@@ -303,7 +304,7 @@ def recurses_without_limit(patch: Patch) -> None:
 )
 def crashes_on_broken_text_of_the_message_channel(patch: Patch) -> None:
     """Crashes on a reply that is no JSON."""
-    _crashes(patch, lambda problem: problem.code == "malformed_json", REPLIES)
+    _crashes(patch, lambda problem: problem.code == "malformed_json", client.READS_MESSAGE)
 
 
 @mutant(
@@ -313,7 +314,7 @@ def crashes_on_broken_text_of_the_message_channel(patch: Patch) -> None:
 )
 def crashes_on_a_name_that_comes_twice(patch: Patch) -> None:
     """Crashes on a reply with two members of one name."""
-    _crashes(patch, lambda problem: problem.requirement == "JSN-3", REPLIES)
+    _crashes(patch, lambda problem: problem.requirement == "JSN-3", client.READS_MESSAGE)
 
 
 @mutant(
@@ -323,7 +324,7 @@ def crashes_on_a_name_that_comes_twice(patch: Patch) -> None:
 )
 def crashes_on_a_number_that_is_not_finite(patch: Patch) -> None:
     """Crashes on a reply with a number that no type of numbers holds."""
-    _crashes(patch, lambda problem: problem.requirement == "JSN-4", REPLIES)
+    _crashes(patch, lambda problem: problem.requirement == "JSN-4", client.READS_MESSAGE)
 
 
 @mutant(
@@ -333,14 +334,10 @@ def crashes_on_a_number_that_is_not_finite(patch: Patch) -> None:
 )
 def crashes_on_a_reply_without_its_member(patch: Patch) -> None:
     """Crashes on a reply that lacks a member."""
-    _crashes(patch, lambda problem: "is missing" in str(problem), REPLIES)
+    _crashes(patch, lambda problem: "is missing" in str(problem), client.READS_MESSAGE)
 
 
-INIT_PACKETS = (ipc_protocol, "decode_from_server_ipc")
-REPLIES = (message_protocol, "decode_from_server_message")
-
-
-def _crashes(patch: Patch, at: Any, decoder: tuple[Any, str] = INIT_PACKETS) -> None:
+def _crashes(patch: Patch, at: Any, reader: Seam = client.READS_ON_IPC) -> None:
     def decode(original: Any, *read: Any) -> Any:
         try:
             return original(*read)
@@ -349,7 +346,7 @@ def _crashes(patch: Patch, at: Any, decoder: tuple[Any, str] = INIT_PACKETS) -> 
                 crash()
             raise
 
-    wrap(patch, *decoder, decode)
+    reader.wrap(patch, decode)
 
 
 @mutant(

@@ -7,12 +7,13 @@ from typing import Any
 
 from splatbus_server import api, connection
 from splatbus_server.connection import Connection, Refusal
-from splatbus_wire import decoding
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetScene
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, payloads, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server, wire
+from splatbus_conformance.selftest.faults.surgery import crash, payloads
 from splatbus_conformance.selftest.mutant import mutant
 
 MARK = b"\xef\xbb\xbf"
@@ -26,7 +27,7 @@ KNOWN = {
 
 def trusts_its_scene(patch: Patch) -> None:
     """Do not look, before it serves, whether its scene can be told as it writes it."""
-    patch.setattr(api, "_checked", lambda scene: scene)
+    Seam(api, "checked_scene").replace(patch, lambda scene: scene)
 
 
 @mutant("JSN-1", code="no-json")
@@ -151,8 +152,8 @@ def _refuses(patch: Patch, channel: str, wrong: Callable[[bytes], bool], kind: s
             raise ProtocolError("invalid_message", "not as it has to be", requirement="JSN-6")
         return original(payload, on, said_hello)
 
-    wrap(patch, connection, "_decode", decode)
-    wrap(patch, connection, "_decode_short", decode)
+    Seam(connection, "read_message").wrap(patch, decode)
+    Seam(connection, "read_short_message").wrap(patch, decode)
 
 
 def _reads(patch: Patch, holding: bytes, change: Callable[[bytes], bytes]) -> None:
@@ -161,7 +162,7 @@ def _reads(patch: Patch, holding: bytes, change: Callable[[bytes], bytes]) -> No
     def parse(original: Any, payload: bytes) -> Any:
         return original(change(payload) if holding in payload else payload)
 
-    wrap(patch, decoding, "parse_object", parse)
+    wire.READS_OBJECT.wrap(patch, parse)
 
 
 def _skips_the_next_packet(patch: Patch, channel: str) -> None:
@@ -177,7 +178,7 @@ def _skips_the_next_packet(patch: Patch, channel: str) -> None:
             skipping.add(self)
         return event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 def _dies(patch: Patch, channel: str, when: Callable[[bytes], bool]) -> None:
@@ -186,7 +187,7 @@ def _dies(patch: Patch, channel: str, when: Callable[[bytes], bool]) -> None:
             crash()
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 def _value(payload: bytes) -> Any:
@@ -212,4 +213,4 @@ def server_reports_unknown_members(patch: Patch) -> None:
             raise ProtocolError("invalid_message", "what is that?", requirement="SCN-1")
         return message
 
-    wrap(patch, connection, "decode_from_client", decode)
+    Seam(connection, "decode_from_client").wrap(patch, decode)

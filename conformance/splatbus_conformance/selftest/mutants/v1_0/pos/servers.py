@@ -7,12 +7,14 @@ from typing import Any
 from splatbus_server.connection import Connection
 from splatbus_server.control import Control
 from splatbus_server.session import Session
-from splatbus_wire import decoding, from_client, plain_poses, rotations
+from splatbus_wire import from_client, plain_poses, rotations
 from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
 from splatbus_wire.poses import IDENTITY
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server, wire
+from splatbus_conformance.selftest.faults.surgery import Json
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -27,8 +29,8 @@ def server_takes_members_as_they_come(patch: Patch) -> None:
             message["rotation"] = dict(zip("xyzw", rotation.values(), strict=True))
         return message
 
-    patch.setattr(decoding, "plain_pose", lambda payload: None)
-    wrap(patch, decoding, "parse_object", parse)
+    wire.READS_POSE_THE_SHORT_WAY.replace(patch, lambda payload: None)
+    wire.READS_OBJECT.wrap(patch, parse)
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
@@ -66,7 +68,7 @@ def server_is_strict_with_norms(patch: Patch) -> None:
 def tolerating(patch: Patch, tolerance: float) -> None:
     """Judge rotations by another tolerance."""
     for module in (plain_poses, rotations):
-        patch.setattr(module, "NORM_TOLERANCE", tolerance)
+        Seam(module, "NORM_TOLERANCE").replace(patch, tolerance)
 
 
 @mutant("POS-10", code="answered", through="POS-5")
@@ -79,7 +81,7 @@ def server_acknowledges_poses(patch: Patch) -> None:
         connection.send(ViewportSize(64, 48, None))
         return original(self, connection, message)
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("POS-11", check="check_one_connection_has_control", code="applied-without-control")
@@ -90,13 +92,13 @@ def server_obeys_everyone(patch: Patch) -> None:
         self.poses = self.poses.moved_by(message)
         return True
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("POS-11", check="check_one_connection_has_control", code="control-not-given")
 def server_obeys_the_first_forever(patch: Patch) -> None:
     """Does not pass control on when the connection that has it closes."""
-    wrap(patch, Control, "leave", lambda original, self, connection: False)
+    server.PASSES_CONTROL_ON.wrap(patch, lambda original, self, connection: False)
 
 
 @mutant("POS-11", check="check_one_connection_has_control", code="control-not-given")
@@ -108,7 +110,7 @@ def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
         broken = b"camera_pose" in payload and not isinstance(event, CameraPose | PointCloudPose)
         return CameraPose(IDENTITY, None) if broken and b"cam_idx" not in payload else event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("POS-7", check="check_the_newest_camera_is_shown", code="no-frame")
@@ -118,11 +120,11 @@ def server_closes_its_readers_at_a_far_camera(patch: Patch) -> None:
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         away = max(map(abs, message.pose.position)) if isinstance(message, CameraPose) else 0.0
         if 100.0 < away < 10_000.0:
-            for reader in self._readers:
+            for reader in self.readers:
                 reader.end("it cannot be shown that far", time.monotonic())
         return original(self, connection, message)
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 def _repairs(patch: Patch, repair: Any) -> None:
@@ -132,7 +134,7 @@ def _repairs(patch: Patch, repair: Any) -> None:
         message: Json = original(payload)
         return repair(message) if message.get("type") == "camera_pose" else message
 
-    wrap(patch, decoding, "parse_object", parse)
+    wire.READS_OBJECT.wrap(patch, parse)
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose_of_the_gaussians", code="applies")
@@ -150,7 +152,7 @@ def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
     def is_number(value: Any) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool)
 
-    wrap(patch, from_client, "pose_of_1_0", pose)
+    Seam(from_client, "pose_of_1_0").wrap(patch, pose)
 
 
 @mutant("POS-7", check="check_the_last_of_one_piece_is_shown", code="not-the-newest")
@@ -169,8 +171,8 @@ def server_takes_the_first_of_one_piece(patch: Patch) -> None:
         taken.clear()
         original(self, now)
 
-    wrap(patch, Control, "move", move)
-    wrap(patch, Session, "catch_up", catch_up)
+    server.OBEYS.wrap(patch, move)
+    Seam(Session, "catch_up").wrap(patch, catch_up)
 
 
 @mutant("POS-7", check="check_poses_at_the_limits_are_poses", code="pose-not-shown")
@@ -182,4 +184,4 @@ def server_takes_no_half_turns(patch: Patch) -> None:
             return None
         return original(self, connection, message)
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)

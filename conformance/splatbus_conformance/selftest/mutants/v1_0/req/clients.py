@@ -8,7 +8,9 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetCameraPose, GetViewportSize, ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import crash, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 
@@ -51,7 +53,7 @@ def understands_no_camera(patch: Patch) -> None:
             raise ProtocolError("invalid_message", "no camera", requirement="REQ-5")
         return original(payload, request)
 
-    wrap(patch, message_protocol, "decode_from_server_message", decode)
+    client.READS_MESSAGE.wrap(patch, decode)
 
 
 @mutant("REQ-12", check="check_asks_again_after_a_while", code="too-soon")
@@ -72,8 +74,8 @@ def _asks_again(patch: Patch, seconds: float) -> None:
         if isinstance(reply, ViewportSize) and not reply.width:
             self.ask(GetViewportSize())
 
-    patch.setattr(message_protocol, "ASK_AGAIN_SECONDS", seconds)
-    wrap(patch, MessageProtocol, "_on_reply", on_reply)
+    Seam(message_protocol, "ASK_AGAIN_SECONDS").replace(patch, seconds)
+    client.TAKES_REPLY.wrap(patch, on_reply)
 
 
 @mutant("REQ-13", check="check_survives_bad_replies", code="dies")
@@ -112,7 +114,7 @@ def _crashes(patch: Patch, at: Any) -> None:
             crash()
         return original(self, payload, now)
 
-    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
 @mutant(
@@ -125,11 +127,11 @@ def asks_once_and_crashes_on_white_space(patch: Patch) -> None:
     asks_once(patch)
 
     def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
-        if payload[:1] != b"{" and self._asked is not None:
+        if payload[:1] != b"{" and self.asked is not None:
             crash()
         return original(self, payload, now)
 
-    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
 def asks_once(patch: Patch) -> None:
@@ -140,7 +142,7 @@ def asks_once(patch: Patch) -> None:
         first.append(self)
         return int(original(self, request)) if self is first[0] else -1
 
-    wrap(patch, MessageProtocol, "ask", ask)
+    client.ASKS.wrap(patch, ask)
 
 
 def _on_a_bad_reply(patch: Patch, react: Any) -> None:
@@ -151,7 +153,7 @@ def _on_a_bad_reply(patch: Patch, react: Any) -> None:
             react(problem)
             raise
 
-    wrap(patch, message_protocol, "decode_from_server_message", decode)
+    client.READS_MESSAGE.wrap(patch, decode)
 
 
 @mutant("REQ-14", code="unknown-type")
@@ -163,4 +165,4 @@ def sends_a_type_of_its_own(patch: Patch) -> None:
         data: bytes = original(self, now)
         return data + len(nudge).to_bytes(4, "little") + nudge if b'"get_' in data else data
 
-    wrap(patch, MessageProtocol, "data_to_send", data_to_send)
+    Seam(MessageProtocol, "data_to_send").wrap(patch, data_to_send)

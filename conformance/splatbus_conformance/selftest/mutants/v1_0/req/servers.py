@@ -3,7 +3,6 @@
 import itertools
 from typing import Any
 
-from splatbus_renderer import cli
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import Exchange
 from splatbus_server.session import Session
@@ -17,7 +16,8 @@ from splatbus_wire.messages import (
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seams import renderer, server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
@@ -76,7 +76,7 @@ def server_answers_a_hundred_at_most(patch: Patch) -> None:
             return original(self, connection, message, *rest)
         return Refusal("busy", "too many")
 
-    wrap(patch, Session, "handle", handle)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @mutant("REQ-8", check="check_unknown_messages_are_ignored", code="closes")
@@ -89,7 +89,7 @@ def server_closes_on_unknown_types(patch: Patch) -> None:
             self.end("who knows that", now)
         return event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("REQ-8", check="check_unknown_messages_are_ignored", code="replies")
@@ -101,7 +101,7 @@ def server_answers_unknown_types(patch: Patch) -> None:
         unknown = isinstance(event, Refusal) and event.code == "unknown_type"
         return GetViewportSize(None, None) if unknown else event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
@@ -112,11 +112,11 @@ def server_answers_broken_requests(patch: Patch) -> None:
         event = original(self, payload, now)
         if isinstance(event, Refusal) and b"get_camera_pose" in payload:
             self.ending = None
-            self._linger_until = float("inf")
+            self.linger_until = float("inf")
             return GetCameraPose(0, None, None)
         return event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", code="no-reply")
@@ -138,12 +138,12 @@ def server_passes_over_the_size_that_it_has(patch: Patch) -> None:
     def handle(
         original: Any, self: Session, connection: Connection, message: Any, *rest: Any
     ) -> Any:
-        memory = self._exchange.memory
+        memory = self.exchange.memory
         if isinstance(message, SetViewport) and message[:2] == (memory.width, memory.height):
             return None
         return original(self, connection, message, *rest)
 
-    wrap(patch, Session, "handle", handle)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @mutant("NEG-28", code="another-id", through="NEG-29")
@@ -171,8 +171,8 @@ def _answers_between_images(patch: Patch, kinds: Any) -> None:
             answer(*its)
         return given
 
-    wrap(patch, Session, "handle", handle)
-    wrap(patch, Exchange, "publish", publish)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
+    server.PUBLISHES.wrap(patch, publish)
 
 
 def _size(patch: Patch, change: Any) -> None:
@@ -194,8 +194,10 @@ def _cameras(patch: Patch, index: Any) -> None:
             message = message._replace(cam_idx=index(message.cam_idx))
         return original(self, connection, message, *rest)
 
-    wrap(patch, cli, "serve", lambda original, *a, **named: original(*a, cameras=CAMERAS, **named))
-    wrap(patch, Session, "handle", handle)
+    renderer.SERVES.wrap(
+        patch, lambda original, *a, **named: original(*a, cameras=CAMERAS, **named)
+    )
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 def _reorders(patch: Patch) -> None:
@@ -210,7 +212,7 @@ def _reorders(patch: Patch) -> None:
         else:
             original(self, message)
 
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)
 
 
 @mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
@@ -221,8 +223,8 @@ def server_answers_broken_requests_by_the_size(patch: Patch) -> None:
         event = original(self, payload, now)
         if isinstance(event, Refusal) and b"get_camera_pose" in payload:
             self.ending = None
-            self._linger_until = float("inf")
+            self.linger_until = float("inf")
             return GetViewportSize(None, None)
         return event
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from splatbus_server import exchange, steering
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control
 from splatbus_server.session import Session
@@ -14,7 +13,9 @@ from splatbus_wire.fields import Field
 from splatbus_wire.messages import CameraPose
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.cnv.servers import cameras
 
@@ -41,7 +42,7 @@ def lens_told(patch: Patch, change: Any) -> None:
 @mutant("CAM-5", check=SEEN, code="other-intrinsics")
 def server_takes_lenses_as_they_are(patch: Patch) -> None:
     """Does not scale intrinsics to the size of its images."""
-    patch.setattr(exchange, "scaled", lambda lens, width, height: lens)
+    server.SCALES_LENS.replace(patch, lambda lens, width, height: lens)
 
 
 @mutant("CAM-5", check=SEEN, code="other-intrinsics")
@@ -51,7 +52,7 @@ def server_scales_by_the_width_alone(patch: Patch) -> None:
     def scaled(original: Any, lens: Any, width: int, height: int) -> Any:
         return original(lens, width, height)._replace(fy=lens.fy * width / lens.width)
 
-    wrap(patch, exchange, "scaled", scaled)
+    server.SCALES_LENS.wrap(patch, scaled)
 
 
 @mutant("CAM-5", check="check_lenses_are_scaled_to_another_size", code="other-intrinsics")
@@ -63,7 +64,7 @@ def server_scales_lenses_to_its_first_size(patch: Patch) -> None:
         first[:] = first or size
         return original(lens, *first)
 
-    wrap(patch, exchange, "scaled", to_first)
+    server.SCALES_LENS.wrap(patch, to_first)
 
 
 @mutant("CAM-5", check=SEEN, code="other-pixels")
@@ -88,15 +89,15 @@ def server_has_clipping_planes_of_its_own(patch: Patch) -> None:
 @mutant("CAM-5", check=SEEN, code="refused")
 def server_wants_the_very_shape(patch: Patch) -> None:
     """Refuses intrinsics whose width and height are not exactly as those of its images."""
-    patch.setattr(
-        steering, "fits", lambda lens, width, height: lens.width * height == lens.height * width
+    server.JUDGES_SHAPE_OF_LENS.replace(
+        patch, lambda lens, width, height: lens.width * height == lens.height * width
     )
 
 
 @mutant("CAM-6", check=SHAPE, code="no-error")
 def server_stretches_images(patch: Patch) -> None:
     """Takes intrinsics of any shape."""
-    patch.setattr(steering, "fits", lambda lens, width, height: True)
+    server.JUDGES_SHAPE_OF_LENS.replace(patch, lambda lens, width, height: True)
 
 
 @mutant("CAM-6", check=SHAPE, code="applies")
@@ -109,7 +110,7 @@ def server_applies_the_rest(patch: Patch) -> None:
             original(self, connection, message._replace(intrinsics=None))
         return refusal
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("CAM-6", check=SHAPE, code="another-error")
@@ -133,7 +134,7 @@ def server_forgets_the_lens(patch: Patch) -> None:
             self.poses = self.poses._replace(intrinsics=None)
         return has_control
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("CAM-7", check=KEEPS, code="other-intrinsics")
@@ -149,7 +150,7 @@ def server_takes_the_lens_of_anyone(patch: Patch) -> None:
         self.poses = self.poses._replace(intrinsics=newest[0])
         return has_control
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("CAM-7", check=KEEPS, code="other-intrinsics")
@@ -159,11 +160,11 @@ def server_keeps_a_lens_that_it_refused(patch: Patch) -> None:
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         refusal = original(self, connection, message)
         if isinstance(refusal, Refusal) and refusal.pointer == "/intrinsics":
-            control = self._control
+            control = self.control
             control.poses = control.poses._replace(intrinsics=message.intrinsics)
         return refusal
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("CAM-7", check=KEEPS, code="other-intrinsics")
@@ -175,11 +176,11 @@ def server_has_the_lens_of_anyone_until_the_next_pose(patch: Patch) -> None:
         if not has_control and isinstance(message, CameraPose) and message.intrinsics is not None:
             self.poses = self.poses._replace(intrinsics=message.intrinsics)
         elif isinstance(message, CameraPose):
-            own = self._sent[connection][CameraPose]
+            own = self.sent[connection][CameraPose]
             self.poses = self.poses._replace(intrinsics=own.intrinsics)  # type: ignore[union-attr]
         return has_control
 
-    wrap(patch, Control, "move", move)
+    server.OBEYS.wrap(patch, move)
 
 
 @mutant("CAM-8", check=TELLS, code="no-intrinsics")
@@ -199,13 +200,13 @@ def server_tells_the_lens_of_its_client(patch: Patch) -> None:
     """Tells of its cameras the intrinsics that a client asked for."""
 
     def answer(original: Any, self: Session, *arguments: Any) -> Any:
-        kept, asked = self._exchange.lens, self._control.poses.intrinsics
-        self._exchange.lens = asked or kept
+        kept, asked = self.exchange.lens, self.control.poses.intrinsics
+        self.exchange.lens = asked or kept
         told = original(self, *arguments)
-        self._exchange.lens = kept
+        self.exchange.lens = kept
         return told
 
-    wrap(patch, Session, "_answer", answer)
+    server.ANSWERS_REQUEST.wrap(patch, answer)
 
 
 @mutant("CAM-9", check="check_keeps_the_former_camera", code="applies")
@@ -226,10 +227,10 @@ def read_without(patch: Patch, member: str) -> None:
     def less(message: Json) -> Json:
         return {name: value for name, value in message.items() if name != member}
 
-    read_again(patch, "_camera_pose", less)
+    read_again(patch, Seam(from_client, "pose_of_camera"), less)
 
 
-def read_again(patch: Patch, reader: str, repair: Callable[[Json], Json]) -> None:
+def read_again(patch: Patch, reader: Seam, repair: Callable[[Json], Json]) -> None:
     """Repair what cannot be read, instead of refusing it; `reader` reads such messages."""
 
     def read(original: Any, message: Field) -> Any:
@@ -238,4 +239,4 @@ def read_again(patch: Patch, reader: str, repair: Callable[[Json], Json]) -> Non
         except ProtocolError:
             return original(message._replace(value=repair(message.value)))
 
-    wrap(patch, from_client, reader, read)
+    reader.wrap(patch, read)

@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from splatbus_server import steering
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import Exchange
 from splatbus_server.memory import Memory
@@ -15,7 +14,8 @@ from splatbus_wire.messages import GetCameraPose, SetViewport, ViewportSize
 from splatbus_wire.poses import IDENTITY
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
 EVERY_READER = "check_tells_every_reader_of_another_size"
@@ -35,7 +35,7 @@ def server_leaves_a_corner_undefined_in_another_size(patch: Patch) -> None:
 
         return written
 
-    wrap(patch, Memory, "writer", writer)
+    server.WRITES_IMAGE.wrap(patch, writer)
 
 
 @mutant("CAM-3", check="check_no_tag_comes_again_in_another_size", code="tag-twice")
@@ -46,7 +46,7 @@ def server_repeats_a_tag_in_another_size(patch: Patch) -> None:
         self.shown = 0
         original(self, generation)
 
-    wrap(patch, Reader, "open", opened)
+    Seam(Reader, "open").wrap(patch, opened)
 
 
 @mutant("CAM-6", check="check_compares_shapes_with_the_size_now", code="no-error")
@@ -58,7 +58,7 @@ def server_compares_shapes_with_its_first_size(patch: Patch) -> None:
         first.append((size[0], size[1]))
         return bool(original(lens, *first[0]))
 
-    wrap(patch, steering, "fits", fits)
+    server.JUDGES_SHAPE_OF_LENS.wrap(patch, fits)
 
 
 @mutant("CAM-8", check="check_tells_lenses_for_the_size_now", code="wrong-size")
@@ -67,7 +67,7 @@ def server_tells_lenses_for_its_first_size(patch: Patch) -> None:
     first: list[Any] = []
 
     def answer(original: Any, self: Session, connection: Connection, request: Any, *a: Any) -> Any:
-        exchange = self._exchange
+        exchange = self.exchange
         now = exchange.lens
         first.append(now)
         if isinstance(request, GetCameraPose):
@@ -77,7 +77,7 @@ def server_tells_lenses_for_its_first_size(patch: Patch) -> None:
         finally:
             exchange.lens = now
 
-    wrap(patch, Session, "_answer", answer)
+    server.ANSWERS_REQUEST.wrap(patch, answer)
 
 
 @mutant("VPT-5", check=EVERY_READER, code="no-init-packet")
@@ -85,12 +85,12 @@ def server_sees_no_other_height(patch: Patch) -> None:
     """Takes a size of the same width for the one that images have."""
 
     def set(original: Any, self: Viewport, asker: Connection, request: SetViewport) -> None:
-        if self._exchange.memory.width == request.width:
+        if self.exchange.memory.width == request.width:
             asker.send(ViewportSize(*request))
         else:
             original(self, asker, request)
 
-    wrap(patch, Viewport, "set", set)
+    server.BEGINS_OTHER_SIZE.wrap(patch, set)
 
 
 @mutant("POS-7", check="check_the_camera_stays_in_another_size", code="another-camera")
@@ -105,4 +105,4 @@ def server_begins_another_size_at_the_origin(patch: Patch) -> None:
         begun.add(view.generation)
         return replace(view, poses=view.poses._replace(camera=IDENTITY))
 
-    wrap(patch, Exchange, "next_view", next_view)
+    server.NEXT_VIEW.wrap(patch, next_view)

@@ -7,7 +7,7 @@ from splatbus_server.reader import Reader
 from splatbus_wire.messages import CameraPose
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
 FIRST, OTHERS = "check_tags_come_with_the_first_image", "check_no_other_tags_come"
@@ -21,7 +21,7 @@ def tags(patch: Patch, change: Any) -> None:
         camera = told.camera._replace(tag=change(self, image, told.camera.tag))
         return told._replace(camera=camera)
 
-    wrap(patch, Reader, "frame", frame)
+    server.TELLS_OF_IMAGE.wrap(patch, frame)
 
 
 @mutant("CAM-2", check=FIRST, code="another-tag")
@@ -64,7 +64,7 @@ def server_takes_equal_poses_for_one(patch: Patch) -> None:
         same = isinstance(message, CameraPose) and message.pose == self.camera
         return self if same else original(self, message)
 
-    wrap(patch, Poses, "moved_by", moved)
+    server.APPLIES_POSE.wrap(patch, moved)
 
 
 @mutant("CAM-3", check=OTHERS, code="tag-twice")

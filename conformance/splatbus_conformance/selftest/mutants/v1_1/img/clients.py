@@ -8,7 +8,9 @@ from splatbus_wire.fields import Field
 from splatbus_wire.messages import Frame, Release, Subscribe, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import crash, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -17,10 +19,10 @@ def releases_twice(patch: Patch) -> None:
     """Releases each frame twice."""
 
     def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
-        self._out += encode(Release(frame.generation, frame.seq))
+        self.unsent += encode(Release(frame.generation, frame.seq))
         original(self, frame)
 
-    wrap(patch, IpcProtocol, "release", release)
+    client.RELEASES.wrap(patch, release)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -31,7 +33,7 @@ def loses_every_tenth_release(patch: Patch) -> None:
         if frame.seq % 10:
             original(self, frame)
 
-    wrap(patch, IpcProtocol, "release", release)
+    client.RELEASES.wrap(patch, release)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -41,7 +43,7 @@ def keeps_frames_that_list_objects(patch: Patch) -> None:
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
         return [] if frame.objects else original(self, frame)
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-12", code="unknown-image", through="IMG-12")
@@ -55,12 +57,12 @@ def releases_frames_of_any_generation(patch: Patch) -> None:
     """Takes every frame for one of the memory that it has open."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
-        if frame.generation not in self._slots:
-            self._out += encode(Release(frame.generation, frame.seq))
+        if frame.generation not in self.slots:
+            self.unsent += encode(Release(frame.generation, frame.seq))
             return []
         return original(self, frame)
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-15", check="check_ignores_frames_of_closed_memory", code="accepts")
@@ -74,12 +76,12 @@ def releases_frames_of_closed_memory(patch: Patch) -> None:
 
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
         if (self, frame.generation) in closed:
-            self._out += encode(Release(frame.generation, frame.seq))
+            self.unsent += encode(Release(frame.generation, frame.seq))
             return []
         return original(self, frame)
 
-    wrap(patch, IpcProtocol, "closed", close)
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.SAYS_CLOSED.wrap(patch, close)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="hangs")
@@ -87,11 +89,11 @@ def reads_slots_that_do_not_exist(patch: Patch) -> None:
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
 
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
-        if frame.slot >= self._slots.get(frame.generation, frame.slot + 1):
+        if frame.slot >= self.slots.get(frame.generation, frame.slot + 1):
             crash()
         return original(self, frame)
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-19", code="wrong-channels")
@@ -113,9 +115,9 @@ def subscribes(patch: Patch, *channels: str) -> None:
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
         yield from original(self, welcome)
         if "subscribe" in self.capabilities:
-            self._out += encode(Subscribe(frozenset(channels)))
+            self.unsent += encode(Subscribe(frozenset(channels)))
 
-    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+    client.TAKES_WELCOME_ON_IPC.wrap(patch, on_welcome)
 
 
 @mutant(
@@ -130,4 +132,4 @@ def reads_frames_of_one_spelling(patch: Patch) -> None:
     def frame(original: Any, fields: Field) -> Any:
         raise fields.refused("is spelled otherwise")
 
-    wrap(patch, from_server, "frame", frame)
+    Seam(from_server, "frame").wrap(patch, frame)

@@ -4,16 +4,16 @@ import time
 from typing import Any
 
 import numpy as np
-from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.lease import FrameLease
 from splatbus_client.reading import Reading
-from splatbus_viewer import adapter, display, mirror
+from splatbus_viewer import display
 from splatbus_viewer.mirror import Copied, Mirror
 from splatbus_wire.compositing import over_straight
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, viewer
 from splatbus_conformance.selftest.mutant import mutant
 
 SEMANTICS = "check_shows_images_by_their_semantics"
@@ -22,7 +22,7 @@ SEMANTICS = "check_shows_images_by_their_semantics"
 
 
 def _whatever_happened(patch: Patch) -> None:
-    patch.setattr(FrameLease, "intact", property(lambda self: True))
+    Seam(FrameLease, "intact").replace(patch, property(lambda self: True))
 
 
 @mutant(
@@ -41,7 +41,7 @@ def releases_before_it_reads(patch: Patch) -> None:
         return Copied(kept[0], np.array(color), np.array(depth), *kept[1:])
 
     _whatever_happened(patch)
-    wrap(patch, mirror, "_copied", copied)
+    viewer.COPIES_IMAGE.wrap(patch, copied)
 
 
 @mutant(
@@ -56,7 +56,7 @@ def keeps_no_copy(patch: Patch) -> None:
     def copied(original: Any, lease: FrameLease) -> Copied:
         return Copied(lease.seq, lease.color, lease.depth, lease.camera, lease.semantics)
 
-    wrap(patch, mirror, "_copied", copied)
+    viewer.COPIES_IMAGE.wrap(patch, copied)
 
 
 @mutant(
@@ -71,7 +71,7 @@ def reads_both_channels_always(patch: Patch) -> None:
     def lend(original: Any, self: Reading, frame: Any, channels: Any) -> None:
         original(self, frame, frozenset(("color", "depth")))
 
-    wrap(patch, Reading, "_lend", lend)
+    client.IS_LENT_FRAME.wrap(patch, lend)
 
 
 @mutant(
@@ -85,9 +85,9 @@ def reads_at_once_what_it_subscribes_to(patch: Patch) -> None:
 
     def subscribe(original: Any, self: IpcProtocol, channels: Any) -> None:
         original(self, channels)
-        self._written = channels
+        self.written = channels
 
-    wrap(patch, IpcProtocol, "subscribe", subscribe)
+    Seam(IpcProtocol, "subscribe").wrap(patch, subscribe)
 
 
 @mutant(
@@ -105,15 +105,15 @@ def reads_on_without_a_connection(patch: Patch) -> None:
         return original(lease)
 
     def newest(self: Mirror) -> Any:
-        if self._kept is None or self._session.status.ipc.connected:  # type: ignore[attr-defined]
-            return self._kept  # type: ignore[attr-defined]
-        return self._kept._replace(color=views[0], depth=views[1])  # type: ignore[attr-defined]
+        if self.kept is None or self.session.status.ipc.connected:  # type: ignore[attr-defined]
+            return self.kept  # type: ignore[attr-defined]
+        return self.kept._replace(color=views[0], depth=views[1])  # type: ignore[attr-defined]
 
     def keep(self: Mirror, image: Any) -> None:
-        self._kept = image  # type: ignore[attr-defined]
+        self.kept = image  # type: ignore[attr-defined]
 
-    wrap(patch, mirror, "_copied", copied)
-    patch.setattr(Mirror, "newest", property(newest, keep), raising=False)
+    viewer.COPIES_IMAGE.wrap(patch, copied)
+    viewer.NEWEST_IMAGE.replace(patch, property(newest, keep))
 
 
 # What is shown
@@ -127,21 +127,21 @@ def reads_on_without_a_connection(patch: Patch) -> None:
 )
 def forgets_that_rows_are_bottom_up(patch: Patch) -> None:
     """Shows the first row of the memory at the top."""
-    for name in ("color", "depth"):
-        wrap(patch, HostImages, name, lambda original, self, slot: original(self, slot)[::-1])
+    for seam in (client.COLOR_OF_SLOT, client.DEPTH_OF_SLOT):
+        seam.wrap(patch, lambda original, self, slot: original(self, slot)[::-1])
 
 
 @mutant("MEM-13", check=SEMANTICS, code="another-alpha", axes="opencv")
 def blends_premultiplied_as_straight(patch: Patch) -> None:
     """Multiplies colour by alpha once more."""
-    patch.setattr(display, "over_premultiplied", over_straight)
+    Seam(display, "over_premultiplied").replace(patch, over_straight)
 
 
 def _meant(patch: Patch, **otherwise: Any) -> None:
     def planar(original: Any, color: Any, depth: Any, camera: Any, semantics: Any) -> Any:
         return original(color, depth, camera, semantics._replace(**otherwise))
 
-    wrap(patch, display, "planar_depth", planar)
+    viewer.PLANAR_DEPTH.wrap(patch, planar)
 
 
 @mutant("MEM-13", check=SEMANTICS, code="another-depth-kind", axes="opencv")
@@ -168,7 +168,7 @@ def draws_empty_pixels_in_front(patch: Patch) -> None:
     def planar(original: Any, color: Any, depth: Any, *rest: Any) -> Any:
         return np.where(np.isposinf(depth), np.float32(0.01), original(color, depth, *rest))
 
-    wrap(patch, display, "planar_depth", planar)
+    viewer.PLANAR_DEPTH.wrap(patch, planar)
 
 
 @mutant(
@@ -183,7 +183,7 @@ def takes_negative_depths(patch: Patch) -> None:
     def planar(original: Any, color: Any, depth: Any, *rest: Any) -> Any:
         return original(color, np.where(depth < 0, np.float32(0.01), depth), *rest)
 
-    wrap(patch, display, "planar_depth", planar)
+    viewer.PLANAR_DEPTH.wrap(patch, planar)
 
 
 @mutant("ACC-10", check="check_composes_within_three_ulp", code="beyond-its-budget", axes="opencv")
@@ -193,4 +193,4 @@ def composes_in_eight_bits(patch: Patch) -> None:
     def composed(original: Any, color: Any, *rest: Any) -> Any:
         return original((np.floor(color * 255) / np.float32(255)).astype(np.float32), *rest)
 
-    wrap(patch, adapter, "composed", composed)
+    viewer.COMPOSES.wrap(patch, composed)

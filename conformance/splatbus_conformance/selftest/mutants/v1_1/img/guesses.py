@@ -5,16 +5,16 @@ a frame which they cannot use.
 import json
 from typing import Any
 
-from splatbus_client import ipc_protocol, reading
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
-from splatbus_viewer import display
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.message_types import Closed, Frame
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, viewer
+from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 
 UNUSABLE = "check_releases_frames_that_it_cannot_use"
@@ -25,11 +25,11 @@ def guesses_the_slot(patch: Patch) -> None:
     """Reads the slot that the number of an image would have in a ring that goes round."""
 
     def lend(original: Any, self: Reading, frame: Frame, channels: Any) -> None:
-        assert self._mapped is not None
-        slots = self._mapped.images._ring.slots  # type: ignore[attr-defined]
+        assert self.mapped is not None
+        slots = self.mapped.images.ring.slots  # type: ignore[attr-defined]
         original(self, frame._replace(slot=frame.seq % slots), channels)
 
-    wrap(patch, Reading, "_lend", lend)
+    client.IS_LENT_FRAME.wrap(patch, lend)
 
 
 @mutant("IMG-14", check="check_reads_only_what_it_holds", code="read-without-lease", axes="opencv")
@@ -48,7 +48,7 @@ def guesses_the_layout(patch: Patch) -> None:
         )
         return original(packet._replace(ring=tight))
 
-    wrap(patch, reading, "HostImages", images)
+    client.OPENS_MEMORY.wrap(patch, images)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -58,7 +58,7 @@ def has_three_slots(patch: Patch) -> None:
     def is_open(original: Any, self: IpcProtocol, generation: int, slot: int) -> bool:
         return slot < 3 and bool(original(self, generation, slot))
 
-    wrap(patch, IpcProtocol, "_is_open", is_open)
+    Seam(IpcProtocol, "is_open").wrap(patch, is_open)
 
 
 @mutant(
@@ -73,7 +73,7 @@ def takes_the_principal_point_for_the_middle(patch: Patch) -> None:
     def rays(original: Any, camera: Any) -> Any:
         return original(camera._replace(cx=camera.width / 2, cy=camera.height / 2))
 
-    wrap(patch, display, "rays", rays)
+    viewer.RAYS_OF_PIXELS.wrap(patch, rays)
 
 
 def _shortens(patch: Patch, member: str) -> None:
@@ -86,7 +86,7 @@ def _shortens(patch: Patch, member: str) -> None:
                 payload = json.dumps(frame | {member: number % (1 << 32)}).encode()
         return original(payload)
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    client.READS_ON_IPC.wrap(patch, decode)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -102,7 +102,7 @@ def holds_image_numbers_in_single_precision(patch: Patch) -> None:
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
         return original(self, frame._replace(seq=frame.seq & ~1 if frame.seq >> 24 else frame.seq))
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -112,7 +112,7 @@ def takes_the_first_number_for_none(patch: Patch) -> None:
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
         return original(self, frame) if frame.seq else []
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
@@ -122,7 +122,7 @@ def takes_the_last_number_for_none(patch: Patch) -> None:
     def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
         return [] if frame.seq == 2**53 - 1 else original(self, frame)
 
-    wrap(patch, IpcProtocol, "_on_frame", on_frame)
+    client.TAKES_FRAME.wrap(patch, on_frame)
 
 
 @mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts")
@@ -136,12 +136,12 @@ def guesses_the_former_generation(patch: Patch) -> None:
     """Says that it has closed the generation before the newest, as if they were counted."""
 
     def closed(original: Any, self: IpcProtocol, generation: int) -> None:
-        if generation in self._retired:
-            self._retired.remove(generation)
-            del self._slots[generation]
-            self._send(Closed(self._last_generation - 1))
+        if generation in self.retired:
+            self.retired.remove(generation)
+            del self.slots[generation]
+            self.send(Closed(self.last_generation - 1))
 
-    wrap(patch, IpcProtocol, "closed", closed)
+    client.SAYS_CLOSED.wrap(patch, closed)
 
 
 @mutant("INI-8", check="check_accepts_good_init_packets", code="not-opened")
@@ -149,10 +149,10 @@ def takes_generations_from_one_on_alone(patch: Patch) -> None:
     """Takes the first init packet of a connection for a further one unless its generation is 1."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
-        first = not self._last_generation
+        first = not self.last_generation
         return iter(()) if first and packet.generation != 1 else original(self, packet)
 
-    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
 
 
 def _keeps(patch: Patch, *pointers: str) -> None:
@@ -163,7 +163,7 @@ def _keeps(patch: Patch, *pointers: str) -> None:
             return iter(())
         return original(self, payload, problem)
 
-    wrap(patch, IpcProtocol, "_on_broken", on_broken)
+    client.TAKES_BROKEN_PACKET.wrap(patch, on_broken)
 
 
 @mutant("IMG-12", check=UNUSABLE, code="not-released")
@@ -183,11 +183,11 @@ def keeps_the_slot_of_a_frame_of_another_width(patch: Patch) -> None:
     """Does not give back a frame whose camera has another width than its memory."""
 
     def lend(original: Any, self: Reading, frame: Frame, channels: Any) -> None:
-        assert self._mapped is not None
-        if frame.camera.width == self._mapped.images.size[0]:
+        assert self.mapped is not None
+        if frame.camera.width == self.mapped.images.size[0]:
             original(self, frame, channels)
 
-    wrap(patch, Reading, "_lend", lend)
+    client.IS_LENT_FRAME.wrap(patch, lend)
 
 
 @mutant("IMG-12", check=UNUSABLE, code="not-released")
@@ -214,4 +214,4 @@ def crashes_on_a_malformed_frame(patch: Patch) -> None:
                 crash()
             raise
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    client.READS_ON_IPC.wrap(patch, decode)

@@ -3,7 +3,6 @@
 import time
 from typing import Any
 
-from splatbus_renderer.raycast import Raycaster
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import Exchange
 from splatbus_server.ring import Ring
@@ -11,7 +10,8 @@ from splatbus_server.session import Session
 from splatbus_wire.messages import Release
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import renderer, server
 from splatbus_conformance.selftest.mutant import mutant
 
 SLOW_SECONDS = 0.5
@@ -23,11 +23,11 @@ def server_publishes_when_nobody_reads(patch: Patch) -> None:
     """Publishes when nobody holds an image."""
 
     def publish(original: Any, self: Exchange, *arguments: Any) -> Any:
-        while self.memory.ring._held:
+        while self.memory.ring.held:
             time.sleep(0.002)
         return original(self, *arguments)
 
-    wrap(patch, Exchange, "publish", publish)
+    server.PUBLISHES.wrap(patch, publish)
 
 
 IGNORES = "check_ignores_release_of_what_is_not_held"
@@ -38,11 +38,11 @@ def server_takes_any_release(patch: Patch) -> None:
     """Ends the lease at any release, whatever it names."""
 
     def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
-        lease = self._readers[connection].lease
+        lease = self.readers[connection].lease
         named = message if lease is None else Release(lease.memory.generation, lease.seq)
         return original(self, connection, named)
 
-    wrap(patch, Session, "_release", release)
+    server.TAKES_IMAGE_BACK.wrap(patch, release)
 
 
 @mutant("IMG-16", check=IGNORES, code="closes")
@@ -55,13 +55,13 @@ def server_closes_at_a_wrong_release(patch: Patch) -> None:
             connection.end("that is not held", time.monotonic())
         return refusal
 
-    wrap(patch, Session, "_release", release)
+    server.TAKES_IMAGE_BACK.wrap(patch, release)
 
 
 @mutant("IMG-17", check="check_ends_leases_with_the_connection", code="no-frame")
 def server_keeps_the_leases_of_the_dead(patch: Patch) -> None:
     """Waits for the release of an image although the connection that holds it has ended."""
-    wrap(patch, Exchange, "forget", lambda original, *arguments: None)
+    Seam(Exchange, "forget").wrap(patch, lambda original, *arguments: None)
     _lends_to_any_number(patch)
 
 
@@ -69,7 +69,7 @@ def _lends_to_any_number(patch: Patch) -> None:
     """Count no readers, and render nothing while every slot is lent."""
 
     def lease(original: Any, self: Ring, client: Any) -> Any:
-        self._clients = 1000
+        self.clients = 1000
         return original(self, client)
 
     def begin_write(original: Any, self: Ring) -> Any:
@@ -79,16 +79,16 @@ def _lends_to_any_number(patch: Patch) -> None:
             return None
 
     def next_view(original: Any, self: Exchange, *arguments: Any) -> Any:
-        with self._changed:
+        with self.changed:
             slot = self.memory.ring.begin_write()
         if slot is not None:
             return original(self, *arguments)
         time.sleep(0.01)
         return None
 
-    wrap(patch, Ring, "lease", lease)
-    wrap(patch, Ring, "begin_write", begin_write)
-    wrap(patch, Exchange, "next_view", next_view)
+    Seam(Ring, "lease").wrap(patch, lease)
+    server.CHOOSES_SLOT.wrap(patch, begin_write)
+    server.NEXT_VIEW.wrap(patch, next_view)
 
 
 @mutant("IMG-18", check=REFUSES, code="no-error")
@@ -98,7 +98,7 @@ def server_does_not_say_that_it_is_full(patch: Patch) -> None:
     def complain(original: Any, self: Connection, refusal: Any) -> Any:
         return refusal if refusal.code == "too_many_clients" else original(self, refusal)
 
-    wrap(patch, Connection, "complain", complain)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("IMG-18", check=REFUSES, code="waits")
@@ -109,7 +109,7 @@ def server_lets_readers_queue(patch: Patch) -> None:
         if "[IMG-18]" not in reason:
             original(self, reason, now)
 
-    wrap(patch, Connection, "end", end)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 @mutant("IMG-18", check=REFUSES, code="no-frame")
@@ -119,7 +119,7 @@ def server_takes_more_readers_than_slots(patch: Patch) -> None:
     def init(original: Any, self: Session, exchange: Any, cameras: Any, *more: Any) -> None:
         original(self, exchange, cameras, 1000, *more[1:])
 
-    wrap(patch, Session, "__init__", init)
+    Seam(Session, "__init__").wrap(patch, init)
     _lends_to_any_number(patch)
 
 
@@ -128,13 +128,13 @@ def server_keeps_the_newest_lease_alone(patch: Patch) -> None:
     """Of images that several readers hold, keeps the one that was lent last."""
 
     def begin_write(original: Any, self: Ring) -> int:
-        held = dict(self._held)
-        self._held = dict(list(held.items())[-1:])
+        held = dict(self.held)
+        self.held = dict(list(held.items())[-1:])
         slot: int = original(self)
-        self._held = held
+        self.held = held
         return slot
 
-    wrap(patch, Ring, "begin_write", begin_write)
+    server.CHOOSES_SLOT.wrap(patch, begin_write)
 
 
 @mutant("IMG-16", check=IGNORES, code="another-frame")
@@ -146,4 +146,4 @@ def server_takes_any_release_and_draws_slowly(patch: Patch) -> None:
         time.sleep(SLOW_SECONDS)
         return original(*arguments)
 
-    wrap(patch, Raycaster, "render", render)
+    renderer.RENDERS_IMAGE.wrap(patch, render)

@@ -10,7 +10,9 @@ from splatbus_server.session import Reader, Session
 from splatbus_wire.messages import OpenFailed, Release, SetTime
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 
 FURTHEST = 1_000_000
@@ -35,7 +37,7 @@ def server_counts_images_down(patch: Patch) -> None:
     def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
         return original(self, connection, message._replace(seq=FURTHEST - message.seq))
 
-    wrap(patch, Session, "_release", release)
+    server.TAKES_IMAGE_BACK.wrap(patch, release)
 
 
 def lends_unopened(patch: Patch) -> None:
@@ -47,7 +49,7 @@ def lends_unopened(patch: Patch) -> None:
         original(self, to, reader, memory, now)
         reader.opened.add(memory.generation)
 
-    wrap(patch, Session, "_announce", announce)
+    server.ANNOUNCES_MEMORY.wrap(patch, announce)
 
 
 @mutant("IMG-2", check="check_lends_one_at_a_time", code="before-opened")
@@ -69,10 +71,10 @@ def server_takes_images_back(patch: Patch) -> None:
     def lend(original: Any, self: Session, to: Connection, reader: Reader, memory: Memory) -> None:
         original(self, to, reader, memory)
         if reader.lease is not None:
-            self._exchange.take_back(to, reader.lease)
+            self.exchange.take_back(to, reader.lease)
             reader.lease = None
 
-    wrap(patch, Session, "_lend", lend)
+    server.LENDS_IMAGE.wrap(patch, lend)
 
 
 def grants_frames(patch: Patch) -> None:
@@ -81,7 +83,7 @@ def grants_frames(patch: Patch) -> None:
     def has(original: Any, self: Connection, capability: str) -> bool:
         return original(self, capability) or (capability == "frames" and self.channel == "ipc")
 
-    wrap(patch, Connection, "has", has)
+    Seam(Connection, "has").wrap(patch, has)
 
 
 @mutant(
@@ -115,7 +117,7 @@ def server_lends_the_image_before(patch: Patch) -> None:
         former = shown.get(image.seq - 1)
         return image._replace(view=former.view) if missed > 1 and former else image
 
-    wrap(patch, Exchange, "lend", lend)
+    server.LEASES_NEWEST.wrap(patch, lend)
 
 
 @mutant("IMG-10", check=RESTS, code="published-unprompted")
@@ -125,7 +127,7 @@ def server_never_rests(patch: Patch) -> None:
     def next_view(original: Any, self: Exchange, timeout: Any, changed: bool) -> Any:
         return original(self, timeout, True)
 
-    wrap(patch, Exchange, "next_view", next_view)
+    server.NEXT_VIEW.wrap(patch, next_view)
 
 
 @mutant("IMG-10", check=RESTS, code="published-unchanged")
@@ -133,10 +135,10 @@ def server_renders_each_pose(patch: Patch) -> None:
     """Renders whenever a pose comes, even if it is the same."""
 
     def move(original: Any, self: Exchange, *arguments: Any) -> None:
-        self._shown = None
+        self.shown = None
         original(self, *arguments)
 
-    wrap(patch, Exchange, "move", move)
+    Seam(Exchange, "move").wrap(patch, move)
 
 
 @mutant("IMG-11", check="check_sends_what_is_new", code="no-frame")
@@ -144,12 +146,12 @@ def server_forgets_who_was_reading(patch: Patch) -> None:
     """Sends each image when it is made, and to nobody who was still reading another then."""
 
     def release(original: Any, self: Session, connection: Connection, message: Release) -> Any:
-        ring = self._exchange.memory.ring
+        ring = self.exchange.memory.ring
         if ring.newest is not None:
-            ring._seen[connection] = ring.newest.seq
+            ring.seen[connection] = ring.newest.seq
         return original(self, connection, message)
 
-    wrap(patch, Session, "_release", release)
+    server.TAKES_IMAGE_BACK.wrap(patch, release)
 
 
 @mutant("IMG-21", check="check_writes_only_what_is_wanted", code="written-unwanted")
@@ -160,7 +162,7 @@ def server_writes_both_always(patch: Patch) -> None:
         view = original(*arguments)
         return view if view is None else replace(view, wants=BOTH)
 
-    wrap(patch, Exchange, "next_view", next_view)
+    server.NEXT_VIEW.wrap(patch, next_view)
 
 
 NOTHING = "check_publishes_nothing_for_what_changes_nothing"
@@ -172,12 +174,12 @@ def published_after(patch: Patch, is_reason: Any) -> None:
     def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         refusal = original(self, connection, message)
         if is_reason(message, refusal):
-            with self._exchange._lock:
-                self._exchange._shown = None
-                self._exchange._changed.notify_all()
+            with self.exchange.lock:
+                self.exchange.shown = None
+                self.exchange.changed.notify_all()
         return refusal
 
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("IMG-10", check=NOTHING, code="published-unchanged")
@@ -197,11 +199,11 @@ def server_lends_after_open_failed(patch: Patch) -> None:
     """Goes on lending to a reader that says, after `opened`, that it could not open the memory."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        reader = self._readers.get(connection)
+        reader = self.readers.get(connection)
         opened = set(reader.opened) if reader else set()
         refusal = original(self, connection, message)
         if reader is not None and isinstance(message, OpenFailed):
             reader.opened |= opened
         return refusal
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)

@@ -3,14 +3,15 @@
 import re
 from typing import Any
 
-from splatbus_client import reading
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import init_packet
-from splatbus_wire.init_packet import InitPacket, Ring
+from splatbus_wire.init_packet import InitPacket, Slots
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, crash, init_packets, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client, wire
+from splatbus_conformance.selftest.faults.surgery import Json, crash, init_packets
 from splatbus_conformance.selftest.mutant import mutant
 
 MEASURES = "check_measures_the_memory"
@@ -43,7 +44,7 @@ def reads_past_the_end_of_the_memory(patch: Patch) -> None:
                 crash()
             raise
 
-    wrap(patch, reading, "HostImages", images)
+    client.OPENS_MEMORY.wrap(patch, images)
 
 
 def says_opened(patch: Patch, where: str) -> None:
@@ -55,44 +56,44 @@ def says_opened(patch: Patch, where: str) -> None:
         else:
             original(self, packet, reason)
 
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
 
 
 @mutant("MEM-7", check=NAMES, code="accepts")
 def opens_any_name(patch: Patch) -> None:
     """Opens whatever file the name leads to."""
-    patch.setattr(init_packet, "_SHM_NAME", re.compile(".*", re.DOTALL))
+    wire.NAMES_OF_MEMORY.replace(patch, re.compile(".*", re.DOTALL))
 
 
 @mutant("MEM-7", check=NAMES, code="accepts")
 def takes_longer_names(patch: Patch) -> None:
     """Takes names of up to 255 characters."""
-    patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[A-Za-z0-9._-]{1,255}"))
+    wire.NAMES_OF_MEMORY.replace(patch, re.compile(r"(?!\.)[A-Za-z0-9._-]{1,255}"))
 
 
 @mutant("MEM-7", check=NAMES, code="accepts")
 def takes_hidden_names(patch: Patch) -> None:
     """Takes names that begin with a dot."""
-    patch.setattr(init_packet, "_SHM_NAME", re.compile(r"[A-Za-z0-9._-]{1,30}"))
+    wire.NAMES_OF_MEMORY.replace(patch, re.compile(r"[A-Za-z0-9._-]{1,30}"))
 
 
 @mutant("MEM-7", check=NAMES, code="accepts")
 def takes_a_line_break_after_the_name(patch: Patch) -> None:
     """Tests names by a pattern that ends in `$`, which a line break may follow."""
     pattern = re.compile(r"(?!\.)[A-Za-z0-9._-]{1,30}\n?")
-    patch.setattr(init_packet, "_SHM_NAME", pattern)
+    wire.NAMES_OF_MEMORY.replace(patch, pattern)
 
 
 @mutant("MEM-7", check=NAMES, code="accepts")
 def takes_letters_beyond_ascii(patch: Patch) -> None:
     r"""Tests names by `\\w`, which is more than ASCII."""
-    patch.setattr(init_packet, "_SHM_NAME", re.compile(r"(?!\.)[\w.-]{1,30}"))
+    wire.NAMES_OF_MEMORY.replace(patch, re.compile(r"(?!\.)[\w.-]{1,30}"))
 
 
 @mutant("MEM-10", check=RING, code="accepts")
 def does_not_compare_the_ring_with_the_memory(patch: Patch) -> None:
     """Does not compare the ring with the size of the memory."""
-    patch.setattr(init_packet, "_check_slots", lambda *_: None)
+    wire.CHECKS_SLOTS.replace(patch, lambda *_: None)
 
 
 @mutant("MEM-10", check=RING, code="accepts")
@@ -109,9 +110,9 @@ def computes_in_64_bits_that_overflow(patch: Patch) -> None:
 @mutant("MEM-10", check=RING, code="accepts")
 def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
     """Computes the end of the ring in 64 bits without a look at overflow."""
-    patch.setattr(init_packet, "MAX_SAFE_INTEGER", 1 << 63)
+    Seam(init_packet, "MAX_SAFE_INTEGER").replace(patch, 1 << 63)
 
-    def check_slots(original: Any, ring: Ring, pixels: int, memory_bytes: int) -> None:
+    def check_slots(original: Any, ring: Slots, pixels: int, memory_bytes: int) -> None:
         ends = (
             ring.color_offset + (ring.slots - 1) * ring.color_stride + 16 * pixels,
             ring.depth_offset + (ring.slots - 1) * ring.depth_stride + 4 * pixels,
@@ -119,7 +120,7 @@ def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
         if max(end % (1 << 64) for end in ends) > memory_bytes:
             original(ring, pixels, memory_bytes)
 
-    wrap(patch, init_packet, "_check_slots", check_slots)
+    wire.CHECKS_SLOTS.wrap(patch, check_slots)
 
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")
@@ -142,13 +143,13 @@ def takes_any_kind_of_memory(patch: Patch) -> None:
 @mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_slots_that_overlap(patch: Patch) -> None:
     """Does not see that slots overlap."""
-    patch.setattr(init_packet, "_check_overlaps", lambda _: None)
+    Seam(init_packet, "check_overlaps").replace(patch, lambda _: None)
 
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_slots_that_are_not_aligned(patch: Patch) -> None:
     """Takes offsets that are no multiples of 16."""
-    patch.setattr(init_packet, "_ALIGNMENT", 1)
+    Seam(init_packet, "ALIGNMENT").replace(patch, 1)
 
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")
@@ -176,7 +177,7 @@ def takes_old_generations(patch: Patch) -> None:
     """Takes an init packet whose generation it has seen before."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
-        self._last_generation = min(self._last_generation, (packet.generation or 1) - 1)
+        self.last_generation = min(self.last_generation, (packet.generation or 1) - 1)
         return original(self, packet)
 
-    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)

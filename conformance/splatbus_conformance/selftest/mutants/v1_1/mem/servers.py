@@ -5,7 +5,6 @@ import os
 from contextlib import ExitStack
 from typing import Any
 
-from splatbus_server import shared_memory
 from splatbus_server.connection import Connection
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
@@ -13,7 +12,8 @@ from splatbus_server.shared_memory import DIRECTORY, Segment
 from splatbus_wire.messages import OpenFailed
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, wrap
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import Json, messages
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 from splatbus_conformance.wire.messages import EXAMPLE_HANDLE
@@ -106,7 +106,7 @@ def server_lets_everybody_read(patch: Patch) -> None:
         (DIRECTORY / segment.name).chmod(0o644)
         return segment
 
-    wrap(patch, shared_memory, "create", create)
+    server.CREATES_SEGMENT.wrap(patch, create)
 
 
 @mutant("MEM-4", check="check_creates_memory_of_its_own", code="not-its-own")
@@ -121,7 +121,7 @@ def server_uses_memory_that_it_finds(patch: Patch) -> None:
             os.ftruncate(file, size)
             return Segment(path.name, memoryview(mmap.mmap(file, size)), cleanup.pop_all())
 
-    wrap(patch, shared_memory, "create", create)
+    server.CREATES_SEGMENT.wrap(patch, create)
 
 
 def resizes(memory: Memory, factor: float) -> None:
@@ -140,7 +140,7 @@ def server_truncates_its_memory_at_the_end(patch: Patch) -> None:
         resizes(self, 0)
         original(self)
 
-    wrap(patch, Memory, "close", close)
+    server.FREES_MEMORY.wrap(patch, close)
 
 
 @mutant("MEM-5", check="check_keeps_the_size", code="size-changed")
@@ -148,9 +148,9 @@ def server_makes_room(patch: Patch) -> None:
     """Makes its memory larger for a client that could not open it."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        memory = self._exchange.memory
+        memory = self.exchange.memory
         if isinstance(message, OpenFailed) and isinstance(memory, Memory):
             resizes(memory, 2)
         return original(self, connection, message)
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)

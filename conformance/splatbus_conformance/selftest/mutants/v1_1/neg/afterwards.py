@@ -10,11 +10,11 @@ from splatbus_server.control import Control, Poses
 from splatbus_server.reader import Reader
 from splatbus_server.session import Session
 from splatbus_server.viewport import Change, Viewport
-from splatbus_wire import decoding, from_client
 from splatbus_wire.messages import GetViewportSize, ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server, wire
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -29,7 +29,7 @@ def server_greets_only_who_greets_first(patch: Patch) -> None:
         return original(self, payload, now)
 
     spoken: set[Connection] = set()
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("NEG-26", check="check_goes_on_after_an_error", code="no-longer-served")
@@ -43,7 +43,7 @@ def server_has_enough_of_errors(patch: Patch) -> None:
             self.end("enough", 0.0)
 
     counted: Counter[Connection] = Counter()
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @mutant("NEG-28", check="check_answers_repeat_an_id_that_was_used", code="wrong-id")
@@ -58,7 +58,7 @@ def server_gives_an_id_back_once(patch: Patch) -> None:
         original(self, message)
 
     newest: dict[Connection, int | None] = {}
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)
 
 
 @mutant("REQ-7", check="check_answers_what_came_before_a_broken_request", code="wrong-count")
@@ -71,7 +71,7 @@ def server_discards_replies_when_it_closes(patch: Patch) -> None:
             self.unsent.clear()
         return refusal
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @mutant("NEG-29", check="check_answers_what_follows_another_size_after_it", code="out-of-order")
@@ -86,13 +86,13 @@ def server_forgets_sizes_behind_another(patch: Patch) -> None:
 
     def begin(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
         original(self, asker, request)
-        waiting = asker._reader._decoder._payloads
+        waiting = asker.reader.decoder.payloads
         if asker.is_held:
             kept = [each for each in waiting if b"set_viewport" not in each]
             waiting.clear()
             waiting.extend(kept)
 
-    wrap(patch, Viewport, "set", begin)
+    server.BEGINS_OTHER_SIZE.wrap(patch, begin)
 
 
 @mutant(
@@ -105,11 +105,11 @@ def server_keeps_few_requests_behind_another_size(patch: Patch) -> None:
 
     def go_on(original: Any, self: Connection, now: float) -> None:
         original(self, now)
-        waiting = self._reader._decoder._payloads
+        waiting = self.reader.decoder.payloads
         while len(waiting) > 30:
             waiting.pop()
 
-    wrap(patch, Connection, "go_on", go_on)
+    server.GOES_ON.wrap(patch, go_on)
 
 
 @mutant("REQ-4", check="check_tells_everybody_of_the_newest_size", code="wrong-size")
@@ -119,13 +119,13 @@ def server_tells_each_the_size_of_the_first_time(patch: Patch) -> None:
     def answer(original: Any, self: Session, connection: Any, request: Any, now: float) -> Any:
         if not isinstance(request, GetViewportSize):
             return original(self, connection, request, now)
-        memory = self._exchange.memory
+        memory = self.exchange.memory
         size = sizes.setdefault(connection, (memory.width, memory.height))
         connection.send(ViewportSize(*size, request.id))
         return None
 
     sizes: dict[Any, tuple[int, int]] = {}
-    wrap(patch, Session, "_answer", answer)
+    server.ANSWERS_REQUEST.wrap(patch, answer)
 
 
 @mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
@@ -133,17 +133,17 @@ def server_makes_memory_anew_of_a_later_size(patch: Patch) -> None:
     """Takes only the size that images had at first for the one that they have."""
 
     def begin(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
-        memory = self._exchange.memory
+        memory = self.exchange.memory
         first.append((memory.width, memory.height))
         if (memory.width, memory.height) != request[:2] or request[:2] == first[0]:
             original(self, asker, request)
         else:
-            self._change = Change(asker, request, memory)
-            self.chores.append(self._change.allocate)
+            self.change = Change(asker, request, memory)
+            self.chores.append(self.change.allocate)
             asker.hold()
 
     first: list[tuple[int, int]] = []
-    wrap(patch, Viewport, "set", begin)
+    server.BEGINS_OTHER_SIZE.wrap(patch, begin)
 
 
 @mutant("CAM-2", check="check_a_tag_that_was_used_comes_again", code="another-tag")
@@ -159,7 +159,7 @@ def server_sends_a_tag_once(patch: Patch) -> None:
         return told
 
     newest: dict[int, str] = {}
-    wrap(patch, Reader, "frame", frame)
+    server.TELLS_OF_IMAGE.wrap(patch, frame)
 
 
 @mutant("CTL-3", check="check_lens_and_time_end_with_their_client", code="intrinsics-kept")
@@ -173,7 +173,7 @@ def server_keeps_the_lens_of_who_was_lost(patch: Patch) -> None:
             self.poses = self.poses._replace(intrinsics=former.intrinsics, time=former.time)
         return given
 
-    wrap(patch, Control, "leave", leave)
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
 
 
 @mutant("POS-7", check="check_poses_of_any_time_are_poses", code="pose-not-shown")
@@ -189,7 +189,7 @@ def server_passes_over_older_poses(patch: Patch) -> None:
         return original(self, connection, message)
 
     newest: list[float] = []
-    wrap(patch, Session, "_move", move)
+    server.TAKES_POSE.wrap(patch, move)
 
 
 @mutant("OBJ-5", check="check_a_scale_that_is_absent_is_1", code="another-placement")
@@ -206,18 +206,18 @@ def server_keeps_a_scale_that_is_not_said(patch: Patch) -> None:
         moved: Poses = original(self, placement)
         return moved
 
-    patch.setattr(decoding, "plain_pose", lambda payload: None)
-    wrap(patch, from_client, "_object_pose", parse)
-    wrap(patch, Poses, "_placed", put)
+    wire.READS_POSE_THE_SHORT_WAY.replace(patch, lambda payload: None)
+    wire.POSE_OF_OBJECT.wrap(patch, parse)
+    Seam(Poses, "placed").wrap(patch, put)
 
 
 def _handles_while_held(patch: Patch, part: bytes) -> None:
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        waiting = self._reader._decoder._payloads
+        waiting = self.reader.decoder.payloads
         passing = next((each for each in waiting if part in each), None)
         if self.is_held and passing is not None:
             waiting.remove(passing)
-            return self._understand(passing, now)
+            return self.understand(passing, now)
         return original(self, now)
 
-    wrap(patch, Connection, "next_event", next_event)
+    server.NEXT_EVENT.wrap(patch, next_event)

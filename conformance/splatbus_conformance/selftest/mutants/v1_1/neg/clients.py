@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from splatbus_client import ipc_protocol, message_protocol, reading
+from splatbus_client import reading
 from splatbus_client.events import Ignored, MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
@@ -17,7 +17,9 @@ from splatbus_wire.messages import (
 )
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -32,9 +34,9 @@ def request_before_hello(patch: Patch) -> None:
 
     def init(original: Any, self: MessageProtocol, hello: Any) -> None:
         original(self, hello)
-        self._out[:0] = encode(GetViewportSize())
+        self.unsent[:0] = encode(GetViewportSize())
 
-    wrap(patch, MessageProtocol, "__init__", init)
+    Seam(MessageProtocol, "__init__").wrap(patch, init)
 
 
 @mutant("NEG-2", code="missing-member", through="CHN-17")
@@ -71,16 +73,16 @@ def hello_twice(patch: Patch) -> None:
 
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
         if self.version is None:
-            self._out += encode(self._hello)
+            self.unsent += encode(self.hello)
         return original(self, welcome)
 
-    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+    client.TAKES_WELCOME_ON_IPC.wrap(patch, on_welcome)
 
 
 @mutant("NEG-4", check="check_can_do_what_it_declares", code="not-released")
 def frames_declared_and_not_released(patch: Patch) -> None:
     """Declares `frames`, and never releases one."""
-    patch.setattr(IpcProtocol, "release", lambda self, frame: None)
+    client.RELEASES.replace(patch, lambda self, frame: None)
 
 
 @mutant("NEG-4", check="check_can_do_what_it_declares", code="not-closed")
@@ -88,9 +90,9 @@ def reinit_declared_and_not_done(patch: Patch) -> None:
     """Declares `reinit`, and ignores every further init packet."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
-        return [] if self._last_generation else original(self, packet)
+        return [] if self.last_generation else original(self, packet)
 
-    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
 
 
 @mutant("NEG-5", check="check_sends_only_what_was_granted", code="before-welcome")
@@ -99,9 +101,9 @@ def subscribes_before_welcome(patch: Patch) -> None:
 
     def init(original: Any, self: IpcProtocol, *arguments: Any) -> None:
         original(self, *arguments)
-        self._out += encode(Subscribe(frozenset({"color"})))
+        self.unsent += encode(Subscribe(frozenset({"color"})))
 
-    wrap(patch, IpcProtocol, "__init__", init)
+    client.BEGINS_ON_IPC.wrap(patch, init)
 
 
 @mutant("NEG-5", check="check_sends_only_what_was_granted", code="not-granted")
@@ -110,9 +112,9 @@ def subscribes_without_the_capability(patch: Patch) -> None:
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
         original(self, packet)
-        self._out += encode(Subscribe(frozenset({"color"})))
+        self.unsent += encode(Subscribe(frozenset({"color"})))
 
-    wrap(patch, IpcProtocol, "opened", opened)
+    client.SAYS_OPENED.wrap(patch, opened)
 
 
 @mutant("NEG-8", check="check_ignores_unknown_capabilities", code="not-opened")
@@ -126,7 +128,7 @@ def refuses_unknown_capabilities(patch: Patch) -> None:
             raise ProtocolError("invalid_message", f"unknown {unknown}", requirement="NEG-8")
         return message
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    client.READS_ON_IPC.wrap(patch, decode)
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
@@ -138,7 +140,7 @@ def closes_on_unknown_types(patch: Patch) -> None:
             unknown = isinstance(event, Ignored) and "not known here" in event.reason
             yield MustClose("unknown type") if unknown else event
 
-    wrap(patch, IpcProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
 @mutant(
@@ -150,11 +152,11 @@ def refuses_unknown_capabilities_of_the_message_channel(patch: Patch) -> None:
     """Closes the message connection on a `welcome` with a capability that it does not know."""
 
     def on_welcome(original: Any, self: MessageProtocol, welcome: Any) -> Any:
-        if set(welcome.capabilities) - set(self._hello.capabilities):
+        if set(welcome.capabilities) - set(self.hello.capabilities):
             return [MustClose("unknown capability")]
         return original(self, welcome)
 
-    wrap(patch, MessageProtocol, "_on_welcome", on_welcome)
+    client.TAKES_WELCOME.wrap(patch, on_welcome)
 
 
 @mutant(
@@ -170,7 +172,7 @@ def closes_on_unknown_types_of_the_message_channel(patch: Patch) -> None:
             unknown = isinstance(event, Ignored) and "not known here" in event.reason
             yield MustClose("unknown type") if unknown else event
 
-    wrap(patch, MessageProtocol, "_on_payload", on_payload)
+    client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
@@ -178,10 +180,10 @@ def subscribes_on_the_message_channel_of_1_0(patch: Patch) -> None:
     """Subscribes on the message channel, after the reply of a 1.0 server."""
 
     def on_reply(original: Any, self: MessageProtocol, reply: Any, now: float) -> Any:
-        self._out += encode(Subscribe(frozenset({"color"})))
+        self.unsent += encode(Subscribe(frozenset({"color"})))
         return original(self, reply, now)
 
-    wrap(patch, MessageProtocol, "_on_reply", on_reply)
+    client.TAKES_REPLY.wrap(patch, on_reply)
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="closes")
@@ -193,7 +195,7 @@ def closes_when_no_welcome_comes(patch: Patch) -> None:
             return [MustClose("no welcome")]
         return original(self, reply, now)
 
-    wrap(patch, MessageProtocol, "_on_reply", on_reply)
+    client.TAKES_REPLY.wrap(patch, on_reply)
 
 
 @mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", code="newer-version")
@@ -202,49 +204,47 @@ def declines_to_a_1_0_server(patch: Patch) -> None:
 
     def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
         if self.version == "1.0":
-            self._out += encode(OpenFailed(1, reason))
+            self.unsent += encode(OpenFailed(1, reason))
         original(self, packet, reason)
 
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
 def takes_a_late_welcome_on_the_message_channel(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the reply of a server of 1.0."""
-    _goes_over(patch, MessageProtocol)
+    _goes_over(patch, client.TAKES_WELCOME)
 
 
 @mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", code="newer-version")
 def takes_a_late_welcome_on_ipc(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the init packet of a server of 1.0."""
-    _goes_over(patch, IpcProtocol)
+    _goes_over(patch, client.TAKES_WELCOME_ON_IPC)
 
 
-def _goes_over(patch: Patch, machine: type) -> None:
+def _goes_over(patch: Patch, seam: Seam) -> None:
     def on_welcome(original: Any, self: Any, welcome: Any) -> Any:
         self.version = None
         return original(self, welcome)
 
-    wrap(patch, machine, "_on_welcome", on_welcome)
+    seam.wrap(patch, on_welcome)
 
 
 @mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", code="accepts")
 def takes_any_version_on_ipc(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the IPC channel."""
-    _takes_any_version(patch, IpcProtocol)
+    _takes_any_version(patch, client.TAKES_WELCOME_ON_IPC)
 
 
 @mutant("NEG-16", check="check_refuses_a_version_it_did_not_list", code="accepts")
 def takes_any_version_on_the_message_channel(patch: Patch) -> None:
     """Goes on whatever version `welcome` names on the message channel."""
-    _takes_any_version(patch, MessageProtocol)
+    _takes_any_version(patch, client.TAKES_WELCOME)
 
 
-def _takes_any_version(patch: Patch, machine: type) -> None:
-    wrap(
+def _takes_any_version(patch: Patch, seam: Seam) -> None:
+    seam.wrap(
         patch,
-        machine,
-        "_on_welcome",
         lambda original, self, welcome: original(self, welcome._replace(version="1.1")),
     )
 
@@ -257,7 +257,7 @@ def crashes_on_an_error(patch: Patch) -> None:
         message = original(payload)
         return crash() if isinstance(message, ErrorMessage) else message
 
-    wrap(patch, ipc_protocol, "decode_from_server_ipc", decode)
+    client.READS_ON_IPC.wrap(patch, decode)
 
 
 @mutant("NEG-24", check="check_survives_errors", code="dies")
@@ -268,7 +268,7 @@ def crashes_on_an_error_in_place_of_a_reply(patch: Patch) -> None:
         message = original(payload, request)
         return crash() if isinstance(message, ErrorMessage) else message
 
-    wrap(patch, message_protocol, "decode_from_server_message", decode)
+    client.READS_MESSAGE.wrap(patch, decode)
 
 
 @mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
@@ -283,9 +283,9 @@ def subscribes_on_the_ipc_channel_of_1_0(patch: Patch) -> None:
 
     def of_1_0(original: Any, self: IpcProtocol, packet: Any) -> Any:
         yield from original(self, packet)
-        self._out += encode(Subscribe(frozenset({"color"})))
+        self.unsent += encode(Subscribe(frozenset({"color"})))
 
-    wrap(patch, IpcProtocol, "_on_init_packet_of_1_0", of_1_0)
+    Seam(IpcProtocol, "on_init_packet_of_1_0").wrap(patch, of_1_0)
 
 
 @mutant("NEG-27", code="out-of-range")
@@ -297,10 +297,10 @@ def ids_as_strings(patch: Patch) -> None:
 @mutant("NEG-5", code="not-granted", through="CHN-10")
 def releases_without_the_capability(patch: Patch) -> None:
     """Declares no `frames`, and releases a frame each time it has opened memory."""
-    patch.setattr(reading, "CAPABILITIES", ("host_shm", "reinit"))
+    client.CAPABILITIES_ON_IPC.replace(patch, ("host_shm", "reinit"))
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
         original(self, packet)
-        self._out += encode(Release(packet.generation, 1))
+        self.unsent += encode(Release(packet.generation, 1))
 
-    wrap(patch, IpcProtocol, "opened", opened)
+    client.SAYS_OPENED.wrap(patch, opened)

@@ -3,13 +3,15 @@
 from typing import Any
 
 from splatbus_server import connection as connections
-from splatbus_server.connection import REQUESTS, Connection, Refusal, _type_and_id
+from splatbus_server.connection import REQUESTS, Connection, Refusal, type_and_id
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import ErrorMessage
 from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS
@@ -23,7 +25,7 @@ def reports_to_all(patch: Patch) -> None:
     ) -> None:
         self.send(ErrorMessage(code, text[:1000], id=id, pointer=pointer))
 
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @mutant("NEG-22", check="check_reports_nothing_before_hello", code="before-hello")
@@ -64,7 +66,7 @@ def server_reports_what_it_answers_twice(patch: Patch) -> None:
         for _ in range(2 if code not in CLOSING_ERRORS else 1):
             original(self, code, *more, **named)
 
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @mutant("NEG-25", check="check_closes_after_an_error_that_ends", code="waits")
@@ -73,11 +75,11 @@ def server_reads_on_after_a_bad_header(patch: Patch) -> None:
 
     def end(original: Any, self: Connection, reason: str, now: float) -> None:
         if "[FRM-3]" in reason:
-            self._reader = PacketReader()
+            self.reader = PacketReader()
         else:
             original(self, reason, now)
 
-    wrap(patch, Connection, "end", end)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 @mutant("NEG-25", code="after-error", through="NEG-25")
@@ -88,7 +90,7 @@ def server_repeats_its_last_error(patch: Patch) -> None:
         for _ in range(2 if code in CLOSING_ERRORS else 1):
             original(self, code, *more)
 
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @mutant("NEG-26", check="check_goes_on_after_an_error", code="no-longer-served")
@@ -102,7 +104,7 @@ def server_closes_after_every_error(patch: Patch) -> None:
         self.end("enough is enough", now)
         return refusal
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @mutant("NEG-28", code="wrong-type", through="NEG-29")
@@ -124,11 +126,11 @@ def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
     def refuse(
         original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
     ) -> Any:
-        if _type_and_id(payload)[0] in REQUESTS:
+        if type_and_id(payload)[0] in REQUESTS:
             return Refusal(error.code, str(error))
         return original(self, error, payload, now)
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 def last_comes_first(patch: Patch) -> None:
@@ -140,7 +142,7 @@ def last_comes_first(patch: Patch) -> None:
         original(self, message)
         self.unsent += waiting
 
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)
 
 
 @mutant("NEG-29", check="check_answers_each_request_in_order", code="another-answer")
@@ -163,7 +165,7 @@ def server_keeps_quiet_about_rotations(patch: Patch) -> None:
         if code != "invalid_rotation":
             original(self, code, *more)
 
-    wrap(patch, Connection, "_send_error", send_error)
+    server.SENDS_ERROR.wrap(patch, send_error)
 
 
 @mutant("NEG-32", check="check_reports_what_is_no_rotation", code="ignores")
@@ -173,7 +175,7 @@ def server_calls_rotations_messages(patch: Patch) -> None:
         patch,
         of_type(
             "error",
-            lambda error: error | {"code": error["code"].replace("_rotation", "_message")},
+            lambda error: error | {"code": error["code"].replace("rotation", "message")},
         ),
     )
 
@@ -191,14 +193,14 @@ def server_takes_the_first_id_for_none(patch: Patch) -> None:
 @mutant("NEG-34", check="check_ends_in_good_order", code="reads-on")
 def server_listens_to_last_words_for_ever(patch: Patch) -> None:
     """Reads on after an error that ends, for as long as the client does not end its side."""
-    patch.setattr(connections, "LINGER_SECONDS", 600.0)
+    Seam(connections, "LINGER_SECONDS").replace(patch, 600.0)
 
 
 @mutant("NEG-34", check="check_ends_in_good_order", code="reset")
 def server_closes_with_bytes_unread(patch: Patch) -> None:
     """Closes a connection as soon as the error is on its way."""
-    patch.setattr(
-        Connection, "over", property(lambda self: self.ending is not None and not self.unsent)
+    Seam(Connection, "over").replace(
+        patch, property(lambda self: self.ending is not None and not self.unsent)
     )
 
 
@@ -207,11 +209,11 @@ def server_ignores_broken_hellos(patch: Patch) -> None:
     """Waits for a better `hello`."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if _type_and_id(payload)[0] == "hello" and self.welcome is None:
+        if type_and_id(payload)[0] == "hello" and self.welcome is None:
             return Refusal(error.code, str(error))
         return original(self, error, payload, now)
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @mutant("NEG-35", check="check_refuses_broken_hellos", code="waits")
@@ -222,7 +224,7 @@ def server_forgives_broken_hellos(patch: Patch) -> None:
         if "NEG-35" not in reason:
             original(self, reason, now)
 
-    wrap(patch, Connection, "end", end)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 @mutant(
@@ -241,4 +243,4 @@ def server_names_the_last_request_in_errors(patch: Patch) -> None:
             newest[self] = message.id
         original(self, message)
 
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)

@@ -25,7 +25,9 @@ from splatbus_wire.messages import (
 )
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 
@@ -51,7 +53,7 @@ def says(patch: Patch, told: Sequence[Told] = TOLD, asked: Sequence[Request] = A
             machine.ask(request)
         return machine
 
-    wrap(patch, Steering, "begin", begin)
+    client.BEGINS_TO_STEER.wrap(patch, begin)
 
 
 def _broken(patch: Patch, kind: str, **members: Any) -> None:
@@ -134,7 +136,7 @@ def crashes_on_unknown_series(patch: Patch) -> None:
         found = original(item)
         return crash() if found is None else found
 
-    wrap(patch, from_server, "_series", series)
+    Seam(from_server, "one_series").wrap(patch, series)
 
 
 @mutant(
@@ -152,7 +154,7 @@ def crashes_on_a_broken_scene(patch: Patch) -> None:
         except ProtocolError:
             crash()
 
-    wrap(patch, from_server, "scene", scene)
+    Seam(from_server, "scene").wrap(patch, scene)
 
 
 @mutant(
@@ -163,22 +165,22 @@ def crashes_on_a_broken_scene(patch: Patch) -> None:
 def sends_what_was_not_granted(patch: Patch) -> None:
     """Says all that it can, whatever `welcome` lists."""
     says(patch)
-    patch.setattr(message_protocol, "permitted", lambda message, *agreed: message)
+    client.CUTS_TO_WHAT_WAS_AGREED.replace(patch, lambda message, *agreed: message)
 
 
 @mutant("NEG-5", code="not-granted", through="NEG-5")
 def pings_without_the_capability(patch: Patch) -> None:
     """Sends `ping` whether `welcome` lists it or not."""
     says(patch, (), (Ping(0.0),))
-    patch.setattr(MessageProtocol, "lacks", lambda self, message: None)
+    Seam(MessageProtocol, "lacks").replace(patch, lambda self, message: None)
 
 
 @mutant("NEG-5", check="check_sends_only_what_was_granted", code="before-welcome")
 def tags_before_welcome(patch: Patch) -> None:
     """Gives poses their tags before it knows what its server speaks."""
     says(patch, [CameraPose(POSE, None, "mutant-1")], ())
-    patch.setattr(message_protocol, "only_1_1", lambda message: False)
-    patch.setattr(message_protocol, "permitted", lambda message, *agreed: message)
+    Seam(message_protocol, "only_1_1").replace(patch, lambda message: False)
+    client.CUTS_TO_WHAT_WAS_AGREED.replace(patch, lambda message, *agreed: message)
 
 
 @mutant("NEG-13", code="no-fallback", through="NEG-13")
@@ -189,7 +191,7 @@ def tags_to_a_1_0_server(patch: Patch) -> None:
         sent = original(message, *agreed)
         return sent._replace(tag="mutant-1") if isinstance(sent, CameraPose) else sent
 
-    wrap(patch, message_protocol, "permitted", permitted)
+    client.CUTS_TO_WHAT_WAS_AGREED.wrap(patch, permitted)
 
 
 @mutant(
@@ -203,7 +205,7 @@ def crashes_when_another_has_control(patch: Patch) -> None:
     def on_error(original: Any, self: MessageProtocol, error: ErrorMessage) -> Any:
         return crash() if error.code == "busy" else original(self, error)
 
-    wrap(patch, MessageProtocol, "_on_error", on_error)
+    client.TAKES_ERROR.wrap(patch, on_error)
 
 
 @mutant(
@@ -226,14 +228,14 @@ def _releases_last(patch: Patch) -> None:
     late: dict[IpcProtocol, bytes] = {}
 
     def give_back(original: Any, self: IpcProtocol, generation: int, seq: int) -> None:
-        before = len(self._out)
+        before = len(self.unsent)
         original(self, generation, seq)
-        late[self] = late.get(self, b"") + bytes(self._out[before:])
-        del self._out[before:]
+        late[self] = late.get(self, b"") + bytes(self.unsent[before:])
+        del self.unsent[before:]
 
     def data_to_send(original: Any, self: IpcProtocol, now: float) -> bytes:
         sent: bytes = original(self, now)
         return sent + late.pop(self, b"")
 
-    wrap(patch, IpcProtocol, "_give_back", give_back)
-    wrap(patch, IpcProtocol, "data_to_send", data_to_send)
+    Seam(IpcProtocol, "give_back").wrap(patch, give_back)
+    Seam(IpcProtocol, "data_to_send").wrap(patch, data_to_send)

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-from splatbus_server import api
-from splatbus_server import connection as connections
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
 from splatbus_server.session import Reader, Session
@@ -20,7 +18,9 @@ from splatbus_wire.messages import (
 )
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 from splatbus_conformance.wire.message_kinds import CAPABILITIES
@@ -35,7 +35,7 @@ def greets(patch: Patch, around: Callable[..., Answer]) -> None:
     def answer_hello(original: Any, hello: Hello, **terms: Any) -> Answer:
         return around(lambda as_if: original(as_if, **terms), hello, terms)
 
-    wrap(patch, connections, "answer_hello", answer_hello)
+    server.ANSWERS_HELLO.wrap(patch, answer_hello)
 
 
 def stays(patch: Patch, reason: str) -> None:
@@ -45,7 +45,7 @@ def stays(patch: Patch, reason: str) -> None:
         if reason not in why:
             original(self, why, now)
 
-    wrap(patch, Connection, "end", end)
+    server.ENDS_CONNECTION.wrap(patch, end)
 
 
 @mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", code="another-version")
@@ -70,7 +70,7 @@ def server_grants_what_it_denies(patch: Patch) -> None:
     def subscribe(original: Any, self: Session, connection: Connection, channels: Any) -> Any:
         return connection.complain(Refusal("unsupported", "nobody agreed on that"))
 
-    wrap(patch, Session, "_subscribe", subscribe)
+    server.TAKES_SUBSCRIPTION.wrap(patch, subscribe)
 
 
 @mutant("NEG-7", check=HAS, code="denied")
@@ -82,7 +82,7 @@ def server_grants_what_it_does_not_know(patch: Patch) -> None:
             return connection.complain(Refusal("unknown_type", "what is that?"))
         return original(self, connection, message, now)
 
-    wrap(patch, Session, "handle", handle)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", code="no-welcome")
@@ -164,7 +164,7 @@ def server_announces_nothing_to_strangers(patch: Patch) -> None:
             return None
         return original(self, connection, *arguments)
 
-    wrap(patch, Session, "handle", handle)
+    server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
@@ -178,7 +178,7 @@ def server_closes_at_unknown_types(patch: Patch) -> None:
             self.end("there is no such type", now)
         return original(self, error, payload, now)
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @mutant("NEG-10", check="check_refuses_unknown_versions", code="no-versions")
@@ -214,11 +214,11 @@ def server_announces_host_memory_after_each_hello(patch: Patch) -> None:
 
     def greet(original: Any, self: Session, connection: Connection, now: float) -> Any:
         if connection.channel == "ipc" and not connection.has("host_shm"):
-            self._readers[connection] = Reader()
+            self.readers[connection] = Reader()
             return None
         return original(self, connection, now)
 
-    wrap(patch, Session, "_greet", greet)
+    server.GREETS_CLIENT.wrap(patch, greet)
 
 
 @mutant("NEG-30", code="missing-member")
@@ -237,7 +237,7 @@ def server_welcomes_twice(patch: Patch) -> None:
             return Refusal("invalid_message", "hello was said before")
         return original(self, hello, now)
 
-    wrap(patch, Connection, "_greet", greet)
+    Seam(Connection, "greet").wrap(patch, greet)
 
 
 def announces_cuda_memory(patch: Patch, **changes: Any) -> list[Memory]:
@@ -256,8 +256,8 @@ def announces_cuda_memory(patch: Patch, **changes: Any) -> list[Memory]:
         )
         made.append(self)
 
-    wrap(patch, Memory, "__init__", init)
-    patch.setattr(api, "CAPABILITIES", ("cuda_ipc",))
+    server.ALLOCATES.wrap(patch, init)
+    server.CAPABILITIES_ON_IPC.replace(patch, ("cuda_ipc",))
     return made
 
 
@@ -275,8 +275,8 @@ def at_once(patch: Patch, made: list[Memory], *, version: bool = True) -> None:
                 packet = packet._replace(semantics=None)
             self.send(packet)
 
-    wrap(patch, Connection, "__init__", connect)
-    patch.setattr(Session, "_answered", lambda *_: None)
+    server.BEGINS_CONNECTION.wrap(patch, connect)
+    server.HEARS_OF_MEMORY.replace(patch, lambda *_: None)
 
 
 @mutant("NEG-15", check="check_sends_cuda_memory_at_once", code="another-version")
@@ -294,8 +294,8 @@ def server_announces_cuda_memory_after_hello(patch: Patch) -> None:
         if connection.channel == "ipc":
             connection.send(made[-1].init_packet)
 
-    wrap(patch, Session, "_greet", greet)
-    patch.setattr(Session, "_answered", lambda *_: None)
+    server.GREETS_CLIENT.wrap(patch, greet)
+    server.HEARS_OF_MEMORY.replace(patch, lambda *_: None)
 
 
 @mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="other-capabilities")
@@ -315,4 +315,4 @@ def server_speaks_1_1_after_all(patch: Patch) -> None:
         else:
             original(self, message)
 
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)

@@ -4,13 +4,11 @@ import math
 import time
 from typing import Any
 
-from splatbus_server import settings
 from splatbus_server.connection import Connection
-from splatbus_wire import negotiation
 from splatbus_wire.messages import ErrorMessage, Welcome
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seams import server, wire
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.servers import stays
 
@@ -23,9 +21,9 @@ def server_waits_for_hello_for_ever(patch: Patch) -> None:
 
     def connect(original: Any, self: Connection, *arguments: Any) -> None:
         original(self, *arguments)
-        self._hello_by = math.inf
+        self.hello_by = math.inf
 
-    wrap(patch, Connection, "__init__", connect)
+    server.BEGINS_CONNECTION.wrap(patch, connect)
 
 
 @mutant("NEG-12", check="check_closes_who_says_no_hello", code="waits")
@@ -34,10 +32,10 @@ def server_waits_for_who_says_something(patch: Patch) -> None:
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         original(self, data, now)
-        if self._hello_by < math.inf:
-            self._hello_by = now + 10.0
+        if self.hello_by < math.inf:
+            self.hello_by = now + 10.0
 
-    wrap(patch, Connection, "receive", receive)
+    server.RECEIVES.wrap(patch, receive)
 
 
 @mutant(
@@ -47,7 +45,7 @@ def server_waits_for_who_says_something(patch: Patch) -> None:
 )
 def server_listens_to_everybody(patch: Patch) -> None:
     """Listens where it is told to, with and without a token."""
-    wrap(patch, settings, "is_loopback", lambda original, host: True)
+    server.IS_LOOPBACK.wrap(patch, lambda original, host: True)
 
 
 @mutant("NEG-18", check=REFUSES, code="another-answer")
@@ -57,7 +55,7 @@ def server_compares_as_far_as_the_token_goes(patch: Patch) -> None:
     def same(original: Any, given: str, wanted: str) -> bool:
         return given != "" and wanted.startswith(given)
 
-    wrap(patch, negotiation, "_same", same)
+    wire.COMPARES_TOKENS.wrap(patch, same)
 
 
 @mutant("NEG-18", check=REFUSES, code="another-answer")
@@ -67,7 +65,7 @@ def server_ignores_the_case_of_the_token(patch: Patch) -> None:
     def same(original: Any, given: str, wanted: str) -> bool:
         return given.lower() == wanted.lower()
 
-    wrap(patch, negotiation, "_same", same)
+    wire.COMPARES_TOKENS.wrap(patch, same)
 
 
 @mutant("NEG-18", check=REFUSES, code="not-closed")
@@ -85,25 +83,25 @@ def server_explains_its_refusal(patch: Patch) -> None:
         if isinstance(message, ErrorMessage) and message.code == "unauthorized":
             original(self, ErrorMessage("unsupported", "there is a token to be known"))
 
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)
 
 
 @mutant("NEG-19", check="check_serves_no_client_of_1_0", code="replies")
 def server_serves_1_0_without_a_token(patch: Patch) -> None:
     """Asks those who say hello for the token, and no others."""
-    patch.setattr(Connection, "_is_heard", property(lambda self: True))
+    server.HEARS_CLIENT.replace(patch, property(lambda self: True))
 
 
 @mutant("NEG-19", check="check_serves_no_client_of_1_0", code="no-frame")
 def server_is_steered_without_a_token(patch: Patch) -> None:
     """Takes poses from those who have said no hello, though it replies to no request of theirs."""
-    patch.setattr(Connection, "_is_heard", property(lambda self: True))
+    server.HEARS_CLIENT.replace(patch, property(lambda self: True))
 
     def send(original: Any, self: Connection, message: Any) -> None:
         if self.welcome is not None or isinstance(message, ErrorMessage | Welcome):
             original(self, message)
 
-    wrap(patch, Connection, "send", send)
+    server.SENDS.wrap(patch, send)
 
 
 @mutant(
@@ -119,4 +117,4 @@ def server_takes_its_time_to_listen_to_everybody(patch: Patch) -> None:
             time.sleep(6.0)
         return True
 
-    wrap(patch, settings, "is_loopback", is_loopback)
+    server.IS_LOOPBACK.wrap(patch, is_loopback)

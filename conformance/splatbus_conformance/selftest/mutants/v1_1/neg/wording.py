@@ -12,7 +12,8 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server, wire
 from splatbus_conformance.selftest.mutant import mutant
 
 SPELLED = "check_takes_any_spelling_of_"
@@ -45,7 +46,7 @@ def server_reads_sizes_as_plain_integers(patch: Patch) -> None:
             raise message.refused("has a size that is no integer")
         return original(message)
 
-    wrap(patch, from_client, "_set_viewport", parse)
+    Seam(from_client, "viewport_wanted").wrap(patch, parse)
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_of_requests", code="ignores")
@@ -57,7 +58,7 @@ def server_counts_brackets_in_strings(patch: Patch) -> None:
             raise ProtocolError("malformed_json", "so deep", requirement="JSN-5")
         original(payload)
 
-    wrap(patch, json_text, "_check_depth", depth)
+    wire.CHECKS_DEPTH.wrap(patch, depth)
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_of_poses", code="ignores")
@@ -69,7 +70,7 @@ def server_knows_all_members_of_lenses(patch: Patch) -> None:
             raise field.refused("has members that nobody knows")
         return original(field)
 
-    wrap(patch, from_client, "intrinsics", lens)
+    Seam(from_client, "intrinsics").wrap(patch, lens)
 
 
 @mutant("NEG-6", check="check_names_the_first_version_that_it_speaks", code="no-welcome")
@@ -118,10 +119,10 @@ def server_closes_on_a_type_that_is_no_string(patch: Patch) -> None:
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if self.welcome is not None and payload.startswith((b'{"type":{', b'{"type":[')):
-            self._abort("it cannot be looked up")
+            self.abort("it cannot be looked up")
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", code="replies")
@@ -133,7 +134,7 @@ def server_answers_requests_on_the_ipc_channel(patch: Patch) -> None:
             self.send(ViewportSize(64, 48))
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("NEG-9", check="check_ignores_unknown_types", code="closes")
@@ -145,14 +146,14 @@ def server_obeys_closed_on_the_message_channel(patch: Patch) -> None:
             self.end("it said so", now)
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)
 
 
 @mutant("NEG-23", code="not-a-pointer", through="NEG-26")
 def server_escapes_no_pointers(patch: Patch) -> None:
     """Writes names into pointers as they are."""
     for module in (json_text, fields):
-        patch.setattr(module, "step", lambda name: f"/{name}")
+        Seam(module, "step").replace(patch, lambda name: f"/{name}")
 
 
 @mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="newer-version")
@@ -160,11 +161,11 @@ def server_says_busy_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Says `busy` to a client that agreed on 1.0."""
 
     def complain(original: Any, self: Connection, refusal: Any) -> Any:
-        if self._is_of_1_0:
-            self.send(connections._error(refusal.code, refusal.reason))
+        if self.is_of_1_0:
+            self.send(connections.error_message(refusal.code, refusal.reason))
         return original(self, refusal)
 
-    wrap(patch, Connection, "complain", complain)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("NEG-33", check="check_speaks_1_0_to_who_asked_for_it", code="newer-version")
@@ -172,11 +173,11 @@ def server_reports_poses_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Tells a client that agreed on 1.0 what is wrong with its pose."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self._is_of_1_0 and b'"camera_pose"' in payload:
-            self.send(connections._error(error.code, str(error)))
+        if self.is_of_1_0 and b'"camera_pose"' in payload:
+            self.send(connections.error_message(error.code, str(error)))
         return original(self, error, payload, now)
 
-    wrap(patch, Connection, "_refuse_packet", refuse)
+    server.REFUSES_PACKET.wrap(patch, refuse)
 
 
 @mutant("OBJ-4", check="check_keeps_the_former_pose_of_each_object", code="applies")
@@ -193,25 +194,21 @@ def server_checks_the_rotation_of_its_main_object(patch: Patch) -> None:
             message = message._replace(value=value | {"rotation": unit})
         return original(message)
 
-    wrap(patch, from_client, "_object_pose", parse)
+    wire.POSE_OF_OBJECT.wrap(patch, parse)
 
 
 def _hears(patch: Patch, change: Callable[[Any], Any]) -> None:
     """Answer another hello than the one that came."""
-    wrap(
+    server.ANSWERS_HELLO.wrap(
         patch,
-        connections,
-        "answer_hello",
         lambda original, hello, **named: original(change(hello), **named),
     )
 
 
 def _reads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
     """Understand another payload than the one that came."""
-    wrap(
+    server.UNDERSTANDS.wrap(
         patch,
-        Connection,
-        "_understand",
         lambda original, self, payload, now: original(self, change(payload), now),
     )
 
@@ -222,7 +219,7 @@ def _refuses(patch: Patch, is_odd: Callable[[bytes], bool]) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if is_odd(payload):
             error = ProtocolError("malformed_json", "so odd", requirement="JSN-6")
-            return self._refuse_packet(error, payload, now)
+            return self.refuse_packet(error, payload, now)
         return original(self, payload, now)
 
-    wrap(patch, Connection, "_understand", understand)
+    server.UNDERSTANDS.wrap(patch, understand)

@@ -12,7 +12,9 @@ from splatbus_wire.init_packet import HostMemory, InitPacket
 from splatbus_wire.messages import Closed, Opened, OpenFailed, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import client
+from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.mem.clients import says_opened
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
@@ -30,10 +32,10 @@ def answers_twice(patch: Patch) -> None:
     """Answers `opened` twice."""
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
-        self._out += encode(Opened(packet.generation))
+        self.unsent += encode(Opened(packet.generation))
         original(self, packet)
 
-    wrap(patch, IpcProtocol, "opened", opened)
+    client.SAYS_OPENED.wrap(patch, opened)
 
 
 @mutant("OPN-13", code="no-generation")
@@ -65,11 +67,11 @@ def closes_before_it_opens(patch: Patch) -> None:
     """Says that the old memory is closed before it answers for the new."""
 
     def opened(original: Any, self: IpcProtocol, packet: Any) -> None:
-        for generation in self._slots:
-            self._out += encode(Closed(generation))
+        for generation in self.slots:
+            self.unsent += encode(Closed(generation))
         original(self, packet)
 
-    wrap(patch, IpcProtocol, "opened", opened)
+    client.SAYS_OPENED.wrap(patch, opened)
 
 
 @mutant("OPN-13", code="out-of-range")
@@ -95,13 +97,13 @@ def wants_to_know_who_says_welcome(patch: Patch) -> None:
     def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
         return original(self, welcome) if all(welcome.server) else iter(())
 
-    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+    client.TAKES_WELCOME_ON_IPC.wrap(patch, on_welcome)
 
 
 @mutant("OPN-1", check=ONCE, code="no-reply")
 def answers_success_alone(patch: Patch) -> None:
     """Says nothing when memory cannot be opened."""
-    patch.setattr(IpcProtocol, "open_failed", lambda *_: None)
+    client.SAYS_OPEN_FAILED.replace(patch, lambda *_: None)
 
 
 @mutant("OPN-1", check=ONCE, code="no-reply")
@@ -113,7 +115,7 @@ def answers_the_last_of_several(patch: Patch) -> None:
         announced = [event for event in events if isinstance(event, Announced)]
         return [event for event in events if event not in announced[:-1]]
 
-    wrap(patch, IpcProtocol, "receive", receive)
+    client.RECEIVES_ON_IPC.wrap(patch, receive)
 
 
 @mutant("OPN-1", check=ONCE, code="answered-twice")
@@ -122,9 +124,9 @@ def says_opened_after_open_failed(patch: Patch) -> None:
 
     def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
         original(self, packet, reason)
-        self._out += encode(Opened(packet.generation))
+        self.unsent += encode(Opened(packet.generation))
 
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
 
 
 @mutant("OPN-2", check="check_maps_before_it_says_so", code="opened-missing-memory")
@@ -138,10 +140,10 @@ def maps_when_the_first_frame_comes(patch: Patch) -> None:
     """Answers `opened` at once, and maps the memory when it is needed."""
 
     def opens(original: Any, self: Reading, packet: Any) -> None:
-        assert self._machine is not None
-        self._machine.opened(packet)
+        assert self.machine is not None
+        self.machine.opened(packet)
 
-    wrap(patch, Reading, "_open", opens)
+    Seam(Reading, "open_memory").wrap(patch, opens)
 
 
 @mutant("OPN-3", check="check_says_why_it_failed", code="wrong-length")
@@ -163,12 +165,10 @@ def closes_after_failing(patch: Patch) -> None:
         original(self, packet, reason)
         failed.add(self)
 
-    wrap(patch, IpcProtocol, "open_failed", open_failed)
-    wrap(patch, IpcProtocol, "deadline", lambda o, self: 0.0 if self in failed else o(self))
-    wrap(
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
+    client.DEADLINE_ON_IPC.wrap(patch, lambda o, self: 0.0 if self in failed else o(self))
+    client.EXPIRES_ON_IPC.wrap(
         patch,
-        IpcProtocol,
-        "expire",
         lambda o, self, now: [MustClose("failed")] if self in failed else o(self, now),
     )
 
@@ -176,7 +176,7 @@ def closes_after_failing(patch: Patch) -> None:
 @mutant("OPN-5", check=FORMER, code="not-closed")
 def never_says_closed(patch: Patch) -> None:
     """Unmaps the former memory, and does not say so."""
-    patch.setattr(IpcProtocol, "closed", lambda *_: None)
+    client.SAYS_CLOSED.replace(patch, lambda *_: None)
 
 
 @mutant("OPN-5", check=FORMER, code="still-mapped")
@@ -184,10 +184,10 @@ def says_closed_and_keeps_the_memory(patch: Patch) -> None:
     """Says that the former memory is closed, and keeps it mapped."""
 
     def close(self: HostImages) -> bool:
-        KEPT.append(self._map)
+        KEPT.append(self.map)
         return True
 
-    patch.setattr(HostImages, "close", close)
+    client.UNMAPS_MEMORY.replace(patch, close)
 
 
 @mutant("OPN-5", check=FORMER, code="closed-too-often")
@@ -195,11 +195,11 @@ def says_closed_twice(patch: Patch) -> None:
     """Says twice that memory is closed."""
 
     def closed(original: Any, self: IpcProtocol, generation: int) -> None:
-        if generation in self._retired:
-            self._out += encode(Closed(generation))
+        if generation in self.retired:
+            self.unsent += encode(Closed(generation))
         original(self, generation)
 
-    wrap(patch, IpcProtocol, "closed", closed)
+    client.SAYS_CLOSED.wrap(patch, closed)
 
 
 @mutant("OPN-6", check="check_ignores_what_it_was_not_granted", code="accepts")
@@ -210,7 +210,7 @@ def takes_what_was_not_agreed(patch: Patch) -> None:
         yield from original(self, welcome)
         self.capabilities |= {"reinit"}
 
-    wrap(patch, IpcProtocol, "_on_welcome", on_welcome)
+    client.TAKES_WELCOME_ON_IPC.wrap(patch, on_welcome)
 
 
 @mutant("OPN-6", code="not-ignored", through="OPN-6")
@@ -218,11 +218,11 @@ def declines_what_was_not_agreed(patch: Patch) -> None:
     """Answers `open_failed` to a further init packet, where `welcome` does not list `reinit`."""
 
     def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
-        if self._last_generation and "reinit" not in self.capabilities:
-            self._out += encode(OpenFailed(packet.generation, "not agreed"))
+        if self.last_generation and "reinit" not in self.capabilities:
+            self.unsent += encode(OpenFailed(packet.generation, "not agreed"))
         return original(self, packet)
 
-    wrap(patch, IpcProtocol, "_on_init_packet", on_init_packet)
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
 
 
 @mutant("OPN-10", check=ALONE, code="wrote-to-memory")
@@ -235,7 +235,7 @@ def writes_to_the_memory(patch: Patch) -> None:
         with Path("/dev/shm", packet.memory.name).open("r+b") as memory:
             memory.write(b"here")
 
-    wrap(patch, HostImages, "__init__", images)
+    client.BEGINS_WITH_MEMORY.wrap(patch, images)
 
 
 @mutant("OPN-10", check=ALONE, code="removed-memory")
@@ -253,8 +253,8 @@ def removes_the_memory(patch: Patch) -> None:
         for name in names:
             Path("/dev/shm", name).unlink(missing_ok=True)
 
-    wrap(patch, HostImages, "__init__", images)
-    wrap(patch, Reading, "end", end)
+    client.BEGINS_WITH_MEMORY.wrap(patch, images)
+    Seam(Reading, "end").wrap(patch, end)
 
 
 @mutant("OPN-10", check=ALONE, code="removed-memory")
@@ -266,4 +266,4 @@ def tracks_the_memory_as_its_own(patch: Patch) -> None:
         assert isinstance(packet.memory, HostMemory)
         KEPT.append(SharedMemory(packet.memory.name))
 
-    wrap(patch, HostImages, "__init__", images)
+    client.BEGINS_WITH_MEMORY.wrap(patch, images)

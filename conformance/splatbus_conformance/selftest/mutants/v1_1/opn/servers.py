@@ -4,7 +4,7 @@ import subprocess
 import sys
 from typing import Any
 
-from splatbus_server import api, memory, shared_memory
+from splatbus_server import api, shared_memory
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
@@ -12,7 +12,9 @@ from splatbus_wire.messages import Closed, Opened
 
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.surgery import crash, wrap
+from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -23,10 +25,10 @@ def server_announces_again(patch: Patch) -> None:
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         refusal = original(self, connection, message)
         if isinstance(message, Opened) and not connection.has("reinit"):
-            connection.send(self._exchange.memory.init_packet._replace(generation=2))
+            connection.send(self.exchange.memory.init_packet._replace(generation=2))
         return refusal
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)
 
 
 @mutant(
@@ -39,32 +41,32 @@ def server_reuses_memory_that_one_reader_closed(patch: Patch) -> None:
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
         if isinstance(message, Closed):
-            memory = self._exchange.memory
+            memory = self.exchange.memory
             assert isinstance(memory, Memory)
             for slot in range(memory.ring.slots):
                 memory.color(slot)[:] = 0.25
         return original(self, connection, message)
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)
 
 
 def calls_its_memory_otherwise(patch: Patch) -> None:
     """Give memory a name that the reference server does not remove when it starts beside."""
-    wrap(patch, shared_memory, "create", lambda create, size: create(size, "splatbus-mutant-"))
+    server.CREATES_SEGMENT.wrap(patch, lambda create, size: create(size, "splatbus-mutant-"))
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-not-swept")
 def server_leaves_what_a_killed_one_left(patch: Patch) -> None:
     """Does not look for what an earlier run has left."""
     calls_its_memory_otherwise(patch)
-    patch.setattr(api, "sweep_stale", list)
+    Seam(api, "sweep_stale").replace(patch, list)
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-left-behind")
 def server_leaves_memory_to_the_next(patch: Patch) -> None:
     """Does not remove its memory when it ends: the next one will."""
     calls_its_memory_otherwise(patch)
-    patch.setattr(memory, "_remove_if_owner", lambda segment, owner: None)
+    server.REMOVES_SEGMENT.replace(patch, lambda segment, owner: None)
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-left-behind")
@@ -77,7 +79,7 @@ def server_leaves_memory_to_a_neighbour(patch: Patch) -> None:
         sweep = f"import os, time; time.sleep(0.5); os.unlink({str(path)!r})"
         subprocess.Popen([sys.executable, "-c", sweep], start_new_session=True)
 
-    patch.setattr(memory, "_remove_if_owner", remove)
+    server.REMOVES_SEGMENT.replace(patch, remove)
 
 
 IGNORES = "check_ignores_generations_that_it_did_not_announce"
@@ -93,7 +95,7 @@ def server_closes_at_unknown_generations(patch: Patch) -> None:
             connection.end("there is no such generation", 0.0)
         return refusal
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)
 
 
 @mutant("OPN-12", check=IGNORES, code="dies")
@@ -101,9 +103,9 @@ def server_dies_of_unknown_generations(patch: Patch) -> None:
     """Takes a generation for an index."""
 
     def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        reader = self._readers.get(connection)
+        reader = self.readers.get(connection)
         if reader is None or message.generation not in reader.announced:
             crash()
         return original(self, connection, message)
 
-    wrap(patch, Session, "_answered", answered)
+    server.HEARS_OF_MEMORY.wrap(patch, answered)

@@ -1,0 +1,1 @@
+"""The points of the reference programs at which faults are put in, each named once."""
