@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 from splatbus_client import Pose, connect
 
-from tests.peers.fake_server import (
-    POSITION,
-    ROTATION,
-    Memory,
-    frame,
-    image,
-    init_packet,
-    packet,
-)
+from tests.peers.fake_server import POSITION, ROTATION, Memory, frame, image, init_packet
+from tests.peers.raw_client import packet
 
 POSE = Pose(POSITION, ROTATION)
 

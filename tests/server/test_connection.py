@@ -18,7 +18,7 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 
-from tests.peers.raw_client import camera_pose, hello, packet
+from tests.peers.raw_client import camera_pose, hello, packet, packets
 
 OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "message": ()})
 GUARDED = OPEN._replace(token="secret")
@@ -35,13 +35,9 @@ def events(connection: Connection, data: bytes, now: float = 0.0) -> list[Event]
 
 def sent(connection: Connection) -> list[dict[str, object]]:
     """Takes what waits to be sent, as messages."""
-    messages, data = [], bytes(connection.unsent)
+    data = bytes(connection.unsent)
     connection.sent(len(data), 0.0)
-    while data:
-        end = 4 + int.from_bytes(data[:4], "little")
-        messages.append(json.loads(data[4:end]))
-        data = data[end:]
-    return messages
+    return packets(data)
 
 
 def greeted(channel: Channel = "message", *capabilities: str) -> Connection:
@@ -114,7 +110,7 @@ def text_of(message: object) -> bytes:
     return json.dumps(message).encode("utf-8", "surrogatepass")
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(
     st.sampled_from(["ipc", "message"]),
     st.booleans(),
