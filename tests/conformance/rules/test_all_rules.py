@@ -35,6 +35,7 @@ from tests.conformance.rules.talk import (
     Case,
     about_generation,
     breaches,
+    check,
     client,
     error,
     frame,
@@ -54,6 +55,11 @@ ONLY_SEEN_BROKEN = {("server", "CHN-5"), ("server", "JSN-8"), ("client", "JSN-8"
 def cases() -> list[Case]:
     modules = [import_module(f"{__package__}.{it.parent.name}.{it.stem}") for it in MODULES]
     return [case for module in modules for case in module.CASES]
+
+
+@pytest.mark.parametrize("case", cases(), ids=lambda case: f"{case.requirement}-{case.peer}")
+def test_each_requirement_is_kept_and_broken(case: Case) -> None:
+    check(case)
 
 
 def test_every_requirement_that_a_rule_judges_is_kept_and_broken_by_a_case() -> None:
