@@ -3,7 +3,8 @@
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire.messages import Hello, Program
 
-from tests.peers.fake_server import IPC_CAPABILITIES, init_packet, packet, packets, welcome
+from tests.peers.fake_server import IPC_CAPABILITIES, init_packet, welcome
+from tests.peers.raw_client import packet, packets
 
 HELLO = Hello(("1.1", "1.0"), Program("test", "0"), IPC_CAPABILITIES)
 BOTH = frozenset({"color", "depth"})

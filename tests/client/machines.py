@@ -3,7 +3,8 @@
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.messages import Hello, Program
 
-from tests.peers.fake_server import MESSAGE_CAPABILITIES, packet, welcome
+from tests.peers.fake_server import MESSAGE_CAPABILITIES, welcome
+from tests.peers.raw_client import packet
 
 HELLO = Hello(("1.1", "1.0"), Program("test", "0"), MESSAGE_CAPABILITIES)
 SIZE = {"viewport_size": [320, 240]}

@@ -23,9 +23,9 @@ from tests.peers.fake_server import (
     cuda_init_packet,
     frame,
     init_packet,
-    packet,
     welcome,
 )
+from tests.peers.raw_client import packet
 
 
 def test_hello_comes_first_and_nothing_else_before_welcome():

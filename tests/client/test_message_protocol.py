@@ -30,15 +30,8 @@ from splatbus_wire.messages import (
 )
 
 from tests.client.machines import HELLO, SIZE, machine_of_1_0, machine_of_1_1, receive
-from tests.peers.fake_server import (
-    CAMERA_REPLY,
-    LENS,
-    POSITION,
-    ROTATION,
-    packet,
-    packets,
-    welcome,
-)
+from tests.peers.fake_server import CAMERA_REPLY, LENS, POSITION, ROTATION, welcome
+from tests.peers.raw_client import packet, packets
 
 INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)

@@ -35,10 +35,9 @@ from tests.peers.fake_server import (
     ROTATION,
     SCENE,
     TELEMETRY,
-    packet,
-    packets,
     welcome,
 )
+from tests.peers.raw_client import packet, packets
 
 INTRINSICS = Intrinsics(**LENS)
 POSE = Pose(POSITION, ROTATION)

@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 from splatbus_client import Pose, connect
 
-from tests.peers.fake_server import (
-    CAMERA_REPLY,
-    POSITION,
-    ROTATION,
-    Memory,
-    frame,
-    image,
-    init_packet,
-    packet,
-)
+from tests.peers.fake_server import POSITION, ROTATION, Memory, frame, image, init_packet
+from tests.peers.raw_client import packet
 
 POSE = Pose(POSITION, ROTATION)
 
@@ -80,26 +72,6 @@ def test_half_a_packet_never_continues_on_the_next_connection(server, session, m
     ipc = server.ipc_1_1()
     ipc.socket.sendall(whole)
     assert ipc.receive() == {"type": "opened", "generation": 1}
-
-
-@pytest.mark.parametrize("payload", [b"\xff", b"[1]", b'{"meta":{}}', b"null", b'{"a":NaN}'])
-def test_broken_packets_are_ignored(server, session, memory, payload):
-    ipc, message = server.ipc_1_1(), server.message_1_1()
-    ipc.send(payload, init_packet(memory.name))
-    assert ipc.receive() == {"type": "opened", "generation": 1}
-    message.send(payload)
-    answer = session.ask_camera_pose(0)
-    request = message.receive()
-    message.send(payload, {"type": "camera", "id": request["id"]} | CAMERA_REPLY)
-    assert answer.result(5) == POSE
-
-
-def test_a_bad_header_closes_and_a_new_connection_is_made(server, session):
-    for accept in (server.ipc, server.message):
-        peer = accept()
-        peer.socket.sendall(b"\xff\xff\xff\xff")
-        assert peer.ended()
-        accept()
 
 
 def test_the_end_of_a_session_ends_both_connections(server):

@@ -7,7 +7,6 @@ import threading
 import pytest
 from splatbus_client import (
     Pose,
-    ServerRefusedError,
     connect,
     message_protocol,
 )
@@ -88,28 +87,6 @@ def test_a_size_that_the_server_does_not_know_is_asked_for_again(server, session
         message.send({"type": "viewport_size", "id": request["id"], "viewport_size": size})
     asker.join()
     assert sizes == [(WIDTH, HEIGHT)]
-
-
-def test_a_server_of_1_0_is_asked_in_its_own_words(server, session):
-    message = server.message()
-    assert message.receive()["type"] == "hello"
-    assert message.receive() == {"type": "get_viewport_size"}
-    message.send({"viewport_size": [WIDTH, HEIGHT]})
-    answer = session.ask_camera_pose(-1)
-    assert message.receive() == {"type": "get_camera_pose", "cam_idx": -1}
-    message.send(CAMERA_REPLY)
-    assert answer.result(5) == POSE
-    assert session.status.message.version == "1.0"
-
-
-def test_an_error_that_answers_a_question_is_raised(server, session):
-    message = server.message_1_1()
-    answer = session.ask_camera_pose(0)
-    identifier = message.receive()["id"]
-    error = {"type": "error", "code": "internal", "message": "out of cameras", "id": identifier}
-    message.send(error)
-    with pytest.raises(ServerRefusedError, match="out of cameras"):
-        answer.result(5)
 
 
 def test_a_reply_that_is_withheld_closes_that_channel_only(server, memory, monkeypatch):

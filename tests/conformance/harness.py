@@ -1,9 +1,13 @@
 """The harness, run as its user runs it, and the smallest clients for it."""
 
+import contextlib
+import io
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+from splatbus_conformance.cli.main import main
 
 MINIATURE = Path(__file__).parent / "miniatures" / "client.py"
 GOOD = f'"{sys.executable}" "{MINIATURE}" 1.1'
@@ -27,6 +31,17 @@ def run(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[i
     process = start(*arguments, cwd=cwd, **environment)
     output, _ = process.communicate(timeout=LIMIT_SECONDS)
     return process.returncode, output
+
+
+def said(*arguments: str) -> tuple[int, str]:
+    """Status and output of what comes to no checks, and so needs no process of its own."""
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+        try:
+            code = main(["--plain", *arguments])
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return code, output.getvalue()
 
 
 def broken(tmp_path: Path, *changes: tuple[str, str]) -> str:

@@ -16,14 +16,10 @@ from splatbus_conformance.wire.recording import load
 from splatbus_schemas import prose
 
 from tests.pair.rig import MOST_SECONDS, Tap, listener
+from tests.peers.raw_client import packet
 
 RECORDINGS = Path(__file__).parents[1] / "data" / "recordings"
 POSITION, ROTATION = [1.0, -2.0, 5.0], [0.0, 0.0, 0.0, 1.0]
-
-
-def packet(message: Any) -> bytes:
-    payload = json.dumps(message).encode()
-    return struct.pack("<I", len(payload)) + payload
 
 
 def init_packet_of_1_0() -> bytes:
@@ -106,7 +102,7 @@ def replay(name: str, tap: Tap) -> list[dict[str, Any]]:
         for message in recorded.messages:
             payload = message.packet.payload
             if message.sender == "client":
-                connection.sendall(struct.pack("<I", len(payload)) + payload)
+                connection.sendall(packet(payload))
             else:
                 (length,) = struct.unpack("<I", stream.read(4))
                 replies.append(json.loads(stream.read(length)))

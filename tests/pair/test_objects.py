@@ -88,11 +88,3 @@ def test_depth_is_in_world_units_whatever_the_scale() -> None:
     assert near.sum() > 100
     assert np.median(np.abs(half_depth[near] / depth[near] - 0.5)) < 1e-5
     tap.assert_conforming()
-
-
-def test_the_scene_is_told() -> None:
-    with showing(degrees=90.0) as (_, tap), tap.session() as session:
-        found = session.scene(MOST_SECONDS)
-        assert "default" in [each.id for each in found.objects]
-        assert found.time_range == (0.0, 4.0)
-    tap.assert_conforming()

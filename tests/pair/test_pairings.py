@@ -6,7 +6,7 @@ import pytest
 from splatbus_client import Pose
 from splatbus_schemas import names
 
-from tests.pair.legacy import POSITION, ROTATION, packet, replay, server_of_1_0
+from tests.pair.legacy import POSITION, ROTATION, replay, server_of_1_0
 from tests.pair.painting import is_whole, painter
 from tests.pair.rig import MOST_SECONDS, eventually, serving
 
@@ -48,44 +48,3 @@ def test_a_deployed_client_is_served_by_1_1(name: str) -> None:
         eventually(lambda: bus.statistics.poses_received, "a pose")
     found = tap.judged()
     assert [f for f in found.of("server") if f.broken] == []
-
-
-def test_a_client_of_1_0_is_sent_nothing_on_the_ipc_channel() -> None:
-    import socket
-
-    with serving(painter()) as (_, tap):
-        address = ("127.0.0.1", tap.ports["ipc"])
-        with socket.create_connection(address, timeout=0.5) as silent, tap.session() as other:
-            with other.next_frame(MOST_SECONDS) as frame:  # a client of 1.1 beside it is served
-                assert is_whole(frame)
-            with pytest.raises(TimeoutError):
-                silent.recv(1)
-    tap.assert_conforming()
-
-
-def test_who_does_not_know_what_comes_next_is_not_disturbed() -> None:
-    """Capabilities, types and members of a version to come change nothing."""
-    import socket
-
-    hello = {
-        "type": "hello",
-        "versions": ["7.3", "1.1"],
-        "client": {"name": "of the future", "version": "9", "mood": "good"},
-        "capabilities": ["telepathy", "ping", "scene"],
-        "extra": {"type": "bye"},
-    }
-    with serving(painter()) as (_, tap), tap.session() as session:
-        address = ("127.0.0.1", tap.ports["msg"])
-        with socket.create_connection(address, timeout=MOST_SECONDS) as future:
-            stream = future.makefile("rb")
-            future.sendall(packet(hello) + packet({"type": "teleport", "to": [1, 2]}))
-            future.sendall(packet({"type": "ping", "t": 1.5, "id": 3, "because": None}))
-            received = b""
-            while b"pong" not in received:
-                received += stream.read1(65536)
-            stream.close()
-        with session.next_frame(MOST_SECONDS) as frame:
-            assert is_whole(frame)
-    assert b"telepathy" not in received
-    answers = [m.type for m in tap.said("server", "msg")]
-    assert {"welcome", "error", "pong"} >= set(answers) - {"viewport_size"}

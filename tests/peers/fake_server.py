@@ -1,13 +1,13 @@
 """Both channels of a server, driven line by line from a test: raw sockets and plain JSON."""
 
-import json
 import os
 import secrets
 import socket
-import struct
 from pathlib import Path
 
 import numpy as np
+
+from tests.peers.raw_client import End
 
 SECONDS = 10.0
 WIDTH, HEIGHT, SLOTS = 6, 4, 3
@@ -90,21 +90,6 @@ TELEMETRY = {
 HANDLE = "A" * 86 + "=="
 
 
-def packet(message):
-    payload = message if isinstance(message, bytes) else json.dumps(message).encode()
-    return struct.pack("<I", len(payload)) + payload
-
-
-def packets(data):
-    """The messages in whole packets."""
-    messages = []
-    while data:
-        (length,) = struct.unpack("<I", data[:4])
-        messages.append(json.loads(data[4 : 4 + length]))
-        data = data[4 + length :]
-    return messages
-
-
 def welcome(*capabilities, version="1.1"):
     return {
         "type": "welcome",
@@ -182,27 +167,18 @@ class Memory:
         self.path.unlink(missing_ok=True)
 
 
-class Peer:
+class Peer(End):
     """The server's end of one connection."""
 
     def __init__(self, connection):
-        self.socket = connection
-        self.socket.settimeout(SECONDS)
-        self._data = b""
-
-    def send(self, *messages):
-        self.socket.sendall(b"".join(map(packet, messages)))
+        super().__init__(connection, SECONDS)
 
     def receive(self):
         """The next message; EOFError if the client ended the connection."""
-        while len(self._data) < 4 or len(self._data) < 4 + struct.unpack("<I", self._data[:4])[0]:
-            data = self.socket.recv(65536)
-            if not data:
-                raise EOFError
-            self._data += data
-        (length,) = struct.unpack("<I", self._data[:4])
-        message, self._data = self._data[4 : 4 + length], self._data[4 + length :]
-        return json.loads(message)
+        message = super().receive()
+        if message is None:
+            raise EOFError
+        return message
 
     def receive_type(self, kind):
         """The next message of a type; others are skipped."""
@@ -220,13 +196,6 @@ class Peer:
         except TimeoutError:
             return False
         return True
-
-    def reset(self):
-        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        self.socket.close()
-
-    def close(self):
-        self.socket.close()
 
 
 class FakeServer:

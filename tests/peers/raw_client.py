@@ -39,24 +39,23 @@ def hello(*capabilities: str, **other: Any) -> dict[str, Any]:
     }
 
 
-class RawClient:
-    """One connection; every wait has a limit."""
+def packets(data: bytes) -> list[dict[str, Any]]:
+    """The messages in whole packets."""
+    messages = []
+    while data:
+        end = 4 + int.from_bytes(data[:4], "little")
+        messages.append(json.loads(data[4:end]))
+        data = data[end:]
+    return messages
 
-    def __init__(self, port: int, host: str = "127.0.0.1", timeout: float = 10.0) -> None:
-        self.socket = socket.create_connection((host, port), timeout=timeout)
-        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+class End:
+    """One end of a connection; every wait has a limit."""
+
+    def __init__(self, connection: socket.socket, seconds: float) -> None:
+        self.socket = connection
+        self.socket.settimeout(seconds)
         self._buffer = b""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         self.socket.close()
@@ -85,6 +84,30 @@ class RawClient:
         assert isinstance(message, dict)
         return message
 
+    def _length(self) -> int:
+        (length,) = struct.unpack_from("<I", self._buffer)
+        assert isinstance(length, int)
+        return length
+
+
+class RawClient(End):
+    """One connection to a server."""
+
+    def __init__(self, port: int, host: str = "127.0.0.1", timeout: float = 10.0) -> None:
+        super().__init__(socket.create_connection((host, port), timeout=timeout), timeout)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
     def ask(self, message: Any) -> dict[str, Any] | None:
         self.send(message)
         return self.receive()
@@ -105,11 +128,6 @@ class RawClient:
             return True
         finally:
             self.socket.settimeout(10.0)
-
-    def _length(self) -> int:
-        (length,) = struct.unpack_from("<I", self._buffer)
-        assert isinstance(length, int)
-        return length
 
 
 class Reader(RawClient):

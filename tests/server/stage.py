@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from splatbus_server.connection import Connection, Refusal, Terms
@@ -17,7 +16,7 @@ from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Placement, Program, Scene, SceneObject
 from splatbus_wire.poses import IDENTITY, Pose
 
-from tests.peers.raw_client import hello, packet
+from tests.peers.raw_client import hello, packet, packets
 
 CAMERAS = [Pose((float(index), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)]
 OBJECTS = {name: Placement(name, IDENTITY) for name in ("default", "chair")}
@@ -118,13 +117,9 @@ class Client:
         return refused
 
     def hear(self) -> list[dict[str, Any]]:
-        messages, data = [], bytes(self.connection.unsent)
+        data = bytes(self.connection.unsent)
         self.connection.sent(len(data), self.stage.now)
-        while data:
-            end = 4 + int.from_bytes(data[:4], "little")
-            messages.append(json.loads(data[4:end]))
-            data = data[end:]
-        return messages
+        return packets(data)
 
     def ask(self, message: Any) -> dict[str, Any]:
         """Sends; returns the one message that comes back."""

@@ -31,42 +31,14 @@ def text(message: object) -> bytes:
 
 IGNORED = {
     "invalid UTF-8": (b'{"type":"\xff"}', "JSN-1"),
-    "a byte-order mark": (b"\xef\xbb\xbf" + text(camera_pose(9.0)), "JSN-2"),
-    "no JSON": (b"camera_pose 1 2 3", "JSN-1"),
     "an array": (text([camera_pose(9.0)]), "JSN-1"),
-    "a number": (b"1", "JSN-1"),
-    "null": (b"null", "JSN-1"),
     "NaN": (text(camera_pose(float("nan"))), "JSN-4"),
-    "Infinity": (text(camera_pose(float("inf"))), "JSN-4"),
-    "1e400": (text(camera_pose(9.0)).replace(b"9.0", b"1e400"), "JSN-4"),
-    "5,000 digits": (text(camera_pose(9.0)).replace(b"9.0", b"9" * 5000), "JSN-4"),
-    "a member twice": (text(camera_pose(9.0)).replace(b'"y"', b'"x"'), "JSN-3"),
     "100,000 brackets": (b'{"type":' + b"[" * 100_000, "JSN-5"),
-    "100,000 pairs of brackets": (b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "JSN-5"),
     "beyond single precision": (text(camera_pose(1e39)), "POS-2"),
-    "no position": (text({"type": "camera_pose", "rotation": IDENTITY["rotation"]}), "POS-1"),
-    "no rotation": (text({"type": "camera_pose", "position": IDENTITY["position"]}), "POS-1"),
-    "no y": (text(pose_with(position={"x": 9.0, "z": 0.0})), "POS-1"),
     "null for x": (text(pose_with(position={"x": None, "y": 0, "z": 0})), "/position/x"),
-    "a word for x": (text(pose_with(position={"x": "far", "y": 0, "z": 0})), "/position/x"),
-    "an array for position": (text(pose_with(position=[9.0, 0.0, 0.0])), "POS-1"),
-    "a zero quaternion": (text(pose_with(rotation=dict.fromkeys("xyzw", 0.0))), "POS-3"),
-    "a singular rotation": (
-        text(pose_with(rotation={"x": 0.5, "y": 0.5, "z": 0.0, "w": 0.0})),
-        "POS-3",
-    ),
-    "a quaternion of norm 2": (text(pose_with(rotation=dict.fromkeys("xyzw", 1.0))), "POS-3"),
-    "a timestamp that is no number": (text(camera_pose(9.0, timestamp="now")), "POS-8"),
-    "no type": (text(IDENTITY), "REQ-8"),
     "an unknown type": (text({"type": "shutdown"}), "REQ-8"),
-    "a type that is no string": (text({"type": {"type": "camera_pose"}}), "REQ-8"),
 }
-
-CLOSED = {
-    "no cam_idx": ({"type": "get_camera_pose"}, "REQ-2"),
-    "a cam_idx that is no integer": ({"type": "get_camera_pose", "cam_idx": 0.5}, "REQ-2"),
-    "a cam_idx beyond range": ({"type": "get_camera_pose", "cam_idx": 2**53}, "REQ-2"),
-}
+"""Of each kind one: what else is refused, and why, is tested without sockets."""
 
 
 class Neighbours:
@@ -153,19 +125,14 @@ def test_a_packet_that_is_ignored(
     assert reason in caplog.text
 
 
-@pytest.mark.parametrize("name", CLOSED)
 def test_a_request_that_cannot_be_answered(
-    bus: splatbus_server.Bus,
-    neighbours: Neighbours,
-    caplog: pytest.LogCaptureFixture,
-    name: str,
+    bus: splatbus_server.Bus, neighbours: Neighbours, caplog: pytest.LogCaptureFixture
 ) -> None:
     """[REQ-9]"""
-    request, reason = CLOSED[name]
     with RawClient(bus.address.message_port) as rude:
-        assert rude.ask(request) is None
+        assert rude.ask({"type": "get_camera_pose"}) is None
     assert neighbours.are_served()
-    assert reason in caplog.text
+    assert "REQ-2" in caplog.text
     assert eventually(lambda: "REQ-9" in caplog.text)
 
 
@@ -184,23 +151,6 @@ def test_ten_thousand_poses_at_once(bus: splatbus_server.Bus, neighbours: Neighb
     views, superseded = after.views - before.views, after.poses_superseded - before.poses_superseded
     assert views + superseded == 10_000
     assert after.frames_published - before.frames_published == views
-    assert neighbours.are_served()
-
-
-def test_replies_that_nobody_reads(
-    bus: splatbus_server.Bus, neighbours: Neighbours, caplog: pytest.LogCaptureFixture
-) -> None:
-    """[LIM-2]: it is closed, and until then nobody waits for it."""
-    requests = packet({"type": "get_camera_pose", "cam_idx": 0}) * 1000
-    with RawClient(bus.address.message_port) as rude:
-        rude.socket.settimeout(0.5)
-        try:
-            for _ in range(1000):
-                rude.socket.sendall(requests)
-                assert neighbours.are_served()
-        except (TimeoutError, ConnectionError):
-            pass
-        assert eventually(lambda: "LIM-2" in caplog.text)
     assert neighbours.are_served()
 
 

@@ -18,7 +18,7 @@ from splatbus_wire.messages import (
     ViewportSize,
 )
 
-from tests.peers.raw_client import camera_pose, hello, packet
+from tests.peers.raw_client import camera_pose, hello, packet, packets
 
 OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "message": ()})
 GUARDED = OPEN._replace(token="secret")
@@ -35,13 +35,9 @@ def events(connection: Connection, data: bytes, now: float = 0.0) -> list[Event]
 
 def sent(connection: Connection) -> list[dict[str, object]]:
     """Takes what waits to be sent, as messages."""
-    messages, data = [], bytes(connection.unsent)
+    data = bytes(connection.unsent)
     connection.sent(len(data), 0.0)
-    while data:
-        end = 4 + int.from_bytes(data[:4], "little")
-        messages.append(json.loads(data[4:end]))
-        data = data[end:]
-    return messages
+    return packets(data)
 
 
 def greeted(channel: Channel = "message", *capabilities: str) -> Connection:
@@ -114,7 +110,7 @@ def text_of(message: object) -> bytes:
     return json.dumps(message).encode("utf-8", "surrogatepass")
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(
     st.sampled_from(["ipc", "message"]),
     st.booleans(),
@@ -249,7 +245,12 @@ def test_who_agrees_upon_1_0_has_what_1_0_has(terms: Terms) -> None:
 
 @pytest.mark.parametrize(
     "payload",
-    [b'{"type":"get_camera_pose"}', b'{"type":"get_camera_pose","cam_idx":"0"}'],
+    [
+        b'{"type":"get_camera_pose"}',
+        b'{"type":"get_camera_pose","cam_idx":"0"}',
+        b'{"type":"get_camera_pose","cam_idx":0.5}',
+        b'{"type":"get_camera_pose","cam_idx":9007199254740992}',
+    ],
 )
 def test_a_client_that_awaits_a_reply_in_vain_is_told_by_a_close(payload: bytes) -> None:
     """[REQ-9]"""
@@ -292,6 +293,26 @@ def test_an_error_about_no_request_has_no_id(channel: Channel, kind: object) -> 
     (error,) = sent(connection)
     assert error["type"] == "error"
     assert "id" not in error
+
+
+@pytest.mark.parametrize(
+    ("message", "code"),
+    [
+        (b'{"type":', "malformed_json"),
+        (b"[1, 2]", "not_an_object"),
+        ({"type": "teleport"}, "unknown_type"),
+        (camera_pose(1e39), "invalid_number"),
+        (camera_pose(rotation=dict.fromkeys("xyzw", 1.0)), "invalid_rotation"),
+    ],
+)
+def test_an_error_has_the_code_of_what_was_wrong_and_the_connection_goes_on(
+    message: object, code: str
+) -> None:
+    """[NEG-26]"""
+    connection = greeted()
+    assert events(connection, packet(message) + REQUEST)[1:] == [GetViewportSize()]
+    assert [error["code"] for error in sent(connection)] == [code]
+    assert connection.ending is None
 
 
 def test_a_second_hello_is_refused_and_the_first_stays() -> None:

@@ -18,7 +18,7 @@ from tests.server.leased_reader import COLOR_STEP
 
 ROOT = Path(__file__).parents[2]
 WIDTH, HEIGHT = 32, 8
-READS = 100_000
+READS = 20_000
 FAST_READERS = 4
 
 

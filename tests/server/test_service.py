@@ -82,19 +82,6 @@ def test_several_clients_are_served_at_once(bus: splatbus_server.Bus) -> None:
             assert reader.frame()["camera"]["position"][0] == 0.25
 
 
-def test_control_passes_on_when_its_connection_closes(bus: splatbus_server.Bus) -> None:
-    """[POS-11]"""
-    with Reader(bus.address.ipc_port) as reader, RawClient(bus.address.message_port) as second:
-        reader.open()
-        reader.release(reader.frame())
-        with RawClient(bus.address.message_port) as first:
-            first.send(camera_pose(0.25))
-            reader.release(reader.frame())
-            second.send(camera_pose(0.5))
-            assert second.viewport()
-        assert reader.frame()["camera"]["position"][0] == 0.5
-
-
 @pytest.mark.parametrize("channel", ["ipc", "message"])
 def test_one_connection_too_many_is_closed(
     bus: splatbus_server.Bus, channel: str, caplog: pytest.LogCaptureFixture

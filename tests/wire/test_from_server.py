@@ -1,4 +1,4 @@
-"""What is wrong with a server's message: code, requirement and pointer, where no schema can say."""
+"""What a server sends: what is taken for what, and what is wrong with it, where no schema says."""
 
 import copy
 from typing import Any
@@ -7,6 +7,7 @@ import pytest
 from splatbus_schemas import examples
 from splatbus_wire.messages import (
     CameraReply,
+    ErrorMessage,
     GetCameraPose,
     GetScene,
     GetViewportSize,
@@ -127,26 +128,79 @@ def test_a_size_answers_whoever_asked_for_one():
         assert decode_from_server_message(reply, request) == ViewportSize(640, 480, 12)
 
 
-def test_a_reply_to_another_kind_of_request_is_refused():
-    reply = payload_of(encode(Pong(1.0, 2.0, 5), typed_replies=True))
-    error = refusal(decode_from_server_message, reply, GetScene(5))
+@pytest.mark.parametrize(
+    ("reply", "other", "its_own"),
+    [
+        (ViewportSize(64, 48, 3), GetCameraPose(0, 3), GetViewportSize),
+        (Pong(1.0, 2.0, 3), GetScene(3), lambda identifier: Ping(1.0, identifier)),
+    ],
+)
+def test_a_reply_to_another_request_is_refused(reply, other, its_own):
+    sent = payload_of(encode(reply, typed_replies=True))
+    error = refusal(decode_from_server_message, sent, other)
     assert (error.code, error.requirement) == ("invalid_message", "REQ-7")
-    error = refusal(decode_from_server_message, reply, Ping(1.0, 6))
-    assert (error.requirement, error.pointer) == ("NEG-28", "/id")
+    for identifier in (None, 4):
+        error = refusal(decode_from_server_message, sent, its_own(identifier))
+        assert (error.requirement, error.pointer) == ("NEG-28", "/id")
 
 
 @pytest.mark.parametrize(
     ("pointer", "value", "code", "requirement", "at"),
     [
         ("/camera/tag", "", "invalid_message", "CAM-3", "/camera/tag"),
+        ("/camera/position", [0, 1e39, 0], "invalid_number", "POS-2", "/camera/position/1"),
+        ("/camera/rotation", [0, 0, 0, 1.011], "invalid_rotation", "POS-3", "/camera/rotation"),
+        ("/camera/rotation", [0, 0, 0, 0], "invalid_rotation", "POS-3", "/camera/rotation"),
+        ("/camera/near", 100, "invalid_message", "IMG-1", "/camera/far"),
+        ("/camera/near", 100.5, "invalid_message", "IMG-1", "/camera/far"),
         ("/objects/0/object", "default", "invalid_message", "OBJ-7", "/objects"),
         ("/objects/0/position/0", 1e39, "invalid_number", "POS-2", "/objects/0/position/0"),
         ("/objects/0/rotation/3", 1.011, "invalid_rotation", "POS-3", "/objects/0/rotation"),
         ("/objects/0/scale", 0, "invalid_message", "OBJ-7", "/objects/0/scale"),
     ],
 )
-def test_a_frame_with_impossible_objects_is_refused(pointer, value, code, requirement, at):
+def test_a_frame_that_cannot_be_is_refused(pointer, value, code, requirement, at):
     message = example("frame", "two objects")
     decode_from_server_ipc(payload(message))
     error = refusal(decode_from_server_ipc, payload(changed(message, pointer, value)))
     assert (error.code, error.requirement, error.pointer) == (code, requirement, at)
+
+
+def test_a_reply_without_type_is_what_was_asked_for():
+    size, pose = {"viewport_size": [64, 48]}, {"position": [0, 0, 0], "rotation": [0, 0, 0, 1]}
+    both = payload(size | pose | {"id": "not known in 1.0"})
+    assert decode_from_server_message(both, GetViewportSize(3)) == ViewportSize(64, 48)
+    assert isinstance(decode_from_server_message(both, GetCameraPose(0, 3)), CameraReply)
+
+
+def test_a_reply_to_no_request_is_unknown():
+    for reply in ({"viewport_size": [64, 48]}, {"type": "viewport_size", "viewport_size": [1, 1]}):
+        error = refusal(decode_from_server_message, payload(reply), None)
+        assert (error.code, error.requirement) == ("unknown_type", "CHN-11")
+
+
+@pytest.mark.parametrize("kind", ["world", 1, None, []])
+def test_an_unknown_type_from_a_server_is_unknown(kind):
+    reply = payload({"type": kind, "viewport_size": [64, 48]})
+    error = refusal(decode_from_server_message, reply, GetViewportSize())
+    assert (error.code, error.requirement) == ("unknown_type", "NEG-9")
+    error = refusal(decode_from_server_ipc, reply)
+    assert (error.code, error.requirement) == ("unknown_type", "INI-11")
+
+
+@pytest.mark.parametrize("code", ["teapot", "busy"])
+def test_an_error_is_taken_whatever_its_code(code):
+    message = payload({"type": "error", "code": code, "message": "no", "supported": ["2.0"]})
+    assert decode_from_server_ipc(message) == ErrorMessage(code, "no", supported=("2.0",))
+
+
+def test_a_server_may_speak_more_versions_than_a_hello_can_list():
+    supported = tuple(f"{number}.0" for number in range(2, 20))
+    message = ErrorMessage("unsupported_version", "no", supported=supported)
+    assert decode_from_server_ipc(payload_of(encode(message))) == message
+
+
+def test_what_is_supported_is_one_version_or_more():
+    message = {"type": "error", "code": "unsupported_version", "message": "no", "supported": []}
+    error = refusal(decode_from_server_ipc, payload(message))
+    assert str(error) == "supported has 0 items, not 1 or more at /supported [NEG-10]"

@@ -3,10 +3,8 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import jsonschema
@@ -14,13 +12,13 @@ import pytest
 from splatbus_conformance.data import read_json
 from splatbus_conformance.wire.ports import free_port
 
-from tests.conformance.harness import GOOD, MINIATURE, OLD, broken, run, start
+from tests.conformance.harness import GOOD, MINIATURE, OLD, broken, run, said, start
 
 
 def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> None:
     report, junit = tmp_path / "report.json", tmp_path / "report.xml"
     code, output = run(
-        *("client", "--launch", GOOD, "--select", "FRM-1,FRM-4,NEG-8"),
+        *("client", "--launch", GOOD, "--select", "FRM-1,NEG-8"),
         *("--json", str(report), "--junit", str(junit), "--record", str(tmp_path / "sessions")),
     )
     assert code == 0, output
@@ -28,25 +26,18 @@ def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> N
     written = json.loads(report.read_text("utf-8"))
     jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(written)
     verdicts = {entry["id"]: entry["verdict"] for entry in written["requirements"]}
-    assert verdicts["FRM-4"] == verdicts["NEG-8"] == verdicts["FRM-1"] == "pass"
-    assert b"FRM-4" in junit.read_bytes()
-    assert len(list((tmp_path / "sessions").glob("*.jsonl"))) == 5, "introduction, four checks"
+    assert verdicts["NEG-8"] == verdicts["FRM-1"] == "pass"
+    assert b"NEG-8" in junit.read_bytes()
+    assert len(list((tmp_path / "sessions").glob("*.jsonl"))) == 3, "introduction, two checks"
 
 
 def test_a_client_without_a_limit_on_lengths_does_not_conform(tmp_path: Path) -> None:
     command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
-    code, output = run("client", "--launch", command, "--select", "FRM-3")
+    code, output = run("client", "--launch", command, "--select", "FRM-3", "--shrink", "0")
     assert code == 1, output
     assert "not conforming: FRM-3 broken" in output
     assert "A receiver MUST close a connection on which a header announces" in output
     assert "ff ff ff ff" in output or "01 00 10 00" in output or "00 00 00 00" in output
-
-
-def test_a_client_that_crashes_is_told_from_one_that_closes(tmp_path: Path) -> None:
-    command = broken(tmp_path, ('raise Bad("length")', "os.abort()"))
-    code, output = run("client", "--launch", command, "--select", "FRM-3")
-    assert code == 1, output
-    assert "the testee died" in output
 
 
 def test_a_client_of_1_0_is_not_judged_by_1_1() -> None:
@@ -55,57 +46,10 @@ def test_a_client_of_1_0_is_not_judged_by_1_1() -> None:
     assert "the testee says no hello on the ipc channel: 1.1 is not claimed" in output
 
 
-def test_nothing_connects_is_no_verdict() -> None:
-    command = f'"{sys.executable}" -c "import time; time.sleep(60)"'
-    code, output = run("client", "--launch", command, "--patience", "0.5")
-    assert code == 3
-    assert "nothing connected" in output
-    assert "SPLATBUS_IPC_PORT" in output
-
-
-def test_a_testee_that_exits_at_once_is_quoted() -> None:
-    command = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
-    code, output = run("client", "--launch", command, "--patience", "20")
-    assert code == 3
-    assert "ended with status 1" in output
-    assert "ooo" in output
-
-
-def test_a_command_that_does_not_exist_is_no_verdict() -> None:
-    code, output = run("client", "--launch", "/nowhere/my-viewer")
-    assert code == 3
-    assert "cannot start the testee" in output
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--launch", GOOD, "--ports", "6001"], "two numbers are wanted"),
-        (["--launch", GOOD, "--viewport", "big"], "width and height are wanted"),
-        (["--launch", GOOD, "--wait"], "not allowed with"),
-        ([], "required"),
-        (["--launch", GOOD, "--select", "FRM-999"], "FRM-999"),
-    ],
-)
-def test_usage_errors_say_what_is_wanted(arguments: list[str], text: str) -> None:
-    code, output = run("client", *arguments)
-    assert code == 2
-    assert text in output
-
-
-def test_a_port_in_use_is_a_usage_error() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        code, output = run("client", "--launch", GOOD, "--ports", f"{port},{free_port()}")
-    assert code == 2
-    assert f"cannot listen on 127.0.0.1:{port}" in output
-    assert "--ports" in output
-
-
 def test_waits_for_a_client_that_is_started_by_hand() -> None:
     ports = free_port(), free_port()
     harness = start(
-        *("client", "--wait", "--ports", f"{ports[0]},{ports[1]}", "--select", "FRM-3,FRM-4"),
+        *("client", "--wait", "--ports", f"{ports[0]},{ports[1]}", "--select", "FRM-3,NEG-8"),
         *("--patience", "30"),
     )
     environment = {"SPLATBUS_IPC_PORT": str(ports[0]), "SPLATBUS_MSG_PORT": str(ports[1])}
@@ -122,28 +66,13 @@ def test_waits_for_a_client_that_is_started_by_hand() -> None:
     assert "may crash a testee that was not launched" in output
 
 
-def test_the_users_own_pytest_has_no_part_in_it(tmp_path: Path) -> None:
-    (tmp_path / "conftest.py").write_text("raise RuntimeError('the conftest was read')")
-    (tmp_path / "pytest.ini").write_text("[pytest]\naddopts = --no-such-option\n")
-    code, output = run(
-        *("client", "--launch", GOOD, "--select", "NEG-8"),
-        cwd=tmp_path,
-        PYTEST_ADDOPTS="--collect-only",
-        PYTEST_PLUGINS="no_such_plugin",
-    )
-    assert code == 0, output
-
-
 @pytest.mark.skipif(os.name == "nt", reason="SIGINT cannot be sent to one process on Windows")
-@pytest.mark.parametrize("parallel", ["1", "2"])
-def test_an_interrupt_ends_the_run_and_the_testee_and_leaves_no_report_of_before(
-    parallel: str, tmp_path: Path
-) -> None:
+def test_an_interrupt_ends_the_run_and_leaves_no_report_of_before(tmp_path: Path) -> None:
     reports = {name: tmp_path / f"report.{name}" for name in ("json", "junit", "html", "badge")}
     for path in reports.values():
         path.write_text("conforming", "utf-8")
     files = [word for name, path in reports.items() for word in (f"--{name}", str(path))]
-    process = start("client", "--launch", GOOD, "--parallel", parallel, *files)
+    process = start("client", "--launch", GOOD, *files)
     assert process.stdout is not None
     line = process.stdout.readline()
     assert [path.name for path in reports.values() if path.exists()] == []
@@ -161,6 +90,31 @@ def test_an_interrupt_ends_the_run_and_the_testee_and_leaves_no_report_of_before
     assert json.loads(reports["badge"].read_text("utf-8"))["message"] == "no verdict"
 
 
+SILENT = f'"{sys.executable}" -c "import time; time.sleep(60)"'
+EXITS = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        pytest.param(
+            *(["--launch", SILENT, "--patience", "0.5"], 3, "SPLATBUS_IPC_PORT"),
+            id="nothing connects",
+        ),
+        pytest.param(["--launch", EXITS], 3, "ooo", id="it exits at once"),
+        (["--launch", GOOD, "--wait"], 2, "not allowed with"),
+        ([], 2, "required"),
+        (["--launch", GOOD, "--select", "FRM-999"], 2, "FRM-999"),
+        (["--wait", "--parallel", "2"], 2, "use --launch or --adapter, and leave out --ports"),
+        (["--launch", GOOD, "--ports", "1,2", "--parallel", "2"], 2, "and leave out --ports"),
+    ],
+)
+def test_what_comes_to_no_check_says_why(words: list[str], code: int, told: str) -> None:
+    found, output = said("client", *words)
+    assert found == code, output
+    assert told in " ".join(output.split())
+
+
 def test_the_same_seed_draws_the_same_cases() -> None:
     from hypothesis import strategies as st
     from splatbus_conformance.cases.drawing import draw
@@ -168,10 +122,3 @@ def test_the_same_seed_draws_the_same_cases() -> None:
     numbers = st.lists(st.integers())
     assert draw(numbers, 50, 7) == draw(numbers, 50, 7)
     assert draw(numbers, 50, 7) != draw(numbers, 50, 8)
-
-
-def test_waiting_has_a_limit() -> None:
-    began = time.monotonic()
-    code, _ = run("client", "--wait", "--ports", f"{free_port()},{free_port()}", "--patience", "1")
-    assert code == 3
-    assert time.monotonic() - began < 60

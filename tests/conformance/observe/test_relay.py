@@ -181,18 +181,6 @@ def test_without_a_server_a_client_is_let_down_and_it_is_said_why(wire: Wire) ->
     assert "refused" in reason.lower()
 
 
-def test_a_server_that_comes_later_is_found(wire: Wire) -> None:
-    address = wire.server.getsockname()[:2]
-    wire.server.close()
-    with pytest.raises(ConnectionResetError):
-        wire.knock().recv(1)
-    wire.server = socket.create_server(address)
-    wire.server.settimeout(MOST_SECONDS)
-    client, served = wire.connect()
-    client.sendall(b"now")
-    assert received(served, 3) == b"now"
-
-
 def test_every_address_of_a_name_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     """`localhost` is ::1 first, and most servers listen on 127.0.0.1."""
     with socket.create_server(("127.0.0.1", 0)) as gone:

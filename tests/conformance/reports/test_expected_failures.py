@@ -16,7 +16,7 @@ from splatbus_conformance.reports.expected_failures import (
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.verdicts import Level, Result, Verdict, exit_code
 
-from tests.conformance.harness import GOOD, broken, run
+from tests.conformance.harness import GOOD, broken, run, said
 
 ITEMS = (Item("FRM-3", "check_a", "L1"), Item("FRM-3", "check_b", "L1"), Item("FRM-4", RULE, "L0"))
 KNOWN = Expectation("FRM-3", "check_a", "issue 17", "hangs")
@@ -137,7 +137,7 @@ def test_a_run_with_its_list_from_beginning_to_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize("option", ["--select", "--deselect"])
 def test_a_list_is_not_written_from_part_of_a_run(tmp_path: Path, option: str) -> None:
     path = tmp_path / "known.toml"
-    code, output = run("client", "--launch", GOOD, option, "FRM", "--write-expected", str(path))
+    code, output = said("client", "--launch", GOOD, option, "FRM", "--write-expected", str(path))
     assert code == 2
     assert "a whole run" in output
     assert not path.exists()

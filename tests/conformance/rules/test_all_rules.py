@@ -1,6 +1,7 @@
 """All rules together: each is kept and broken somewhere, none fails, none blames the wrong side."""
 
 import json
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ from tests.conformance.rules.talk import (
     Case,
     about_generation,
     breaches,
+    check,
     client,
     error,
     frame,
@@ -49,9 +51,15 @@ ONLY_WITH_THE_OTHER_SIDE_AT_FAULT = {("server", "REQ-8"), ("server", "REQ-9"), (
 ONLY_SEEN_BROKEN = {("server", "CHN-5"), ("server", "JSN-8"), ("client", "JSN-8")}
 
 
+@cache
 def cases() -> list[Case]:
     modules = [import_module(f"{__package__}.{it.parent.name}.{it.stem}") for it in MODULES]
     return [case for module in modules for case in module.CASES]
+
+
+@pytest.mark.parametrize("case", cases(), ids=lambda case: f"{case.requirement}-{case.peer}")
+def test_each_requirement_is_kept_and_broken(case: Case) -> None:
+    check(case)
 
 
 def test_every_requirement_that_a_rule_judges_is_kept_and_broken_by_a_case() -> None:
@@ -64,9 +72,14 @@ def test_every_requirement_that_a_rule_judges_is_kept_and_broken_by_a_case() -> 
     assert not covered & ONLY_SEEN_BROKEN
 
 
+@cache
+def seen_in_broken_cases() -> set[str]:
+    return {s.requirement for case in cases() for s in sightings(case.broken)}
+
+
 @pytest.mark.parametrize("rule", all_rules(), ids=lambda rule: rule.__name__)
 def test_a_rule_judges_what_it_declares(rule: Any) -> None:
-    broken = {s.requirement for case in cases() for s in sightings(case.broken)}
+    broken = seen_in_broken_cases()
     assert set(rule.judges) <= broken | {name for _, name in ONLY_WITH_THE_OTHER_SIDE_AT_FAULT} | {
         name for _, name in ONLY_SEEN_BROKEN
     }

@@ -101,15 +101,11 @@ def test_what_is_not_seen_again_was_tried_so_often_and_stays_a_failure(
     assert (script.tried, script.again, script.seen) == (3, 0, "first")
 
 
-def test_what_is_seen_now_and_then_says_how_often(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    answers = iter([True, False, True])
-    desk = Desk(lambda requirement, row: next(answers))
-    for module in (failures, replay):
-        monkeypatch.setattr(module, "replay", desk.replay)
-    testbed = SimpleNamespace(introduce=lambda: None, close=lambda: None)
-    monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
+NOW_AND_THEN = iter([True, False, True])
+
+
+@pytest.mark.parametrize("desk", [lambda *_: next(NOW_AND_THEN)], indirect=True)
+def test_what_is_seen_now_and_then_says_how_often(desk: Desk, tmp_path: Path) -> None:
     assert told(tmp_path, failure("FRM-1", 1, 2)) == ["2 cases; tried 3 times more, seen 2"]
 
 

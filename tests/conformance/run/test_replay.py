@@ -14,7 +14,7 @@ from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.trials.trial import Violation
 from splatbus_schemas.requirements import requirements
 
-from tests.conformance.harness import run
+from tests.conformance.harness import said
 
 MINIATURE = Path(__file__).parents[1] / "miniatures" / "client.py"
 SEGMENTS = "check_any_segmentation"
@@ -119,7 +119,7 @@ def test_a_check_that_is_gone_is_named(testbed: Testbed) -> None:
 def test_a_command_that_does_not_exist_is_no_verdict(tmp_path: Path) -> None:
     path = tmp_path / "script.json"
     save(Script("client", "FRM-4", SEGMENTS, False, ()), path)
-    code, output = run("replay", str(path), "--launch", "/nowhere/my-viewer")
+    code, output = said("replay", str(path), "--launch", "/nowhere/my-viewer")
     assert code == 3
     assert "cannot start the testee" in output
     assert "Traceback" not in output

@@ -2,17 +2,22 @@
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from splatbus_conformance.plan import Plan
-from splatbus_conformance.run.testbed import set_up
+from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.run.vital_signs import BRIEF_SECONDS
 
 from tests.conformance.harness import run
 
-SERVER = """
+SERVES = """
 import os, socket, threading, time
+from contextlib import nullcontext
+
+PLACE = nullcontext()
 
 def packet(connection):
     header = connection.recv(4, socket.MSG_WAITALL)
@@ -20,12 +25,13 @@ def packet(connection):
     return connection.recv(size, socket.MSG_WAITALL) if len(header) == 4 else b""
 
 def serve(connection):
-    with connection:
+    with connection, PLACE:
         while request := packet(connection):
             if b"get_viewport_size" in request:
                 reply = b'{"viewport_size":[64,48]}'
                 connection.sendall(len(reply).to_bytes(4, "little") + reply)
-
+"""
+DIES = """
 def listen(name, most):
     listener = socket.create_server(("127.0.0.1", int(os.environ[name])))
     for _ in range(most):
@@ -42,33 +48,40 @@ MET = 5
 """Connections to the message channel while it is met, and by the check that passes."""
 
 
-@pytest.fixture
-def judged(tmp_path: Path, request: pytest.FixtureRequest) -> tuple[int, dict, str]:
-    program, report = tmp_path / "server.py", tmp_path / "report.json"
-    program.write_text(f"MOST = {request.param}\n{SERVER}")
+def written(tmp_path: Path, *lines: str) -> str:
+    """The command of a server of these lines."""
+    program = tmp_path / "server.py"
+    program.write_text("\n".join(lines), "utf-8")
+    return f'"{sys.executable}" "{program}"'
+
+
+@contextmanager
+def met(command: str) -> Iterator[Testbed]:
+    """A testbed with a server that was met."""
+    testbed = set_up(Plan("server", command, "127.0.0.1", (0, 0), (0, 0), 10.0))
+    try:
+        testbed.introduce()
+        yield testbed
+    finally:
+        testbed.close()
+
+
+def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "report.json"
     code, output = run(
-        *("server", "--launch", f'"{sys.executable}" "{program}"', "--select", "CHN-1"),
-        *("--json", str(report), "--patience", "2", "--shrink", "0"),
+        *(
+            "server",
+            "--launch",
+            written(tmp_path, f"MOST = {MET}", SERVES, DIES),
+            "--select",
+            "CHN-1",
+        ),
+        *("--json", str(path), "--patience", "2", "--shrink", "0"),
         *("--scripts", str(tmp_path / "scripts")),
     )
-    return code, json.loads(report.read_text()), output
-
-
-@pytest.mark.parametrize("judged", [10_000], indirect=True)
-def test_a_sound_server_passes(judged: tuple[int, dict, str]) -> None:
-    code, report, output = judged
-    assert code == 0, output
-    (result,) = next(it for it in report["requirements"] if it["id"] == "CHN-1")["results"]
-    assert result["verdict"] == "pass"
-    assert result["delivered"] >= 1
-    assert "seen of each" in result["text"]
-
-
-@pytest.mark.parametrize("judged", [MET], indirect=True)
-def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
-    judged: tuple[int, dict, str],
-) -> None:
-    code, report, output = judged
+    report = json.loads(path.read_text())
     assert code == 1, output
     found = {it["id"]: it["results"] for it in report["requirements"] if it["results"]}
     (passed_before,) = found["CHN-1"]
@@ -82,20 +95,6 @@ def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
 
 
 ONE_AT_A_TIME = """
-import os, socket, threading
-
-def packet(connection):
-    header = connection.recv(4, socket.MSG_WAITALL)
-    size = int.from_bytes(header, "little")
-    return connection.recv(size, socket.MSG_WAITALL) if len(header) == 4 else b""
-
-def serve(connection):
-    with connection, PLACE:
-        while request := packet(connection):
-            if b"get_viewport_size" in request:
-                reply = b'{"viewport_size":[64,48]}'
-                connection.sendall(len(reply).to_bytes(4, "little") + reply)
-
 def await_place(connection):
     if PLACE.acquire(timeout=WAITS):
         PLACE.release()
@@ -117,26 +116,12 @@ listen("SPLATBUS_MSG_PORT", await_place)
 @pytest.mark.parametrize("waits", [0.5, 60.0])
 def test_a_server_that_has_a_further_client_wait_serves_one(tmp_path: Path, waits: float) -> None:
     """Whether it closes that one in time (CHN-13) or not."""
-    program = tmp_path / "server.py"
-    program.write_text(f"WAITS = {waits}\n{ONE_AT_A_TIME}")
-    testbed = set_up(
-        Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
-    )
-    try:
-        testbed.introduce()
+    with met(written(tmp_path, f"WAITS = {waits}", SERVES, ONE_AT_A_TIME)) as testbed:
         assert testbed.facts.alone == {"ipc": False, "msg": True}
-    finally:
-        testbed.close()
 
 
 def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path) -> None:
-    program = tmp_path / "server.py"
-    program.write_text(f"MOST = {MET}\n{SERVER}")
-    testbed = set_up(
-        Plan("server", f'"{sys.executable}" "{program}"', "127.0.0.1", (0, 0), (0, 0), 10.0)
-    )
-    try:
-        testbed.introduce()
+    with met(written(tmp_path, f"MOST = {MET}", SERVES, DIES)) as testbed:
         while not testbed.lost(briefly=False):
             pass
         waited: list[float] = []
@@ -147,5 +132,3 @@ def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path
         )[1]
         assert "it accepts no connection on the message channel" in testbed.lost(briefly=True)
         assert max(waited) <= BRIEF_SECONDS
-    finally:
-        testbed.close()

@@ -18,7 +18,7 @@ from splatbus_conformance.reports.files.stored import validator
 from splatbus_conformance.reports.latencies import Histogram
 from splatbus_conformance.run.options import RunOptions
 
-from tests.conformance.harness import GOOD, broken, run
+from tests.conformance.harness import GOOD, broken, run, said
 from tests.conformance.reports.stored_reports import (
     EVERY_VERDICT,
     HOSTILE,
@@ -209,7 +209,7 @@ def test_reports_of_a_client_and_of_a_replay_satisfy_it(tmp_path: Path) -> None:
 
 def test_a_run_without_a_verdict_leaves_a_report_that_says_so(tmp_path: Path) -> None:
     path = tmp_path / "report.json"
-    code, output = run("client", "--launch", "/nowhere/my-viewer", "--json", str(path))
+    code, output = said("client", "--launch", "/nowhere/my-viewer", "--json", str(path))
     assert code == 3, output
     written = json.loads(path.read_text("utf-8"))
     closed().validate(written)

@@ -252,7 +252,7 @@ def test_characters_that_steer_a_reader_are_told_by_number() -> None:
     assert all(c.isprintable() or c in "\n\t" for c in page)
 
 
-@pytest.mark.parametrize("character", ["a", "<", "\ud800", "\U0010ffff", "\n"])
+@pytest.mark.parametrize("character", ["<", "\ud800", "\n"])
 def test_however_long_the_report_the_page_stays_small_and_says_what_is_left_out(
     character: str,
 ) -> None:

@@ -12,7 +12,6 @@ from tests.conformance.rules.talk import (
     about_generation,
     breaches,
     changed,
-    check,
     client,
     first_breach,
     frame,
@@ -57,11 +56,6 @@ CASES = [
     Case("IMG-12", "client", KEPT, session(FIRST, release(1), release(1))),
     Case("IMG-19", "client", subscribe(["color"]), subscribe(["colour"])),
 ]
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.requirement)
-def test_each_requirement(case: Case) -> None:
-    check(case)
 
 
 @pytest.mark.parametrize(

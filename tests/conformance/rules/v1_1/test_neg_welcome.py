@@ -18,7 +18,6 @@ from tests.conformance.rules.talk import (
     Step,
     breaches,
     changed,
-    check,
     client,
     error,
     first_breach,
@@ -74,11 +73,6 @@ def test_with_a_welcome_to_1_0_nothing_of_1_1_is_agreed() -> None:
     assert breaches(talk("msg", *greeted, client(ASK_SIZE), server(SIZE))) == {}
     tagged = talk("msg", *greeted, client({**POSE, "tag": "a"}))
     assert breaches(tagged) == {("client", "NEG-5"): 1}
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.requirement)
-def test_each_requirement(case: Case) -> None:
-    check(case)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The smoke test tells a broken shim from a broken client."""
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,8 @@ from splatbus_conformance.trials.testee.adapter import Adapted, AdapterBroken
 from splatbus_conformance.trials.testee.adapter_smoke import smoke
 from splatbus_conformance.wire.messages import ring_bytes
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
+
+from tests.conformance.harness import said
 
 MINIATURE = Path(__file__).parents[2] / "miniatures" / "adapter.py"
 SIZE = (16, 12)
@@ -110,15 +111,6 @@ def test_a_wrong_client_is_none_of_its_business(try_it, example):
 def test_the_command_says_that_the_adapter_is_broken(tmp_path):
     path = tmp_path / "adapter.py"
     path.write_text("print('hello')\n", "utf-8")
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "splatbus_conformance", "--plain", "client"),
-            *("--adapter", f'"{sys.executable}" "{path}"'),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 3, done.stdout
-    assert "no verdict: the adapter is broken: " in done.stdout
+    code, output = said("client", "--adapter", f'"{sys.executable}" "{path}"')
+    assert code == 3, output
+    assert "no verdict: the adapter is broken: " in output

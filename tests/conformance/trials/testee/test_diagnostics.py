@@ -15,7 +15,7 @@ from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.trials.testee.process import Launched
 from splatbus_conformance.wire.ports import free_port
 
-from tests.conformance.harness import GOOD, LIMIT_SECONDS, broken, run, start
+from tests.conformance.harness import GOOD, LIMIT_SECONDS, broken, run, said, start
 from tests.waiting import eventually
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and permissions of POSIX")
@@ -56,9 +56,9 @@ def test_quotes_that_do_not_match_are_a_usage_error() -> None:
     ],
 )
 def test_a_command_that_does_not_start_says_why(command: str, words: str) -> None:
-    said = complaint(command)
-    assert "cannot start the testee" in said
-    assert words in said
+    told = complaint(command)
+    assert "cannot start the testee" in told
+    assert words in told
 
 
 @posix
@@ -87,7 +87,7 @@ def test_files_that_are_no_programs_say_what_runs_them(
 
 
 def test_a_launcher_that_leaves_is_told_from_a_client_that_fails() -> None:
-    code, output = run("client", "--launch", f'"{sys.executable}" -c pass')
+    code, output = said("client", "--launch", f'"{sys.executable}" -c pass')
     assert code == 3, output
     assert "the client ended with status 0" in output
     assert "name the real program" in output
@@ -96,7 +96,8 @@ def test_a_launcher_that_leaves_is_told_from_a_client_that_fails() -> None:
 
 def test_whoever_starts_a_client_by_hand_is_asked_for_host_and_ports() -> None:
     ports = free_port(), free_port()
-    code, output = run("client", "--wait", "--ports", f"{ports[0]},{ports[1]}", "--patience", "0.5")
+    place = f"{ports[0]},{ports[1]}"
+    code, output = said("client", "--wait", "--ports", place, "--patience", "0.5")
     assert code == 3, output
     assert f"127.0.0.1:{ports[0]}" in output
     assert "--host 0.0.0.0" in output
@@ -106,7 +107,7 @@ def test_whoever_starts_a_client_by_hand_is_asked_for_host_and_ports() -> None:
 
 def test_a_server_that_is_not_there_is_told_by_what_the_system_says() -> None:
     ports = free_port(), free_port()
-    code, output = run(
+    code, output = said(
         "server", "--connect", "--ports", f"{ports[0]},{ports[1]}", "--patience", "0.5"
     )
     assert code == 3, output
@@ -121,14 +122,15 @@ def test_a_server_that_is_not_there_is_told_by_what_the_system_says() -> None:
 def test_a_port_in_use_is_told_with_the_process_that_has_it() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        code, output = run("client", "--wait", "--ports", f"{free_port()},{port}")
+        code, output = said("client", "--wait", "--ports", f"{free_port()},{port}")
     assert code == 2, output
     assert f"cannot listen on 127.0.0.1:{port} for the message channel" in output
     assert f"process {os.getpid()}" in output
+    assert "--ports" in output
 
 
 def test_a_host_that_is_elsewhere_is_told_from_a_port_in_use() -> None:
-    code, output = run("client", "--launch", GOOD, "--host", "192.0.2.1")
+    code, output = said("client", "--launch", GOOD, "--host", "192.0.2.1")
     assert code == 2, output
     assert "192.0.2.1 is no address of this machine" in output
 
@@ -142,7 +144,7 @@ def test_too_little_shared_memory_is_told_before_anybody_dies_of_it() -> None:
     pixels = 32768 * 32768
     if 3 * SLOT_BYTES * pixels <= size.f_blocks * size.f_frsize:
         pytest.skip("there is room for the largest images")
-    code, output = run("client", "--launch", GOOD, "--viewport", "32768x32768")
+    code, output = said("client", "--launch", GOOD, "--viewport", "32768x32768")
     assert code == 3, output
     assert "No space left on device" in output
     assert "--shm-size=" in output
@@ -203,14 +205,13 @@ def runs(pid: int) -> bool:
 # Where it is run
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_a_console_without_utf_8_gets_its_report(tmp_path: Path, encoding: str) -> None:
+def test_a_console_without_utf_8_gets_its_report(tmp_path: Path) -> None:
     command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
     code, output = run(
         *("client", "--launch", command, "--select", "check_bad_length_closes"),
         *("--shrink", "0"),
         cwd=tmp_path,
-        PYTHONIOENCODING=encoding,
+        PYTHONIOENCODING="ascii",
     )
     assert code == 1, output
     assert "client ? server" in output
@@ -246,9 +247,9 @@ def test_failures_that_cannot_be_written_down_are_told_all_the_same(tmp_path: Pa
     plan = Plan("client", None, "127.0.0.1", (6001, 6000), (64, 48), 1.0)
     script = as_text(Script("client", "FRM-3", "check_x", False, (), "quick", (64, 48)))
     failed = Result("FRM-3", "check_x", Level.WIRE, Verdict.FAIL, "seen", script=script)
-    said: list[str] = []
-    assert work_out(plan, [failed], tmp_path / "file" / "folder", 0.0, said.append) == [failed]
-    assert "--scripts names another folder" in said[0]
+    told: list[str] = []
+    assert work_out(plan, [failed], tmp_path / "file" / "folder", 0.0, told.append) == [failed]
+    assert "--scripts names another folder" in told[0]
 
 
 DIES = {
@@ -267,8 +268,7 @@ raise RuntimeError("no scene in /data")
 }
 
 
-@pytest.mark.parametrize("side", DIES)
-@pytest.mark.parametrize("parallel", ["1", "2"])
+@pytest.mark.parametrize(("side", "parallel"), [("client", "1"), ("server", "2")])
 def test_a_testee_that_ends_after_it_was_met_is_quoted(
     side: str, parallel: str, tmp_path: Path
 ) -> None:
@@ -276,13 +276,13 @@ def test_a_testee_that_ends_after_it_was_met_is_quoted(
     command = f'"{sys.executable}" "{tmp_path / "dies.py"}"'
     report = tmp_path / "report.json"
     code, output = run(
-        *(side, "--launch", command, "--select", "BUF", "--patience", "5"),
+        *(side, "--launch", command, "--select", "BUF", "--patience", "2"),
         *("--parallel", parallel, "--json", str(report)),
     )
     assert code == 3, output
     assert f"the {side} ended with status 1" in output
     assert "RuntimeError: no scene in /data" in output
     assert "no scene in /data" in report.read_text("utf-8")
-    if parallel == "1" and side == "client":
+    if parallel == "1":
         last = output.strip().splitlines()[-2]
         assert last.startswith("no verdict: the client ended with status 1; 0 of")
