@@ -121,17 +121,18 @@ def _with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchang
         return Exchange(trial.greeted("ipc"), [], lambda: None)
     if channel == "ipc" and trial.facts.welcome["ipc"]:
         connection = trial.before_hello("ipc")
-        dealings = trial.viewer.with_(connection)
         said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
-
-        def welcomed() -> bool:
-            trial.wait(lambda: dealings.welcome or connection.ended)
-            return dealings.welcome is not None
-
-        return Exchange(connection, [said], welcomed)
+        return Exchange(connection, [said], lambda: welcomed(trial, connection))
     if channel == "ipc":
         return Exchange(trial.dial("ipc"), [], lambda: None)
     return _requests(trial, later)
+
+
+def welcomed(trial: ServerTrial, connection: Connection) -> bool:
+    """Whether `hello` on this connection is answered in time, by `welcome`."""
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.welcome or connection.ended)
+    return dealings.welcome is not None
 
 
 def _requests(trial: ServerTrial, later: bool) -> Exchange:

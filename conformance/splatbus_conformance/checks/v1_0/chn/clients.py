@@ -1,11 +1,11 @@
 """Checks on the life of the two channels (spec 1.0 chapter 3)."""
 
+import contextlib
 import time
-from contextlib import ExitStack
 
 from splatbus_schemas import FRAMING, LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.returning import PROBES
@@ -60,21 +60,19 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
     for channel in sorted(trial.facts.connects):
         trial.connection(channel)
         trial.delivered += _goes_on(trial, channel)
-    for channel in sorted(set(CHANNELS) - trial.facts.connects):
-        elsewhere = Peer(trial.peer.host, usual)
-        try:
-            elsewhere.listen(channel)
-            elsewhere.until(lambda: elsewhere.connections, LIMITS["reconnect_max_seconds"])  # noqa: B023
+    with contextlib.closing(Peer(trial.peer.host, usual)) as elsewhere:
+        for channel in sorted(set(CHANNELS) - trial.facts.connects):
+            try:
+                elsewhere.listen(channel)
+            except OSError:
+                trial.not_observable(f"port {usual[channel]} is in use")
+            elsewhere.until(lambda: elsewhere.connections, LIMITS["reconnect_max_seconds"])
             trial.expect(
                 not elsewhere.connections,
                 "another-port",
                 f"it connects to the {channel} channel on port {usual[channel]} although another "
                 "was named",
             )
-        except OSError:
-            trial.not_observable(f"port {usual[channel]} is in use")
-        finally:
-            elsewhere.close()
 
 
 @check(
@@ -264,10 +262,6 @@ def _comes_and_is_reset(trial: ClientTrial, channel: Channel) -> bool:
     return connection is not None
 
 
-def _count(trial: ClientTrial, channel: Channel) -> int:
-    return sum(connection.channel == channel for connection in trial.peer.connections)
-
-
 @check("CHN-20", observable="the testee makes a new connection")
 def check_connects_again(trial: ClientTrial) -> None:
     """Each channel is closed, then reset; the testee is given 11 seconds to come back. To come as
@@ -281,12 +275,8 @@ def check_connects_again(trial: ClientTrial) -> None:
                 getattr(trial.connection(channel), end)()
             else:
                 trial.peer.close_all()
-            before = _count(trial, channel)
-            trial.wait(
-                lambda: _count(trial, channel) > before or trial.fate(),  # noqa: B023
-                LONG_SECONDS,
-            )
-            came = _count(trial, channel) > before
+            before = sum(it.channel == channel for it in trial.peer.connections)
+            came = trial.arrives(channel, LONG_SECONDS, before)
             outcome = "reconnects" if came else trial.fate() or "waits"
             trial.judge(outcome, f"a connection to {channel} that was {ended}")
             trial.delivered += 1
@@ -329,32 +319,41 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
         trial.delivered += 1
 
 
+def other_sizes(trial: ClientTrial, *_: object) -> Cases:
+    """How the connection ends, and the size that images have on the next."""
+    width, height = trial.role.width, trial.role.height
+    ends = (("close", 2), ("reset", 3))
+    sizes = [(how, max(1, width // part), max(1, height // part)) for how, part in ends]
+    return Cases(sizes, kind=lambda case: case[0])
+
+
 @check(
     "CHN-24",
     observable="the testee opens the memory of the new init packet",
     needs=("hello:ipc", "reconnects:ipc"),
+    given=lambda _: contextlib.ExitStack(),
+    cases=other_sizes,
 )
-def check_uses_the_new_memory(trial: ClientTrial) -> None:
+def check_uses_the_new_memory(
+    trial: ClientTrial, memories: contextlib.ExitStack, case: tuple[str, int, int]
+) -> None:
     """The connection is closed, and reset; the server comes back with memory of another size."""
-    first = trial.role.width, trial.role.height
-    with ExitStack() as memories:
-        for how, part in trial.each((("close", 2), ("reset", 3)), kind=lambda case: case[0]):
-            connection = trial.greeted("ipc")
-            if not trial.opens(connection):
-                trial.not_observable("the testee did not open the memory")
-            width, height = (max(1, side // part) for side in first)
-            size = trial.role.ring_bytes(width, height)
-            trial.role.memory = memories.enter_context(HostMemory(size))
-            memories.callback(trial.peer.close_all)
-            trial.role.width, trial.role.height = width, height
-            getattr(connection, how)()
-            again = trial.greeted("ipc")
-            trial.expect(
-                trial.opens(again),
-                "not-opened",
-                f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
-            )
-            dealings = trial.role.with_(again)
-            released = trial.wait(lambda: dealings.released or not dealings.frames)  # noqa: B023
-            trial.expect(released, "not-released", "no frame of the new memory was released")
-            trial.delivered += 1
+    how, width, height = case
+    connection = trial.greeted("ipc")
+    if not trial.opens(connection):
+        trial.not_observable("the testee did not open the memory")
+    size = trial.role.ring_bytes(width, height)
+    trial.role.memory = memories.enter_context(HostMemory(size))
+    memories.callback(trial.peer.close_all)
+    trial.role.width, trial.role.height = width, height
+    getattr(connection, how)()
+    again = trial.greeted("ipc")
+    trial.expect(
+        trial.opens(again),
+        "not-opened",
+        f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
+    )
+    dealings = trial.role.with_(again)
+    released = trial.wait(lambda: dealings.released or not dealings.frames)
+    trial.expect(released, "not-released", "no frame of the new memory was released")
+    trial.delivered += 1

@@ -320,13 +320,17 @@ def _kept(trial: ClientTrial, channel: Channel) -> Connection:
     """A connection that is no mere look at whether the server is there."""
     for _ in range(PROBES):
         connection = trial.connection(channel)
-        if trial.facts.speaks_1_1(channel):
-            trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)  # noqa: B023
-        else:
-            trial.rest(SETTLE_SECONDS)
-        if not connection.ended:
+        if _stays(trial, connection):
             return connection
     return trial.connection(channel)
+
+
+def _stays(trial: ClientTrial, connection: Connection) -> bool:
+    if trial.facts.speaks_1_1(connection.channel):
+        trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)
+    else:
+        trial.rest(SETTLE_SECONDS)
+    return not connection.ended
 
 
 def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:

@@ -194,12 +194,13 @@ def replies_after(
     trial: ServerTrial, connection: Connection, before: int, count: int
 ) -> list[Json]:
     """What was answered past so many replies, once so many more have come, or none for a while."""
-    came = before
-    while came < before + count:
-        trial.wait(lambda: len(trial.replies(connection)) > came or connection.ended)  # noqa: B023
-        if len(trial.replies(connection)) == came:
-            break
-        came = len(trial.replies(connection))
+
+    def another(came: int) -> bool:
+        trial.wait(lambda: len(trial.replies(connection)) > came or connection.ended)
+        return len(trial.replies(connection)) > came
+
+    while (came := len(trial.replies(connection))) < before + count and another(came):
+        pass
     return trial.replies(connection)[before:]
 
 
