@@ -41,7 +41,7 @@ def exchange(trial: ClientTrial | ServerTrial, channel: Channel, later: bool) ->
     """
     if isinstance(trial, ClientTrial):
         return _with_a_client(trial, channel, later)
-    return _with_a_server(trial, channel, later)
+    return with_a_server(trial, channel, later)
 
 
 def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchange | None:
@@ -113,7 +113,8 @@ def _asked(trial: ClientTrial) -> Exchange:
     return Exchange(connection, replies, taken)
 
 
-def _with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange:
+def with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange:
+    """As `exchange`; what came before is closed, unless it goes on there."""
     if not (later and channel == "msg"):
         for former in trial.peer.connections:
             former.close()
@@ -133,6 +134,12 @@ def welcomed(trial: ServerTrial, connection: Connection) -> bool:
     dealings = trial.viewer.with_(connection)
     trial.wait(lambda: dealings.welcome or connection.ended)
     return dealings.welcome is not None
+
+
+def in_use(trial: ServerTrial) -> Connection:
+    """The newest message connection, if it is there still; else another."""
+    there = (it for it in reversed(trial.peer.connections) if it.channel == "msg" and not it.gone)
+    return next(there, None) or trial.dial("msg")
 
 
 def _requests(trial: ServerTrial, later: bool) -> Exchange:
