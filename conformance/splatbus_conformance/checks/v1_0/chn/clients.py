@@ -5,7 +5,7 @@ import time
 
 from splatbus_schemas import FRAMING, LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.returning import PROBES
@@ -319,41 +319,32 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
         trial.delivered += 1
 
 
-def other_sizes(trial: ClientTrial, *_: object) -> Cases:
-    """How the connection ends, and the size that images have on the next."""
-    width, height = trial.role.width, trial.role.height
-    ends = (("close", 2), ("reset", 3))
-    sizes = [(how, max(1, width // part), max(1, height // part)) for how, part in ends]
-    return Cases(sizes, kind=lambda case: case[0])
-
-
 @check(
     "CHN-24",
     observable="the testee opens the memory of the new init packet",
     needs=("hello:ipc", "reconnects:ipc"),
-    given=lambda _: contextlib.ExitStack(),
-    cases=other_sizes,
 )
-def check_uses_the_new_memory(
-    trial: ClientTrial, memories: contextlib.ExitStack, case: tuple[str, int, int]
-) -> None:
+def check_uses_the_new_memory(trial: ClientTrial) -> None:
     """The connection is closed, and reset; the server comes back with memory of another size."""
-    how, width, height = case
-    connection = trial.greeted("ipc")
-    if not trial.opens(connection):
-        trial.not_observable("the testee did not open the memory")
-    size = trial.role.ring_bytes(width, height)
-    trial.role.memory = memories.enter_context(HostMemory(size))
-    memories.callback(trial.peer.close_all)
-    trial.role.width, trial.role.height = width, height
-    getattr(connection, how)()
-    again = trial.greeted("ipc")
-    trial.expect(
-        trial.opens(again),
-        "not-opened",
-        f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
-    )
-    dealings = trial.role.with_(again)
-    released = trial.wait(lambda: dealings.released or not dealings.frames)
-    trial.expect(released, "not-released", "no frame of the new memory was released")
-    trial.delivered += 1
+    first = trial.role.width, trial.role.height
+    with contextlib.ExitStack() as memories:
+        for how, part in trial.each((("close", 2), ("reset", 3)), kind=lambda case: case[0]):
+            connection = trial.greeted("ipc")
+            if not trial.opens(connection):
+                trial.not_observable("the testee did not open the memory")
+            width, height = (max(1, side // part) for side in first)
+            size = trial.role.ring_bytes(width, height)
+            trial.role.memory = memories.enter_context(HostMemory(size))
+            memories.callback(trial.peer.close_all)
+            trial.role.width, trial.role.height = width, height
+            getattr(connection, how)()
+            again = trial.greeted("ipc")
+            trial.expect(
+                trial.opens(again),
+                "not-opened",
+                f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
+            )
+            frames = trial.role.with_(again).frames
+            released = not frames or trial.releases(again, frames[0])
+            trial.expect(released, "not-released", "no frame of the new memory was released")
+            trial.delivered += 1

@@ -1,9 +1,12 @@
 """Checks on how servers take packets of the greatest length (spec 1.0 section 2.1)."""
 
+import itertools
+
 from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_0.frm.headers import MOST
 from splatbus_conformance.checks.v1_0.frm.pieces import Cuts, send_cut
 from splatbus_conformance.checks.v1_0.frm.servers import REQUEST
+from splatbus_conformance.checks.v1_0.req.servers import replies_after
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.moves.exchange import welcomed
@@ -14,38 +17,27 @@ from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS
 
 
-def versions(trial: ServerTrial) -> tuple[bool, ...]:
-    """Whether a client says hello, of those that this server knows."""
-    return (False, True) if trial.facts.welcome["msg"] is not None else (False,)
-
-
-def long_requests(trial: ServerTrial) -> Cases:
-    """Whether a client says hello, what it asks then, and where that is cut."""
+@check("FRM-4", observable="the server answers a request of the greatest length")
+def check_the_longest_packet(trial: ServerTrial) -> None:
+    """A request made as long as a payload may be by white space, or by a member that nobody knows:
+    whole, in two pieces, and joined with the next; before hello, and after it.
+    """
     blank = encode(VIEWPORT_REQUEST).ljust(MOST)
     room = MOST - len(encode(VIEWPORT_REQUEST | {"": ""}))
     filled = encode(VIEWPORT_REQUEST | {"": "x" * room})
     places = ((blank, MOST // 2), (filled, 3), (filled, MOST + 2))
-    return Cases((greets, *each) for greets in versions(trial) for each in places)
-
-
-@check(
-    "FRM-4", observable="the server answers a request of the greatest length", cases=long_requests
-)
-def check_the_longest_packet(trial: ServerTrial, case: tuple[bool, bytes, int]) -> None:
-    """A request made as long as a payload may be by white space, or by a member that nobody knows:
-    whole, in two pieces, and joined with the next; before hello, and after it.
-    """
-    greets, payload, place = case
-    connection = trial.greeted("msg") if greets else trial.dial("msg")
-    send_cut(trial, connection, packet(payload) + REQUEST, Cuts([place], 0.0005))
-    answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)
-    trial.expect(
-        answered and not connection.ended,
-        "no-reply",
-        f"a request of {MOST:,} bytes and another one, cut at {place}, were not answered",
-    )
-    trial.delivered += 1
-    connection.close()
+    versions = (False, True) if trial.facts.welcome["msg"] is not None else (False,)
+    for greets, (payload, place) in trial.each(list(itertools.product(versions, places))):
+        connection = trial.greeted("msg") if greets else trial.dial("msg")
+        send_cut(trial, connection, packet(payload) + REQUEST, Cuts([place], 0.0005))
+        answered = len(replies_after(trial, connection, 0, 2)) == 2
+        trial.expect(
+            answered and not connection.ended,
+            "no-reply",
+            f"a request of {MOST:,} bytes and another one, cut at {place}, were not answered",
+        )
+        trial.delivered += 1
+        connection.close()
 
 
 @check(
@@ -74,7 +66,7 @@ def check_the_longest_pose(trial: ServerTrial) -> None:
     steering = CameraControl(trial)
     poser = trial.dial("msg")
     trial.expect(steering.shows(poser, camera_pose()), "not-applied", "no frame shows a good pose")
-    for x, greets in enumerate(versions(trial), 2):
+    for x, greets in enumerate((False, True) if trial.facts.welcome["msg"] else (False,), 2):
         poser.close()
         poser = trial.greeted("msg") if greets else trial.dial("msg")
         pose = camera_pose((float(x), 0.0, 0.0))

@@ -14,7 +14,7 @@ from splatbus_conformance.trials.trial import EFFECT_SECONDS, ENDING_SECONDS, RE
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
-from splatbus_conformance.wire.sockets import CHANNELS, Connection
+from splatbus_conformance.wire.sockets import CHANNELS
 
 REQUEST = packet(encode(VIEWPORT_REQUEST))
 KEPT = (1, 3, 4, 5, 20)
@@ -105,7 +105,7 @@ def check_half_packet_is_discarded(
     whole = [packet(encode(message)) for message in it.awaited]
     it.connection.send(whole[0][:kept])
     trial.rest(PAUSE_SECONDS)
-    end_by(it.connection, end)
+    getattr(it.connection, end)()
     what = f"a connection on the {channel} channel that ends ({end}) after {kept} bytes of a packet"
     trial.wait(trial.fate, ENDING_SECONDS / 10)
     if fate := trial.fate():  # it is started anew for what follows, which would tell nothing
@@ -117,14 +117,6 @@ def check_half_packet_is_discarded(
         return  # that is no matter of packets, but of CHN-14
     trial.judge(outcome, f"{what}, and then another")
     trial.delivered += 1
-
-
-def end_by(connection: Connection, how: str) -> None:
-    """Close a connection, or reset it."""
-    if how == "reset":
-        connection.reset()
-    else:
-        connection.close()
 
 
 @check(
