@@ -66,8 +66,8 @@ def ignoring(trial: Trial, channel: Channel | None = None) -> Iterator[Callable[
 
 @check(
     "JSN-9",
-    observable="memory is opened, a request answered, a hello welcomed, and a welcome of an unknown"
-    " version refused that follow",
+    observable="what the packet behind it brings about: memory is opened, a request answered, hello"
+    " welcomed, or a version refused",
     on={
         CLIENT_IPC: OPENS_HOST_MEMORY,
         CLIENT_MSG: ("hello:msg", "returns:msg"),
