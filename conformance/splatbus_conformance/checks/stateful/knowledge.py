@@ -85,10 +85,7 @@ def crowd(trial: ServerTrial) -> int:
 def _is_lent_a_frame(trial: ServerTrial, connection: Connection) -> bool:
     trial.viewer.greet(connection)
     dealings = trial.viewer.with_(connection)
-    trial.wait(
-        lambda: dealings.frames or dealings.errors() or connection.ended,
-        SERVED_SECONDS,
-    )
+    trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended, SERVED_SECONDS)
     if not dealings.frames:
         connection.close()
     return bool(dealings.frames)

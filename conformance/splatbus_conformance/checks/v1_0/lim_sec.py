@@ -92,8 +92,7 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
 
 
 @check(
-    "SEC-1",
-    observable="no port of the server can be reached at another address of this machine",
+    "SEC-1", observable="no port of the server can be reached at another address of this machine"
 )
 def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
     """The server was told a loopback address; its ports are tried at the machine's others."""

@@ -9,11 +9,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.returning import PROBES
-from splatbus_conformance.trials.trial import (
-    EFFECT_SECONDS,
-    REACTION_SECONDS,
-    SETTLE_SECONDS,
-)
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.message_kinds import POSES
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection, Peer
@@ -76,9 +72,7 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
 
 
 @check(
-    "CHN-3",
-    observable="the testee comes to both channels, and goes on there",
-    needs=BOTH_RETURN,
+    "CHN-3", observable="the testee comes to both channels, and goes on there", needs=BOTH_RETURN
 )
 def check_either_channel_first(trial: ClientTrial) -> None:
     """One channel accepts before the other, each way round: which refuses until then, or leaves
@@ -122,9 +116,7 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
 
 
 @check(
-    "CHN-9",
-    observable="the IPC connection stays open while no init packet comes",
-    needs=("ipc",),
+    "CHN-9", observable="the IPC connection stays open while no init packet comes", needs=("ipc",)
 )
 def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     """No init packet for 5.5 seconds (12 in the full profile, 1.5 in the brief one). A connection
@@ -282,11 +274,7 @@ def check_connects_again(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check(
-    "CHN-23",
-    observable="the other channel's connection stays open",
-    needs=("ipc", "msg"),
-)
+@check("CHN-23", observable="the other channel's connection stays open", needs=("ipc", "msg"))
 def check_keeps_the_other_channel(trial: ClientTrial) -> None:
     """One channel is closed, or reset, and comes back while the other is watched. Of a testee that
     does not come back there, it shows that it has noticed that the stream ends.
@@ -312,9 +300,7 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
         if kept.ended and trial.facts.leaves:
             continue
         trial.expect(
-            not kept.ended,
-            "closes",
-            f"it closed the {other} channel when {lost} was lost ({how})",
+            not kept.ended, "closes", f"it closed the {other} channel when {lost} was lost ({how})"
         )
         trial.delivered += 1
 

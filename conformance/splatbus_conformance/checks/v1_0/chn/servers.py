@@ -57,11 +57,7 @@ def check_offers_both_channels(trial: ServerTrial) -> None:
     trial.expect(not ipc.ended, "closes", "the IPC connection was ended")
 
 
-@check(
-    "CHN-4",
-    observable="every IPC connection is sent an init packet",
-    needs=("cuda",),
-)
+@check("CHN-4", observable="every IPC connection is sent an init packet", needs=("cuda",))
 def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
     """Client after client, on the IPC channel, which say nothing."""
     for number in range(1, 6):
@@ -162,9 +158,7 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
 
 
 @check(
-    "CHN-13",
-    observable="each further connection hears something, or it is closed",
-    needs=("1.1",),
+    "CHN-13", observable="each further connection hears something, or it is closed", needs=("1.1",)
 )
 def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """Twelve clients on the IPC channel, which say hello, and none of which goes."""
@@ -254,9 +248,7 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
         trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
         trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
         trial.expect(
-            connection.ended == "eof",
-            "reset",
-            f"the server reset the connection after {what}",
+            connection.ended == "eof", "reset", f"the server reset the connection after {what}"
         )
         connection.close()
         trial.delivered += 1

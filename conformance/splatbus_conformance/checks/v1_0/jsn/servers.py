@@ -145,9 +145,7 @@ def check_survives_broken_payloads(trial: ServerTrial, case: Payload) -> None:
 
 
 @check(
-    "JSN-10",
-    observable="the process lives, and goes on or serves the next client",
-    may_crash=True,
+    "JSN-10", observable="the process lives, and goes on or serves the next client", may_crash=True
 )
 def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     """The same, all of them on one IPC connection as long as that lasts."""

@@ -13,11 +13,7 @@ import numpy as np
 from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.acc.device import (
-    UNKNOWN_SCENE,
-    LegacyFrameCapture,
-    lens_of,
-)
+from splatbus_conformance.checks.v1_0.acc.device import UNKNOWN_SCENE, LegacyFrameCapture, lens_of
 from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, BufferContents, reading
 from splatbus_conformance.checks.v1_0.jsn.servers import in_strings
 from splatbus_conformance.checks.v1_0.pos.same_pose import ASKEW, NOWHERE, PoseFrameCapture

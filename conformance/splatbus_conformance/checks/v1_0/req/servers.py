@@ -118,10 +118,7 @@ UNKNOWN: tuple[Json, ...] = (
 
 
 @check(
-    "REQ-8",
-    observable="no reply, and the connection goes on",
-    cases=Cases(UNKNOWN),
-    may_crash=True,
+    "REQ-8", observable="no reply, and the connection goes on", cases=Cases(UNKNOWN), may_crash=True
 )
 def check_unknown_messages_are_ignored(trial: ServerTrial, message: Json) -> None:
     """Types that nobody knows, or that are no strings, and messages without any."""
