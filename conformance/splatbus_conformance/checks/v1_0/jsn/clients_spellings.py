@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT
 from splatbus_conformance.checks.v1_0.jsn.writers import Writer, noting
@@ -79,8 +80,8 @@ def of_replies(trial: ClientTrial) -> Iterator[Judge]:
     """Of welcome and a reply to each request; the testee must go on, and ask again after the size
     [0,0] and all else, where it does so after plain replies.
     """
-    times = TIMES_AGAIN if asks_again_and_again(trial) else 0
-    yield lambda writer: judge_replies(trial, writer, times)
+    asks_on = cache(lambda: asks_again_and_again(trial))
+    yield lambda writer: judge_replies(trial, writer, TIMES_AGAIN if asks_on() else 0)
 
 
 def judge_replies(trial: ClientTrial, writer: Writer, times: int = 0) -> None:
