@@ -165,6 +165,11 @@ class Trial:
         finally:
             self._going_through = False
 
+    @property
+    def number(self) -> int:
+        """Of the case that was begun last: how many came before it."""
+        return len(self.went_through[-1]) - 1
+
     def note(self, case: Any) -> None:
         """Note a case that the check makes up as it goes; it joins those of its last loop."""
         self.went_through[-1].append(Case(True, case))

@@ -61,7 +61,7 @@ ENDS_ON_AN_ESCAPE = (
 
 @pytest.mark.parametrize("testbed", [ENDS_ON_AN_ESCAPE], indirect=True)
 def test_a_failure_is_made_small_and_confirmed(testbed: Testbed) -> None:
-    whole = failing(testbed, "check_takes_any_spelling_on_ipc")
+    whole = failing(testbed, "check_takes_any_spelling")
     small = worked_out(testbed, whole, 15.0)
     assert small.again == small.tried > 2
     (((_, (_, liberties)),),) = small.cases

@@ -18,20 +18,12 @@ TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit", "returns:ipc")
 
 
 def play(
-    trial: ClientTrial,
-    kinds: Sequence[str],
-    *kept: tuple[Step, ...],
-    returning: bool = False,
+    trial: ClientTrial, kinds: Sequence[str], *kept: tuple[Step, ...], returning: bool = False
 ) -> None:
     """Judge by sessions of these steps."""
     size = trial.role.width, trial.role.height
     go_through(
-        trial,
-        lambda: WithClient(trial, size, returning),
-        kinds,
-        kept=kept,
-        quick=FEW,
-        full=MANY,
+        trial, lambda: WithClient(trial, size, returning), kinds, kept=kept, quick=FEW, full=MANY
     )
 
 
@@ -47,11 +39,7 @@ def check_survives_any_session(trial: ClientTrial) -> None:
     play(trial, LOSING, *kept[: 2 if trial.thorough else 1], returning=True)
 
 
-@check(
-    "CHN-20",
-    observable="after each loss the testee makes a new connection",
-    profile="full",
-)
+@check("CHN-20", observable="after each loss the testee makes a new connection", profile="full")
 def check_returns_in_any_session(trial: ClientTrial) -> None:
     """Connections are lost at every point of a session."""
     play(trial, LOSING, (("announce", 2), ("lend",), ("drop", "ipc", "close")), returning=True)

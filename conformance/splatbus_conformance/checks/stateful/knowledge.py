@@ -1,5 +1,6 @@
 """What is known of a server before sessions with it: whom it serves, and what cameras it has."""
 
+import functools
 from typing import NamedTuple
 
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
@@ -39,13 +40,14 @@ def learn(trial: ServerTrial, *, counting: bool) -> Knowledge:
     frames = facts.opens and facts.renders and "frames" in facts.capabilities()
     crowded = crowd(trial) if counting and frames else 0
     asking = [c for _ in range(SEATS) if (c := trial.served("msg"))]
+
+    def answered(times: int) -> bool:
+        return all(len(trial.replies(c)) >= times or c.ended for c in asking)
+
     for times in (1, 2):  # who was answered before the last had come may be ended for it
         for connection in asking:
             trial.viewer.say(connection, VIEWPORT_REQUEST)
-        trial.wait(
-            lambda: all(len(trial.replies(c)) >= times or c.ended for c in asking),  # noqa: B023
-            SERVED_SECONDS,
-        )
+        trial.wait(functools.partial(answered, times), SERVED_SECONDS)
     served = [c for c in asking if len(trial.replies(c)) > 1 and not c.ended]
     cameras = tuple(_camera(trial, served[0], n) if served else None for n in range(CAMERAS))
     greets = facts.version() == "1.1" and not facts.unauthorized
@@ -83,10 +85,7 @@ def crowd(trial: ServerTrial) -> int:
 def _is_lent_a_frame(trial: ServerTrial, connection: Connection) -> bool:
     trial.viewer.greet(connection)
     dealings = trial.viewer.with_(connection)
-    trial.wait(
-        lambda: dealings.frames or dealings.errors() or connection.ended,
-        SERVED_SECONDS,
-    )
+    trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended, SERVED_SECONDS)
     if not dealings.frames:
         connection.close()
     return bool(dealings.frames)

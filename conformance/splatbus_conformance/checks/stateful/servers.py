@@ -14,10 +14,7 @@ LENDS = ("capability:frames", "opens", "frames")
 
 
 def play(
-    trial: ServerTrial,
-    kinds: Sequence[str],
-    *kept: tuple[Step, ...],
-    counting: bool = False,
+    trial: ServerTrial, kinds: Sequence[str], *kept: tuple[Step, ...], counting: bool = False
 ) -> None:
     """Judge by sessions of these steps."""
     knowledge, poses = learn(trial, counting=counting), numbers()

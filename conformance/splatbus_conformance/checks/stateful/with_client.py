@@ -209,9 +209,7 @@ class WithClient:
             self._nothing_twice()
             if self._at["ipc"].ended:
                 raise SessionBreach(
-                    "CHN-10",
-                    "closes",
-                    "it closed the IPC connection, though nothing was wrong",
+                    "CHN-10", "closes", "it closed the IPC connection, though nothing was wrong"
                 )
         if "msg" in self._at and self._at["msg"].ended:
             self._return(["msg"])

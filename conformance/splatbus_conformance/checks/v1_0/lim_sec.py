@@ -6,13 +6,14 @@ import time
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.trials.controls import CAMERA_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import PACE_SECONDS
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
 MANY = 300
@@ -40,28 +41,31 @@ sent there."""
 EVERYWHERE = ("0.0.0.0", "::")
 
 
-@check("LIM-1", observable="some of very many connections on a channel are refused or closed")
-def check_connections_are_limited(trial: ServerTrial) -> None:
+@check(
+    "LIM-1",
+    observable="some of very many connections on a channel are refused or closed",
+    cases=Cases(CHANNELS),
+)
+def check_connections_are_limited(trial: ServerTrial, channel: Channel) -> None:
     """Three hundred clients on a channel, none of which goes."""
-    for channel in trial.each(CHANNELS):
-        connections: list[Connection] = []
-        refused = False
-        while len(connections) < MANY and not refused:
-            try:
-                connections.append(trial.peer.dial(channel, DIAL_SECONDS))
-            except OSError:
-                refused = True
-            refused = refused or any(c.ended for c in connections)
-            trial.rest(PACE_SECONDS)
-        limited = refused or trial.wait(lambda: any(c.ended for c in connections))  # noqa: B023
-        if fate := trial.fate():
-            trial.judge(fate, f"{len(connections)} connections on the {channel} channel")
-        trial.expect(
-            limited, "not-limited", f"{MANY} connections on the {channel} channel are all kept open"
-        )
-        trial.delivered += len(connections)
-        for connection in connections:
-            connection.close()
+    connections: list[Connection] = []
+    refused = False
+    while len(connections) < MANY and not refused:
+        try:
+            connections.append(trial.peer.dial(channel, DIAL_SECONDS))
+        except OSError:
+            refused = True
+        refused = refused or any(c.ended for c in connections)
+        trial.rest(PACE_SECONDS)
+    limited = refused or trial.wait(lambda: any(c.ended for c in connections))
+    if fate := trial.fate():
+        trial.judge(fate, f"{len(connections)} connections on the {channel} channel")
+    trial.expect(
+        limited, "not-limited", f"{MANY} connections on the {channel} channel are all kept open"
+    )
+    trial.delivered += len(connections)
+    for connection in connections:
+        connection.close()
 
 
 @check("LIM-2", observable="the connection is closed", may_crash=True)
@@ -88,8 +92,7 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
 
 
 @check(
-    "SEC-1",
-    observable="no port of the server can be reached at another address of this machine",
+    "SEC-1", observable="no port of the server can be reached at another address of this machine"
 )
 def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
     """The server was told a loopback address; its ports are tried at the machine's others."""

@@ -41,7 +41,7 @@ def exchange(trial: ClientTrial | ServerTrial, channel: Channel, later: bool) ->
     """
     if isinstance(trial, ClientTrial):
         return _with_a_client(trial, channel, later)
-    return _with_a_server(trial, channel, later)
+    return with_a_server(trial, channel, later)
 
 
 def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchange | None:
@@ -113,7 +113,8 @@ def _asked(trial: ClientTrial) -> Exchange:
     return Exchange(connection, replies, taken)
 
 
-def _with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange:
+def with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange:
+    """As `exchange`; what came before is closed, unless it goes on there."""
     if not (later and channel == "msg"):
         for former in trial.peer.connections:
             former.close()
@@ -121,17 +122,24 @@ def _with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchang
         return Exchange(trial.greeted("ipc"), [], lambda: None)
     if channel == "ipc" and trial.facts.welcome["ipc"]:
         connection = trial.before_hello("ipc")
-        dealings = trial.viewer.with_(connection)
         said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
-
-        def welcomed() -> bool:
-            trial.wait(lambda: dealings.welcome or connection.ended)
-            return dealings.welcome is not None
-
-        return Exchange(connection, [said], welcomed)
+        return Exchange(connection, [said], lambda: welcomed(trial, connection))
     if channel == "ipc":
         return Exchange(trial.dial("ipc"), [], lambda: None)
     return _requests(trial, later)
+
+
+def welcomed(trial: ServerTrial, connection: Connection) -> bool:
+    """Whether `hello` on this connection is answered in time, by `welcome`."""
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.welcome or connection.ended)
+    return dealings.welcome is not None
+
+
+def in_use(trial: ServerTrial) -> Connection:
+    """The newest message connection, if it is there still; else another."""
+    there = (it for it in reversed(trial.peer.connections) if it.channel == "msg" and not it.gone)
+    return next(there, None) or trial.dial("msg")
 
 
 def _requests(trial: ServerTrial, later: bool) -> Exchange:

@@ -1,7 +1,7 @@
 """Checks on the life of the two channels (spec 1.0 chapter 3)."""
 
+import contextlib
 import time
-from contextlib import ExitStack
 
 from splatbus_schemas import FRAMING, LIMITS
 
@@ -9,11 +9,7 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.returning import PROBES
-from splatbus_conformance.trials.trial import (
-    EFFECT_SECONDS,
-    REACTION_SECONDS,
-    SETTLE_SECONDS,
-)
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.message_kinds import POSES
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection, Peer
@@ -60,27 +56,23 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
     for channel in sorted(trial.facts.connects):
         trial.connection(channel)
         trial.delivered += _goes_on(trial, channel)
-    for channel in sorted(set(CHANNELS) - trial.facts.connects):
-        elsewhere = Peer(trial.peer.host, usual)
-        try:
-            elsewhere.listen(channel)
-            elsewhere.until(lambda: elsewhere.connections, LIMITS["reconnect_max_seconds"])  # noqa: B023
+    with contextlib.closing(Peer(trial.peer.host, usual)) as elsewhere:
+        for channel in sorted(set(CHANNELS) - trial.facts.connects):
+            try:
+                elsewhere.listen(channel)
+            except OSError:
+                trial.not_observable(f"port {usual[channel]} is in use")
+            elsewhere.until(lambda: elsewhere.connections, LIMITS["reconnect_max_seconds"])
             trial.expect(
                 not elsewhere.connections,
                 "another-port",
                 f"it connects to the {channel} channel on port {usual[channel]} although another "
                 "was named",
             )
-        except OSError:
-            trial.not_observable(f"port {usual[channel]} is in use")
-        finally:
-            elsewhere.close()
 
 
 @check(
-    "CHN-3",
-    observable="the testee comes to both channels, and goes on there",
-    needs=BOTH_RETURN,
+    "CHN-3", observable="the testee comes to both channels, and goes on there", needs=BOTH_RETURN
 )
 def check_either_channel_first(trial: ClientTrial) -> None:
     """One channel accepts before the other, each way round: which refuses until then, or leaves
@@ -124,9 +116,7 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
 
 
 @check(
-    "CHN-9",
-    observable="the IPC connection stays open while no init packet comes",
-    needs=("ipc",),
+    "CHN-9", observable="the IPC connection stays open while no init packet comes", needs=("ipc",)
 )
 def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     """No init packet for 5.5 seconds (12 in the full profile, 1.5 in the brief one). A connection
@@ -264,10 +254,6 @@ def _comes_and_is_reset(trial: ClientTrial, channel: Channel) -> bool:
     return connection is not None
 
 
-def _count(trial: ClientTrial, channel: Channel) -> int:
-    return sum(connection.channel == channel for connection in trial.peer.connections)
-
-
 @check("CHN-20", observable="the testee makes a new connection")
 def check_connects_again(trial: ClientTrial) -> None:
     """Each channel is closed, then reset; the testee is given 11 seconds to come back. To come as
@@ -281,22 +267,14 @@ def check_connects_again(trial: ClientTrial) -> None:
                 getattr(trial.connection(channel), end)()
             else:
                 trial.peer.close_all()
-            before = _count(trial, channel)
-            trial.wait(
-                lambda: _count(trial, channel) > before or trial.fate(),  # noqa: B023
-                LONG_SECONDS,
-            )
-            came = _count(trial, channel) > before
+            before = sum(it.channel == channel for it in trial.peer.connections)
+            came = trial.arrives(channel, LONG_SECONDS, before)
             outcome = "reconnects" if came else trial.fate() or "waits"
             trial.judge(outcome, f"a connection to {channel} that was {ended}")
             trial.delivered += 1
 
 
-@check(
-    "CHN-23",
-    observable="the other channel's connection stays open",
-    needs=("ipc", "msg"),
-)
+@check("CHN-23", observable="the other channel's connection stays open", needs=("ipc", "msg"))
 def check_keeps_the_other_channel(trial: ClientTrial) -> None:
     """One channel is closed, or reset, and comes back while the other is watched. Of a testee that
     does not come back there, it shows that it has noticed that the stream ends.
@@ -322,9 +300,7 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
         if kept.ended and trial.facts.leaves:
             continue
         trial.expect(
-            not kept.ended,
-            "closes",
-            f"it closed the {other} channel when {lost} was lost ({how})",
+            not kept.ended, "closes", f"it closed the {other} channel when {lost} was lost ({how})"
         )
         trial.delivered += 1
 
@@ -337,7 +313,7 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
 def check_uses_the_new_memory(trial: ClientTrial) -> None:
     """The connection is closed, and reset; the server comes back with memory of another size."""
     first = trial.role.width, trial.role.height
-    with ExitStack() as memories:
+    with contextlib.ExitStack() as memories:
         for how, part in trial.each((("close", 2), ("reset", 3)), kind=lambda case: case[0]):
             connection = trial.greeted("ipc")
             if not trial.opens(connection):
@@ -354,7 +330,7 @@ def check_uses_the_new_memory(trial: ClientTrial) -> None:
                 "not-opened",
                 f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
             )
-            dealings = trial.role.with_(again)
-            released = trial.wait(lambda: dealings.released or not dealings.frames)  # noqa: B023
+            frames = trial.role.with_(again).frames
+            released = not frames or trial.releases(again, frames[0])
             trial.expect(released, "not-released", "no frame of the new memory was released")
             trial.delivered += 1

@@ -129,10 +129,7 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
         trial.reassure(channel)
 
 
-@check(
-    "CHN-21",
-    observable="the time between the connections that the testee makes",
-)
+@check("CHN-21", observable="the time between the connections that the testee makes")
 def check_paces_its_attempts(trial: ClientTrial) -> None:
     """Connections are closed, reset, half-closed, and sent a length on which the testee closes
     them, each way twice, on each channel; in 1.1, an `error` comes in place of `welcome`, twice.
@@ -197,8 +194,7 @@ def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -
 
 
 @check(
-    "CHN-21",
-    observable="how soon after the harness listens again the testee connects, each time",
+    "CHN-21", observable="how soon after the harness listens again the testee connects, each time"
 )
 def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
     """A channel refuses for a while, of another length each time, then accepts; a testee that is
@@ -263,10 +259,7 @@ def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
     trial.peer.clear()
 
 
-@check(
-    "NEG-24",
-    observable="the time between the connections that the testee makes",
-)
+@check("NEG-24", observable="the time between the connections that the testee makes")
 def check_pauses_after_errors(trial: ClientTrial) -> None:
     """An `error` in place of `welcome`, twice in a row, with codes that close and others."""
     channels = [it for it in coming_back(trial) if trial.facts.speaks_1_1(it)]
@@ -276,10 +269,7 @@ def check_pauses_after_errors(trial: ClientTrial) -> None:
         judge_pace(trial, channels, code, f"after an error {code}")
 
 
-@check(
-    "CHN-22",
-    observable="how long after it could connect again the testee does",
-)
+@check("CHN-22", observable="how long after it could connect again the testee does")
 def check_comes_back_soon(trial: ClientTrial) -> None:
     """Connections are refused until a pause that doubles each time would be too long (for a second
     in the brief profile), then accepted; and lost, in 1.1 by an `error`.
@@ -320,13 +310,17 @@ def _kept(trial: ClientTrial, channel: Channel) -> Connection:
     """A connection that is no mere look at whether the server is there."""
     for _ in range(PROBES):
         connection = trial.connection(channel)
-        if trial.facts.speaks_1_1(channel):
-            trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)  # noqa: B023
-        else:
-            trial.rest(SETTLE_SECONDS)
-        if not connection.ended:
+        if _stays(trial, connection):
             return connection
     return trial.connection(channel)
+
+
+def _stays(trial: ClientTrial, connection: Connection) -> bool:
+    if trial.facts.speaks_1_1(connection.channel):
+        trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)
+    else:
+        trial.rest(SETTLE_SECONDS)
+    return not connection.ended
 
 
 def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -> None:

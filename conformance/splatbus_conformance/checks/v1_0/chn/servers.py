@@ -17,6 +17,7 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     crowd,
 )
 from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.exchange import welcomed
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
@@ -56,19 +57,14 @@ def check_offers_both_channels(trial: ServerTrial) -> None:
     trial.expect(not ipc.ended, "closes", "the IPC connection was ended")
 
 
-@check(
-    "CHN-4",
-    observable="every IPC connection is sent an init packet",
-    needs=("cuda",),
-)
+@check("CHN-4", observable="every IPC connection is sent an init packet", needs=("cuda",))
 def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
     """Client after client, on the IPC channel, which say nothing."""
     for number in range(1, 6):
         connection = trial.dial("ipc")
-        dealings = trial.viewer.with_(connection)
-        trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
+        _hears(trial, connection)
         trial.expect(
-            dealings.init_packets,
+            trial.viewer.with_(connection).init_packets,
             "no-init-packet",
             f"the IPC client number {number} got no init packet",
         )
@@ -120,27 +116,25 @@ def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
 @check("CHN-12", observable="a client on each channel is served while the other is there")
 def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
     """Either channel first; then requests, and frames where there are any."""
-    orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
-    for first, second in orders:
-        trial.peer.close_all()
-        open_on = {"msg": trial.dial, "ipc": trial.before_hello}
-        connections = {channel: open_on[channel](channel) for channel in (first, second)}
-        what = f"beside a client on the {second} channel that came after one on the {first} channel"
-        trial.expect(trial.answers(connections["msg"]), "no-reply", f"no reply {what}")
-        if trial.facts.welcome["ipc"] is not None:
-            trial.viewer.greet(connections["ipc"])
-            dealings = trial.viewer.with_(connections["ipc"])
-            trial.wait(lambda: dealings.welcome or connections["ipc"].ended)  # noqa: B023
-            trial.expect(dealings.welcome, "no-welcome", f"no welcome on the IPC channel {what}")
-            if trial.facts.init_packet is not None:
-                trial.wait(lambda: dealings.init_packets or connections["ipc"].ended)  # noqa: B023
-            trial.expect(trial.answers(connections["msg"]), "no-reply", f"no further reply {what}")
-        for channel, connection in connections.items():
-            trial.expect(
-                not connection.ended,
-                "closes",
-                f"the {channel} connection was ended {what}",
-            )
+    _expect_both_served(trial, "ipc", "msg")
+    _expect_both_served(trial, "msg", "ipc")
+
+
+def _expect_both_served(trial: ServerTrial, first: Channel, second: Channel) -> None:
+    trial.peer.close_all()
+    open_on = {"msg": trial.dial, "ipc": trial.before_hello}
+    connections = {channel: open_on[channel](channel) for channel in (first, second)}
+    ipc, msg = connections["ipc"], connections["msg"]
+    what = f"beside a client on the {second} channel that came after one on the {first} channel"
+    trial.expect(trial.answers(msg), "no-reply", f"no reply {what}")
+    if trial.facts.welcome["ipc"] is not None:
+        trial.viewer.greet(ipc)
+        trial.expect(welcomed(trial, ipc), "no-welcome", f"no welcome on the IPC channel {what}")
+        if trial.facts.init_packet is not None:
+            trial.wait(lambda: trial.viewer.with_(ipc).init_packets or ipc.ended)
+        trial.expect(trial.answers(msg), "no-reply", f"no further reply {what}")
+    for channel, connection in connections.items():
+        trial.expect(not connection.ended, "closes", f"the {channel} connection was ended {what}")
 
 
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
@@ -152,29 +146,34 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
         came.append(trial.served("msg"))
         if came[-1] is not None:
             trial.viewer.say(came[-1], VIEWPORT_REQUEST)
+
+    def is_served(client: Connection) -> bool:
+        return trial.wait(lambda: trial.replies(client) or client.ended)
+
     for number, client in enumerate(came, 1):
-        served = client is not None and trial.wait(lambda: trial.replies(client) or client.ended)  # noqa: B023
+        served = client is not None and is_served(client)
         if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
         trial.delivered += bool(client and trial.replies(client))
 
 
 @check(
-    "CHN-13",
-    observable="each further connection hears something, or it is closed",
-    needs=("1.1",),
+    "CHN-13", observable="each further connection hears something, or it is closed", needs=("1.1",)
 )
 def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """Twelve clients on the IPC channel, which say hello, and none of which goes."""
     trial.greeted("ipc")
     for number in trial.each(range(2, FURTHER + 1)):
         connection = trial.before_hello("ipc")
-        dealings = trial.viewer.with_(connection)
         trial.viewer.greet(connection)
-        trial.wait(lambda: dealings.heard or connection.ended)  # noqa: B023
-        if trial.fate() or not (dealings.heard or connection.ended):
+        if not _hears(trial, connection) or trial.fate():
             trial.judge(trial.fate() or "waits", f"client number {number} on the IPC channel")
         trial.delivered += 1
+
+
+def _hears(trial: ServerTrial, connection: Connection) -> bool:
+    """Whether something is said on this connection in time, or it is ended."""
+    return trial.wait(lambda: trial.viewer.with_(connection).heard or connection.ended)
 
 
 @check(
@@ -249,9 +248,7 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
         trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
         trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
         trial.expect(
-            connection.ended == "eof",
-            "reset",
-            f"the server reset the connection after {what}",
+            connection.ended == "eof", "reset", f"the server reset the connection after {what}"
         )
         connection.close()
         trial.delivered += 1

@@ -27,10 +27,7 @@ from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
 
-COMMANDS: dict[Kind, str] = {
-    "camera_pose": "send_camera",
-    "point_cloud_pose": "send_object",
-}
+COMMANDS: dict[Kind, str] = {"camera_pose": "send_camera", "point_cloud_pose": "send_object"}
 RESEND_SECONDS = 1.0
 """A client that sends other poses unasked shows the one that it was given within this time."""
 SCENE = "default"

@@ -172,9 +172,7 @@ def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
         if not trial.uses(lambda: len(image.copies(trial.calls())) > before):
             trial.not_observable("the testee reads the image once, and not again")
         trial.expect(
-            not connection.ended,
-            "closes",
-            "it reads on after it closed the IPC connection",
+            not connection.ended, "closes", "it reads on after it closed the IPC connection"
         )
         trial.delivered += 1
 

@@ -5,14 +5,7 @@ from typing import NamedTuple
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import (
-    CLIENT_IPC,
-    CLIENT_MSG,
-    SERVER_IPC,
-    SERVER_MSG,
-    Cases,
-    check,
-)
+from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchange import exchange
 from splatbus_conformance.trials.server import ServerTrial

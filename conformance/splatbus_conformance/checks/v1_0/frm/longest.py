@@ -2,15 +2,18 @@
 
 import itertools
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_0.frm.headers import MOST
 from splatbus_conformance.checks.v1_0.frm.pieces import Cuts, send_cut
 from splatbus_conformance.checks.v1_0.frm.servers import REQUEST
+from splatbus_conformance.checks.v1_0.req.servers import replies_after
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.exchange import welcomed
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import camera_pose, encode, hello
 from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS
 
 
@@ -27,7 +30,7 @@ def check_the_longest_packet(trial: ServerTrial) -> None:
     for greets, (payload, place) in trial.each(list(itertools.product(versions, places))):
         connection = trial.greeted("msg") if greets else trial.dial("msg")
         send_cut(trial, connection, packet(payload) + REQUEST, Cuts([place], 0.0005))
-        answered = trial.wait(lambda: len(trial.replies(connection)) >= 2 or connection.ended)  # noqa: B023
+        answered = len(replies_after(trial, connection, 0, 2)) == 2
         trial.expect(
             answered and not connection.ended,
             "no-reply",
@@ -37,20 +40,24 @@ def check_the_longest_packet(trial: ServerTrial) -> None:
         connection.close()
 
 
-@check("FRM-4", observable="the server answers a hello of the greatest length", needs=("1.1",))
-def check_the_longest_hello(trial: ServerTrial) -> None:
+@check(
+    "FRM-4",
+    observable="the server answers a hello of the greatest length",
+    needs=("1.1",),
+    cases=Cases(CHANNELS),
+)
+def check_the_longest_hello(trial: ServerTrial, channel: Channel) -> None:
     """The same of `hello`, on both channels."""
-    for channel in trial.each(CHANNELS):
-        said = encode(hello(trial.viewer.capabilities[channel], trial.viewer.token))
-        connection = trial.before_hello(channel)
-        dealings = trial.viewer.with_(connection)
-        connection.send(packet(said.ljust(MOST)))
-        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        trial.expect(
-            dealings.welcome, "no-welcome", f"{channel}: a hello of {MOST:,} bytes has no welcome"
-        )
-        trial.delivered += 1
-        connection.close()
+    said = encode(hello(trial.viewer.capabilities[channel], trial.viewer.token))
+    connection = trial.before_hello(channel)
+    connection.send(packet(said.ljust(MOST)))
+    trial.expect(
+        welcomed(trial, connection),
+        "no-welcome",
+        f"{channel}: a hello of {MOST:,} bytes has no welcome",
+    )
+    trial.delivered += 1
+    connection.close()
 
 
 @check("FRM-4", observable="a frame shows a pose of the greatest length", needs=("frames",))

@@ -1,17 +1,20 @@
 """Packets that a server is not sent whole (spec 1.0 section 2.1)."""
 
 import time
+from operator import itemgetter
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.exchange import with_a_server
 from splatbus_conformance.trials.moves.resizing import other_sizes, resizing
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, ENDING_SECONDS, REACTION_SECONDS
-from splatbus_conformance.wire.messages import encode, hello
+from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.sockets import CHANNELS, Connection
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import CHANNELS
 
 REQUEST = packet(encode(VIEWPORT_REQUEST))
 KEPT = (1, 3, 4, 5, 20)
@@ -76,69 +79,44 @@ def check_incomplete_packet_behind_another_size(trial: ServerTrial) -> None:
         trial.delivered += len(heard) > before
 
 
+INSIDE = [(kept, end) for end in ENDS for kept in KEPT]
+
+
 @check(
     "FRM-6",
-    observable="the server answers a whole request on the next connection, and no more than that",
+    observable="the server takes a whole request or hello on the next connection, and no more",
+    on={SERVER_IPC: ("1.1",), SERVER_MSG: ()},
+    cases={
+        SERVER_IPC: Cases([*INSIDE, *((-1, end) for end in ENDS)], kind=itemgetter(1), spare=4),
+        SERVER_MSG: Cases(INSIDE, kind=itemgetter(1), spare=4),
+    },
     may_crash=True,
 )
-def check_half_packet_is_discarded(trial: ServerTrial) -> None:
-    """A connection ends or is reset inside a request: at its first byte, in the header, in the
-    payload.
+def check_half_packet_is_discarded(
+    trial: ServerTrial, channel: Channel, case: tuple[int, str]
+) -> None:
+    """A connection ends or is reset inside a request or `hello`: at its first byte, in the header,
+    in the payload.
     """
-    cases = [(kept, end) for end in ENDS for kept in KEPT]
-    for kept, end in trial.each(cases, kind=lambda it: it[1], spare=4):
-        connection = trial.dial("msg")
-        connection.send(REQUEST[:kept])
-        trial.rest(PAUSE_SECONDS)
-        end_by(connection, end)
-        _expect_alive(trial, f"a connection that ends ({end}) after {kept} bytes of a request")
-        following = trial.dial("msg")
-        outcome = trial.outcome_on_msg(following)
-        following.close()
-        if end == "reset" and not trial.serves():
-            continue  # that is no matter of packets, but of CHN-14
-        what = f"a connection that ends ({end}) after {kept} bytes of a request, and then another"
-        trial.judge(outcome, what)
-
-
-@check(
-    "FRM-6",
-    observable="the server welcomes the next client on the IPC channel",
-    needs=("1.1",),
-    may_crash=True,
-)
-def check_half_hello_is_discarded(trial: ServerTrial) -> None:
-    """The same on the IPC channel, inside of `hello`."""
-    trial.greeted("ipc").close()
-    said = packet(encode(hello([], trial.viewer.token)))
-    cases = [(kept, end) for end in ENDS for kept in (*KEPT, len(said) - 1)]
-    for kept, end in trial.each(cases, kind=lambda it: it[1], spare=4):
-        connection = trial.before_hello("ipc")
-        connection.send(said[:kept])
-        trial.rest(PAUSE_SECONDS)
-        end_by(connection, end)
-        _expect_alive(trial, f"a connection that ends ({end}) after {kept} bytes of hello")
-        following, answer = trial.answered("ipc")
-        what = f"a connection that ends ({end}) after {kept} bytes of hello, and then another one"
-        welcomed = (answer or {}).get("type") == "welcome"
-        trial.judge(trial.fate() or ("ignores" if welcomed else "hangs"), what)
-        trial.delivered += 1
-        following.close()
-
-
-def _expect_alive(trial: ServerTrial, what: str) -> None:
-    """A server that has ended is started anew for what follows, which would tell nothing."""
+    kept, end = case
+    it = with_a_server(trial, channel, later=False)
+    if not it.awaited:
+        trial.not_observable("the server says no welcome on the IPC channel")
+    whole = [packet(encode(message)) for message in it.awaited]
+    it.connection.send(whole[0][:kept])
+    trial.rest(PAUSE_SECONDS)
+    getattr(it.connection, end)()
+    what = f"a connection on the {channel} channel that ends ({end}) after {kept} bytes of a packet"
     trial.wait(trial.fate, ENDING_SECONDS / 10)
-    if fate := trial.fate():
+    if fate := trial.fate():  # it is started anew for what follows, which would tell nothing
         trial.judge(fate, what)
-
-
-def end_by(connection: Connection, how: str) -> None:
-    """Close a connection, or reset it."""
-    if how == "reset":
-        connection.reset()
-    else:
-        connection.close()
+    it = with_a_server(trial, channel, later=False)
+    it.connection.send(b"".join(whole))
+    outcome = "ignores" if it.taken() else trial.end_of(it.connection)
+    if end == "reset" and not trial.serves():
+        return  # that is no matter of packets, but of CHN-14
+    trial.judge(outcome, f"{what}, and then another")
+    trial.delivered += 1
 
 
 @check(

@@ -90,11 +90,7 @@ def outcome_of(
     return trial.outcome_on_ipc(connection, broken)
 
 
-@check(
-    "INI-8",
-    observable="the testee answers opened",
-    needs=DECLARES_HOST_MEMORY,
-)
+@check("INI-8", observable="the testee answers opened", needs=DECLARES_HOST_MEMORY)
 def check_accepts_good_init_packets(trial: ClientTrial) -> None:
     """Sizes at both ends of their range, rings of any order and spacing, optional members, the
     longest name; and on a connection of its own the last generation, which comes first there.

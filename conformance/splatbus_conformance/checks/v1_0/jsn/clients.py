@@ -1,7 +1,6 @@
 """Checks on the text of payloads (spec 1.0 section 2.2)."""
 
 import contextlib
-import itertools
 from collections.abc import Generator, Iterable, Sequence
 
 from splatbus_conformance.cases.malformed.init_packets import (
@@ -13,9 +12,7 @@ from splatbus_conformance.cases.malformed.replies import BAD_REPLIES, BAD_TELEME
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet
-from splatbus_conformance.checks.v1_0.req.clients import (
-    outcome_of_reading,
-)
+from splatbus_conformance.checks.v1_0.req.clients import outcome_of_reading
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.asking import asking
 from splatbus_conformance.trials.trial import ENDING_SECONDS
@@ -58,65 +55,6 @@ def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
         broken = broken_texts(trial.role.init_packet(connection))[number]
         outcome = trial.outcome_on_ipc(connection, packet(broken.payload))
         trial.judge(outcome, f"an init packet with {broken.what} ({broken.requirement})")
-
-
-@check(
-    "JSN-9",
-    observable="the testee opens the memory that the next packet announces",
-    needs=OPENS_HOST_MEMORY,
-    may_crash=True,
-)
-def check_handles_the_next_packet_on_ipc(trial: ClientTrial) -> None:
-    """After each text that breaks a rule, and after three of them at once, comes a good init
-    packet; a testee that closes the connection instead has ignored nothing.
-    """
-    trial.role.offers_memory = False
-    texts = broken_texts({"type": "weather_report", "sunny": True})
-    rows = [[text] for text in texts] + [texts[i : i + 3] for i in range(0, len(texts), 3)]
-    ignored = 0
-    for row in trial.each(rows, kind=lambda row: (len(row), row[0].kind)):
-        script = b"".join(packet(text.payload) for text in row)
-        outcome = trial.outcome_on_ipc(trial.for_init_packet(), script)
-        if outcome != "closes":
-            trial.judge("accepts" if outcome == "ignores" else outcome, _named(row))
-            ignored += 1
-    if not ignored:
-        trial.not_observable("the testee closes the connection on all such texts: it ignores none")
-
-
-@check(
-    "JSN-9",
-    observable="the testee obeys NEG-16 on the packet that follows",
-    needs=("hello:msg", "returns:msg"),
-    may_crash=True,
-)
-def check_handles_the_next_packet_on_the_message_channel(trial: ClientTrial) -> None:
-    """A text that breaks a rule is followed by a welcome with a version that nobody listed, on
-    which the testee must close the connection; it is first seen to do so without the text.
-    """
-    trial.role.welcomes = False
-    trial.role.replies = False  # a client that has a reply takes the server for one of 1.0 [NEG-13]
-    texts = broken_texts({"type": "weather_report", "sunny": True})
-    rows = trial.each([[text] for text in texts], kind=lambda row: row[0].requirement)
-    ignored = 0
-    for row in itertools.chain([[]], rows):
-        connection = trial.connection("msg")
-        trial.says_hello(connection)
-        for text in row:
-            connection.send(packet(text.payload))
-        if row and trial.ends(connection, 10 * PAUSE_SECONDS):
-            continue
-        trial.role.welcome(connection, version="9.9")
-        handled = trial.ends(connection)
-        if not row and not handled:
-            trial.not_observable("the testee does not close on a version that it did not list")
-        outcome = "accepts" if handled and not trial.fate() else trial.fate() or "ignores"
-        trial.judge(outcome, f"the packet after {_named(row)}")
-        trial.delivered += 1
-        ignored += len(row)
-        trial.reassure("msg")
-    if not ignored:
-        trial.not_observable("the testee closes the connection on all such texts: it ignores none")
 
 
 @check(
@@ -232,7 +170,3 @@ def _odd_messages() -> list[BrokenText]:
         for message in ODD_MESSAGES
         for kind in [f"{message['type']} {'code' in message}"]
     ]
-
-
-def _named(row: Sequence[BrokenText]) -> str:
-    return " and ".join(f"{text.what} ({text.requirement})" for text in row)

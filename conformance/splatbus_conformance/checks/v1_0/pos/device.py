@@ -9,18 +9,15 @@ import random
 from collections.abc import Iterator
 
 import numpy as np
-from hypothesis import strategies as st
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.acc.device import (
-    UNKNOWN_SCENE,
-    LegacyFrameCapture,
-    lens_of,
-)
+from splatbus_conformance.checks.v1_0.acc.device import UNKNOWN_SCENE, LegacyFrameCapture, lens_of
 from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, BufferContents, reading
+from splatbus_conformance.checks.v1_0.jsn.servers import in_strings
 from splatbus_conformance.checks.v1_0.pos.same_pose import ASKEW, NOWHERE, PoseFrameCapture
+from splatbus_conformance.checks.v1_0.pos.servers import ORDERS, REVERSE, in_order
 from splatbus_conformance.images.captured import LEGACY_EMPTY, shows_the_scene
 from splatbus_conformance.images.hard_views import HardView, turned_about
 from splatbus_conformance.images.known_scene import SceneState
@@ -44,7 +41,6 @@ OVER: dict[str, tuple[slice, ...]] = {
 }
 TURN = 0.2
 """By how much cameras are turned, in radians, so that each number of a rotation counts."""
-ORDERS = st.tuples(st.permutations("xyz"), st.permutations("xyzw"), st.booleans())
 
 
 @contextlib.contextmanager
@@ -145,19 +141,12 @@ def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
     """Poses with the members of position and rotation in every order, and rotation before
     position.
     """
-    reverse, rng = ("zyx", "wzyx", True), random.Random(trial.seed)
+    rng = random.Random(trial.seed)
     with comparing(trial) as it:
-        for number, order in enumerate(trial.each([reverse], ORDERS, quick=4, full=48)):
+        for number, order in enumerate(trial.each([REVERSE], ORDERS, quick=4, full=48)):
             camera = turned((it.left, it.right)[number % 2], rng)
-            pose, (places, turns, swapped) = camera_pose(*camera), order
-            written = pose | {
-                "position": {name: pose["position"][name] for name in places},
-                "rotation": {name: pose["rotation"][name] for name in turns},
-            }
-            if swapped:
-                written["position"] = written.pop("position")
-            names = f"position {', '.join(places)} and rotation {', '.join(turns)}"
-            expect_shown(it, camera, "pose-not-shown", f"a pose with {names}", written)
+            what, written = in_order(camera_pose(*camera), order)
+            expect_shown(it, camera, "pose-not-shown", what, written)
 
 
 @check("POS-6", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
@@ -244,16 +233,9 @@ def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> 
 def check_takes_strings_for_numbers_or_not_in_device_memory(trial: ServerTrial) -> None:
     """A pose of a 1.0 client, with every number as a string: taken whole, or not at all."""
     with comparing(trial) as it:
-        pose, there, here = (
-            camera_pose(*it.askew),
-            HardView(it.askew, MOVED),
-            HardView(it.left, MOVED),
-        )
-        texts = {
-            part: {n: repr(v) for n, v in pose[part].items()} for part in ("position", "rotation")
-        }
+        there, here = HardView(it.askew, MOVED), HardView(it.left, MOVED)
         it.learn(there, here)
-        for written in trial.each([pose | texts]):
+        for written in trial.each([in_strings(camera_pose(*it.askew))]):
             expect_shown(it, it.left, "not-applied", "a good pose")
             outcome = trial.outcome_on_msg(trial.mover(), packet(encode(written)))
             if outcome in ("ignores", "replies", "reports"):

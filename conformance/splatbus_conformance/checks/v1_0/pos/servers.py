@@ -1,6 +1,7 @@
 """Checks on how servers take poses, as the `camera` of frames shows it (spec 1.0 section 6.1)."""
 
 import itertools
+from collections.abc import Sequence
 
 from hypothesis import strategies as st
 
@@ -19,7 +20,12 @@ from splatbus_conformance.wire.sockets import Connection
 FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
 ROTATION = (0.1, 0.3, 0.5, 0.8062257748298549)
 """No two of its parts are the same, so that none can be taken for another unseen."""
-ORDERS = st.tuples(st.permutations("xyz"), st.permutations("xyzw"), st.booleans())
+Order = tuple[Sequence[str], Sequence[str], bool]
+"""Of the members of position and rotation; and whether rotation comes first."""
+REVERSE: Order = "zyx", "wzyx", True
+ORDERS: st.SearchStrategy[Order] = st.tuples(
+    st.permutations("xyz"), st.permutations("xyzw"), st.booleans()
+)
 SPARE = 10
 """So many broken poses are sent in the quick profile beside one of each kind."""
 LIMITS_OF_POSES = (
@@ -37,20 +43,24 @@ def check_takes_members_by_name(trial: ServerTrial) -> None:
     position.
     """
     steering, poser = CameraControl(trial), trial.dial("msg")
-    reverse = ("zyx", "wzyx", True)
-    for number, order in enumerate(trial.each([reverse], ORDERS, quick=20, full=144)):
+    for number, order in enumerate(trial.each([REVERSE], ORDERS, quick=20, full=144)):
         pose = camera_pose((1.5 + number, 2.5, -3.5), ROTATION)
-        places, turns, swapped = order
-        written = pose | {
-            "position": {name: pose["position"][name] for name in places},
-            "rotation": {name: pose["rotation"][name] for name in turns},
-        }
-        if swapped:
-            written["position"] = written.pop("position")
+        what, written = in_order(pose, order)
         outcome = steering.takes(poser, pose, encode(written))
-        what = f"a pose with position {', '.join(places)} and rotation {', '.join(turns)}"
         seen = f"{what}; the camera is at {steering.now()}"
         trial.judge(outcome, seen if outcome == "ignores" else what)
+
+
+def in_order(pose: Json, order: Order) -> tuple[str, Json]:
+    """A pose with its members in this order, and that in words."""
+    places, turns, swapped = order
+    written = pose | {
+        "position": {name: pose["position"][name] for name in places},
+        "rotation": {name: pose["rotation"][name] for name in turns},
+    }
+    if swapped:
+        written["position"] = written.pop("position")
+    return f"a pose with position {', '.join(places)} and rotation {', '.join(turns)}", written
 
 
 @check(

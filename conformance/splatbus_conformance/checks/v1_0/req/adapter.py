@@ -115,10 +115,9 @@ def check_matches_replies_by_their_order(trial: ClientTrial) -> None:
 
 def _gather(trial: ClientTrial, answering: OddReplies, most: int) -> None:
     """Wait for requests for as long as more of them come."""
-    known = -1
-    while known < len(answering.waiting) < most:
-        known = len(answering.waiting)
-        trial.wait(lambda: len(answering.waiting) > known, NEXT_SECONDS)  # noqa: B023
+    known = len(answering.waiting)
+    if known < most and trial.wait(lambda: len(answering.waiting) > known, NEXT_SECONDS):
+        _gather(trial, answering, most)
 
 
 def _answers(trial: ClientTrial, request: Any, reply: Json) -> bool:

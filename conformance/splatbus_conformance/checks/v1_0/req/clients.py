@@ -2,11 +2,12 @@
 
 import json
 from collections import Counter
+from collections.abc import Callable
 
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES as BAD_REPLIES_OF_1_1
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.asking import asking, requests
 from splatbus_conformance.trials.trial import (
@@ -170,29 +171,38 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     "REQ-13",
     observable="the process lives, and the testee goes on or connects again",
     needs=("asks",),
+    cases=lambda trial: Cases(bad_replies(trial.role.width, trial.role.height), kind=_broken_where),
     may_crash=True,
 )
-def check_survives_bad_replies(trial: ClientTrial) -> None:
+def check_survives_bad_replies(trial: ClientTrial, bad: Json) -> None:
     """A request is answered with a reply that breaks its form, one way after another; of the size
     or of the camera, where the testee asks for both.
     """
-    for bad in trial.each(bad_replies(trial.role.width, trial.role.height), kind=_broken_where):
-        about = "position" if {"position", "rotation"} & bad.keys() else "viewport_size"
-        request = "get_camera_pose" if about == "position" else "get_viewport_size"
-        replied: list[Json] = []
+    about = "position" if {"position", "rotation"} & bad.keys() else "viewport_size"
+    request = "get_camera_pose" if about == "position" else "get_viewport_size"
+    connection = asking(trial)
+    replied = spoil(trial, bad, lambda it: about in it or request not in trial.facts.asks)
+    answer_all(trial, connection)
+    if not trial.wait(lambda: replied or connection.ended):
+        trial.not_observable(f"the testee did not make the request {request} again")
+    trial.judge(outcome_of_reading(trial, connection), f"the reply {json.dumps(bad)}")
 
-        def spoil(reply: Json) -> Json:
-            if about not in reply and request in trial.facts.asks:  # noqa: B023
-                return reply
-            replied.append({n: reply[n] for n in ("type", "id") if n in reply} | bad)  # noqa: B023
-            return replied[-1]  # noqa: B023
 
-        connection = asking(trial)
-        trial.role.spoil = spoil
-        answer_all(trial, connection)
-        if not trial.wait(lambda: replied or connection.ended):  # noqa: B023
-            trial.not_observable(f"the testee did not make the request {request} again")
-        trial.judge(outcome_of_reading(trial, connection), f"the reply {json.dumps(bad)}")
+def spoil(trial: ClientTrial, bad: Json, spoils: Callable[[Json], bool]) -> list[Json]:
+    """From now on, have these members and no others in replies to which that applies.
+
+    Returns those replies, as they are sent.
+    """
+    replied: list[Json] = []
+
+    def spoilt(reply: Json) -> Json:
+        if not spoils(reply):
+            return reply
+        replied.append({n: reply[n] for n in ("type", "id") if n in reply} | bad)
+        return replied[-1]
+
+    trial.role.spoil = spoilt
+    return replied
 
 
 def _broken_where(bad: Json) -> tuple[object, ...]:
@@ -206,32 +216,28 @@ def _broken_where(bad: Json) -> tuple[object, ...]:
     return name, none, ".0" in values, ".5" in values, huge, len(bad), numbers
 
 
+def _of_1_1(trial: ClientTrial) -> Cases:
+    kinds = sorted(REPLY_TO[request] for request in trial.facts.asks - set(REQUESTS_1_0))
+    if not kinds:
+        trial.not_observable("the testee makes no request of 1.1 when it connects")
+    return Cases([(kind, broken) for kind in kinds for broken in BAD_REPLIES_OF_1_1[kind]])
+
+
 @check(
     "JSN-10",
     observable="the process lives, and the testee goes on or connects again",
     needs=("hello:msg", "asks", "returns:msg"),
+    cases=_of_1_1,
     may_crash=True,
 )
-def check_survives_bad_replies_of_1_1(trial: ClientTrial) -> None:
+def check_survives_bad_replies_of_1_1(trial: ClientTrial, case: tuple[str, Json]) -> None:
     """Requests of 1.1 that the testee makes by itself are answered with members that are missing,
     of another type, or of values that cannot be.
     """
-    kinds = sorted(REPLY_TO[request] for request in trial.facts.asks - set(REQUESTS_1_0))
-    if not kinds:
-        trial.not_observable("the testee makes no request of 1.1 when it connects")
-    cases = [(kind, broken) for kind in kinds for broken in BAD_REPLIES_OF_1_1[kind]]
-    for kind, broken in trial.each(cases):
-        replied: list[Json] = []
-
-        def spoil(reply: Json) -> Json:
-            if reply["type"] != kind:  # noqa: B023 - called within the round
-                return reply
-            replied.append({n: reply[n] for n in ("type", "id") if n in reply} | broken)  # noqa: B023
-            return replied[-1]  # noqa: B023
-
-        trial.role.spoil = spoil
-        connection = trial.greeted("msg")
-        if not trial.wait(lambda: replied or connection.ended):  # noqa: B023
-            trial.not_observable(f"the testee did not ask for the {kind} again")
-        text = shorten(json.dumps(replied[-1]), 400) if replied else "none"
-        trial.judge(trial.outcome_on_msg(connection), f"the reply {text}")
+    kind, broken = case
+    replied = spoil(trial, broken, lambda it: it["type"] == kind)
+    connection = trial.greeted("msg")
+    if not trial.wait(lambda: replied or connection.ended):
+        trial.not_observable(f"the testee did not ask for the {kind} again")
+    text = shorten(json.dumps(replied[-1]), 400) if replied else "none"
+    trial.judge(trial.outcome_on_msg(connection), f"the reply {text}")

@@ -6,8 +6,9 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
@@ -106,27 +107,23 @@ def check_answers_what_came_before_a_broken_request(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("REQ-8", observable="no reply, and the connection goes on", may_crash=True)
-def check_unknown_messages_are_ignored(trial: ServerTrial) -> None:
+UNKNOWN: tuple[Json, ...] = (
+    *({"type": kind} for kind in UNKNOWN_TYPES),
+    *({}, {"Type": "get_viewport_size"}, {"cam_idx": 0}),
+    *(camera_pose() | {"type": kind} for kind in ("pose", "Camera_Pose", None, ["camera_pose"])),
+    *(CAMERA_0 | {"type": kind} for kind in ("camera", None, ["get_camera_pose"])),
+    {"viewport_size": [64, 48], "type": None},
+    {name: value for name, value in camera_pose().items() if name != "type"},
+)
+
+
+@check(
+    "REQ-8", observable="no reply, and the connection goes on", cases=Cases(UNKNOWN), may_crash=True
+)
+def check_unknown_messages_are_ignored(trial: ServerTrial, message: Json) -> None:
     """Types that nobody knows, or that are no strings, and messages without any."""
-    messages: list[Json] = [{"type": kind} for kind in UNKNOWN_TYPES]
-    messages += [
-        {},
-        {"Type": "get_viewport_size"},
-        {"cam_idx": 0},
-        *(
-            camera_pose() | {"type": kind}
-            for kind in ("pose", "Camera_Pose", None, ["camera_pose"])
-        ),
-        *(CAMERA_0 | {"type": kind} for kind in ("camera", None, ["get_camera_pose"])),
-        {"viewport_size": [64, 48], "type": None},
-    ]
-    messages += [{name: v for name, v in camera_pose().items() if name != "type"}]
-    connection = trial.dial("msg")
-    for message in trial.each(messages):
-        connection = trial.dial("msg") if connection.ended else connection
-        outcome = trial.outcome_on_msg(connection, packet(encode(message)))
-        trial.judge(outcome, f"the message {shorten(str(message))}")
+    outcome = trial.outcome_on_msg(in_use(trial), packet(encode(message)))
+    trial.judge(outcome, f"the message {shorten(str(message))}")
 
 
 @check("REQ-9", observable="no reply; the connection is closed or goes on", may_crash=True)
@@ -194,12 +191,13 @@ def replies_after(
     trial: ServerTrial, connection: Connection, before: int, count: int
 ) -> list[Json]:
     """What was answered past so many replies, once so many more have come, or none for a while."""
-    came = before
-    while came < before + count:
-        trial.wait(lambda: len(trial.replies(connection)) > came or connection.ended)  # noqa: B023
-        if len(trial.replies(connection)) == came:
-            break
-        came = len(trial.replies(connection))
+
+    def another(came: int) -> bool:
+        trial.wait(lambda: len(trial.replies(connection)) > came or connection.ended)
+        return len(trial.replies(connection)) > came
+
+    while (came := len(trial.replies(connection))) < before + count and another(came):
+        pass
     return trial.replies(connection)[before:]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.jsn.clients_spellings import odd_spelling, spellings
+from splatbus_conformance.checks.v1_0.jsn.writers import odd_spelling, spellings
 from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import FrameLender

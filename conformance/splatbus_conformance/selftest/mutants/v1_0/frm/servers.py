@@ -160,7 +160,7 @@ def server_goes_on_with_half_a_packet(patch: Patch) -> None:
     _continues(patch, "message")
 
 
-@mutant("FRM-6", check="check_half_hello_is_discarded", code="hangs")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def server_goes_on_with_half_a_hello(patch: Patch) -> None:
     """The same on the IPC channel."""
     _continues(patch, "ipc")
@@ -240,7 +240,7 @@ def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
     server.RECEIVES.wrap(patch, receive)
 
 
-@mutant("FRM-6", check="check_half_hello_is_discarded", code="dies")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="dies")
 def server_dies_of_half_a_hello(patch: Patch) -> None:
     """Does not expect that a client leaves while it says hello."""
     said: dict[Connection, bytes] = {}

@@ -18,8 +18,8 @@ from splatbus_conformance.selftest.faults.surgery import Json, crash
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 
-SPELLING = "check_takes_any_spelling_on_ipc"
-MEMBERS = "check_ignores_unknown_members_on_ipc"
+SPELLING = "check_takes_any_spelling"
+MEMBERS = "check_ignores_unknown_members"
 BROKEN = "check_does_not_act_on_broken_text"
 
 
@@ -86,11 +86,7 @@ def takes_integers_without_a_fraction_only(patch: Patch) -> None:
     Seam(Field, "integer").wrap(patch, integer)
 
 
-@mutant(
-    "JSN-6",
-    check="check_takes_any_spelling_on_the_message_channel",
-    code="dies",
-)
+@mutant("JSN-6", check="check_takes_any_spelling", code="dies")
 def crashes_on_white_space_in_a_reply(patch: Patch) -> None:
     """Crashes on a reply with white space before the first brace."""
 
@@ -133,11 +129,7 @@ def reads_ascii_only(patch: Patch) -> None:
     _refuses(patch, lambda payload: not payload.isascii())
 
 
-@mutant(
-    "JSN-7",
-    check="check_ignores_unknown_members_on_the_message_channel",
-    code="dies",
-)
+@mutant("JSN-7", check="check_ignores_unknown_members", code="dies")
 def crashes_on_unknown_members_of_a_reply(patch: Patch) -> None:
     """Crashes on a reply with a member that it does not know."""
     known = {*"type id viewport_size position rotation version server capabilities".split()}
@@ -226,7 +218,7 @@ def reads_infinity_from_digits(patch: Patch) -> None:
     wire.PARSES_JSON.replace(patch, json_text.decoder(lambda hook: hook))
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", code="hangs")
+@mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
 def deaf_after_broken_text(patch: Patch) -> None:
     """Keeps the connection after a text that is no JSON, and handles nothing more on it."""
     deaf: set[IpcProtocol] = set()
@@ -240,11 +232,7 @@ def deaf_after_broken_text(patch: Patch) -> None:
     client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
-@mutant(
-    "JSN-9",
-    check="check_handles_the_next_packet_on_the_message_channel",
-    code="ignores",
-)
+@mutant("JSN-9", check="check_handles_the_next_packet", code="ignores")
 def deaf_after_broken_text_on_the_message_channel(patch: Patch) -> None:
     """Keeps the message connection after a text that is no JSON, and handles nothing more."""
     deaf: set[MessageProtocol] = set()

@@ -72,7 +72,7 @@ def server_nests_too_deep(patch: Patch) -> None:
     payloads(patch, lambda payload: payload[:-1] + deep)
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_of_requests", code="closes")
+@mutant("JSN-6", check="check_takes_any_spelling", code="closes")
 def server_wants_no_space_before_a_request(patch: Patch) -> None:
     """Refuses requests that do not begin with a brace."""
     _refuses(patch, "message", lambda text: text[:1] != b"{", "get_")
@@ -84,13 +84,13 @@ def server_wants_no_space_before_a_pose(patch: Patch) -> None:
     _refuses(patch, "message", lambda text: text[:1] != b"{", "camera_pose")
 
 
-@mutant("JSN-6", check="check_takes_any_spelling_on_ipc", code="closes")
+@mutant("JSN-6", check="check_takes_any_spelling", code="closes")
 def server_wants_no_escapes_on_ipc(patch: Patch) -> None:
     """Refuses escapes on the IPC channel."""
     _refuses(patch, "ipc", lambda text: b"\\u" in text)
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", code="closes")
+@mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
 def server_knows_all_members_of_requests(patch: Patch) -> None:
     """Refuses requests with members that it does not know."""
     _refuses(patch, "message", _has_unknown_members, "get_")
@@ -102,7 +102,7 @@ def server_knows_all_members_of_poses(patch: Patch) -> None:
     _refuses(patch, "message", _has_unknown_members, "camera_pose")
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_on_ipc", code="closes")
+@mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
 def server_knows_all_members_on_ipc(patch: Patch) -> None:
     """Refuses messages with members that it does not know on the IPC channel."""
     _refuses(patch, "ipc", _has_unknown_members)
@@ -126,7 +126,7 @@ def server_skips_the_packet_after_a_broken_one(patch: Patch) -> None:
     _skips_the_next_packet(patch, "message")
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet_on_ipc", code="ignores")
+@mutant("JSN-9", check="check_handles_the_next_packet", code="ignores")
 def server_skips_the_packet_after_a_broken_one_on_ipc(patch: Patch) -> None:
     """The same on the IPC channel."""
     _skips_the_next_packet(patch, "ipc")
@@ -202,7 +202,7 @@ def _has_unknown_members(payload: bytes) -> bool:
     return not set(_value(payload)) <= KNOWN
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members_of_requests", code="another-answer")
+@mutant("JSN-7", check="check_ignores_unknown_members", code="another-answer")
 def server_reports_unknown_members(patch: Patch) -> None:
     """Says `invalid_message` of a request of 1.1 with members that it does not know."""
 

@@ -117,11 +117,7 @@ def _crashes(patch: Patch, at: Any) -> None:
     client.TAKES_PAYLOAD.wrap(patch, on_payload)
 
 
-@mutant(
-    "JSN-6",
-    check="check_takes_any_spelling_on_the_message_channel",
-    code="dies",
-)
+@mutant("JSN-6", check="check_takes_any_spelling", code="dies")
 def asks_once_and_crashes_on_white_space(patch: Patch) -> None:
     """Asks on its first connection only, and crashes on a reply that begins with white space."""
     asks_once(patch)
