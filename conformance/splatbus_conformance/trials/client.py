@@ -246,6 +246,12 @@ class ClientTrial(Trial):
         self.uses(lambda: seq in dealings.released or connection.ended, seconds)
         return seq in dealings.released
 
+    def closes(self, connection: Connection, generation: int, *seconds: float) -> bool:
+        """Whether the testee closes the memory of this generation."""
+        dealings = self.role.with_(connection)
+        self.wait(lambda: generation in dealings.closed or connection.ended, *seconds)
+        return generation in dealings.closed
+
     def says_hello(self, connection: Connection) -> bool:
         """Whether the testee says `hello` on this connection."""
         return self._answers(lambda: self.role.with_(connection).hello)

@@ -121,14 +121,8 @@ def _with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchang
         return Exchange(trial.greeted("ipc"), [], lambda: None)
     if channel == "ipc" and trial.facts.welcome["ipc"]:
         connection = trial.before_hello("ipc")
-        dealings = trial.viewer.with_(connection)
         said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
-
-        def welcomed() -> bool:
-            trial.wait(lambda: dealings.welcome or connection.ended)
-            return dealings.welcome is not None
-
-        return Exchange(connection, [said], welcomed)
+        return Exchange(connection, [said], lambda: trial.is_welcomed(connection))
     if channel == "ipc":
         return Exchange(trial.dial("ipc"), [], lambda: None)
     return _requests(trial, later)

@@ -22,7 +22,6 @@ from splatbus_conformance.trials.moves.resizing import (
     dealings_of,
     other_sizes,
     resizing,
-    size_of,
 )
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
@@ -133,11 +132,9 @@ def check_no_tag_comes_again_in_another_size(
     client, capture = given
     tag = f"{TAG}, {size[0]}×{size[1]}"
     capture.take(elsewhere(trial), None, tag=tag)
-    changed(trial, client, size)
-    packets = dealings_of(trial, capture.reader).init_packets
-    trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
+    changed(trial, client, size, capture.reader)
     frames = frames_of(trial, capture.reader)
-    now = whole(packets[-1].get("generation"))
+    now = whole(capture.dealings.init_packets[-1].get("generation"))
     trial.wait(lambda: frames[-1].get("generation") == now)
     capture.take(elsewhere(trial), None)
     tags = [within(frame, "camera", "tag") for frame in frames]

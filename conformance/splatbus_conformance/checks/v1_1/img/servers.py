@@ -8,6 +8,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.images.memory.reading import Opened, Pixels
+from splatbus_conformance.trials.controls import shows
 from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,
     beside,
@@ -18,7 +19,7 @@ from splatbus_conformance.trials.moves.frame_readers import (
     pinning,
 )
 from splatbus_conformance.trials.moves.image_session import refused_poses
-from splatbus_conformance.trials.server import ServerTrial, shows
+from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_values import show, whole
 from splatbus_conformance.wire.messages import Json, camera_pose
@@ -44,15 +45,14 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     trial.viewer.opens = trial.viewer.releases = False
     connection = trial.greeted("ipc")
     dealings = trial.viewer.with_(connection)
-    trial.wait(lambda: dealings.init_packets or connection.ended)
-    if not dealings.init_packets:
+    if not trial.grows(connection, dealings.init_packets):
         trial.not_observable("the server announced no memory")
     trial.move()
     trial.rest(pause)
     trial.expect(not dealings.frames, "before-opened", "a frame came before opened")
     trial.viewer.open(connection, dealings.init_packets[0])
     for count in (1, 2, 3):
-        came = trial.wait(lambda: len(dealings.frames) >= count)  # noqa: B023
+        came = trial.grows(connection, dealings.frames, count - 1)
         trial.expect(
             came, "no-frame", f"frame {count} did not come after {count - 1} were released"
         )
@@ -124,7 +124,7 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
             fell_silent(trial, watcher, "the server sent no frame of the newest pose")
         before = len(frames)
         trial.viewer.release(holder, held)
-        came = trial.wait(lambda: len(frames) > before)  # noqa: B023
+        came = trial.grows(holder, frames, before)
         trial.expect(
             came, "no-frame", "no frame came after release, although there was a newer image"
         )
@@ -244,8 +244,7 @@ def image_of(trial: ServerTrial, connection: Connection, after: int) -> LentImag
     Only with `viewer.releases` off; skips the check if none comes in time.
     """
     dealings = trial.viewer.with_(connection)
-    trial.wait(lambda: len(dealings.frames) > after or connection.ended)
-    if len(dealings.frames) <= after or dealings.memory is None:
+    if not trial.grows(connection, dealings.frames, after) or dealings.memory is None:
         trial.not_observable("the server sent no further frame")
     frame = dealings.frames[after]
     slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)

@@ -30,7 +30,7 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> None:
         for _ in trial.each(range(100 if trial.thorough else FRAMES)):
             before = len(frames)
             trial.move()
-            trial.wait(lambda: len(frames) > before or connection.ended)  # noqa: B023
+            trial.grows(connection, frames, before)
         trial.rest(REST_SECONDS)
         if not frames:
             trial.not_observable("the server sent no frame")

@@ -80,9 +80,10 @@ def check_can_do_what_it_declares(trial: ClientTrial) -> None:
     if "reinit" in declared:
         former = dealings.generation
         trial.role.offer(connection, trial.role.init_packet(connection))
-        closed = trial.wait(lambda: former in dealings.closed)
         trial.expect(
-            closed, "not-closed", "reinit: the first generation was not closed for the second"
+            trial.closes(connection, former),
+            "not-closed",
+            "reinit: the first generation was not closed for the second",
         )
     trial.delivered += 1
 
@@ -97,7 +98,8 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     trial.role.welcomes = False
     connections = [trial.connection(channel) for channel in sorted(trial.facts.connects)]
     for connection in connections:
-        trial.wait(lambda: connection.packets or not trial.facts.speaks_1_1(connection.channel))  # noqa: B023
+        if trial.facts.speaks_1_1(connection.channel):
+            trial.grows(connection, connection.packets)
     listen(trial, *connections)
     for connection in connections:
         allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
@@ -225,7 +227,7 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
         while unanswered:  # nobody has to wait for a reply for long (CHN-15)
             if answer := trial.role.answer(connection, unanswered.pop(0)):
                 trial.role.say(connection, answer)
-        trial.wait(lambda: len(connection.packets) > before or connection.ended)  # noqa: B023
+        trial.grows(connection, connection.packets, before)
         outcome = "closes" if connection.ended else "ignores"
         trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
         trial.delivered += 1
@@ -254,8 +256,7 @@ def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
         if moment:
             trial.role.say(connection, welcome("msg", declared(trial)))
         if trial.facts.poses:  # which show that it has run since
-            known = len(dealings.heard)
-            trial.wait(lambda: len(dealings.heard) > known + 1 or connection.ended)  # noqa: B023
+            trial.grows(connection, dealings.heard, len(dealings.heard) + 1)
         listen(trial, connection)
         trial.expect(
             not connection.ended, "closes", f"it closed the connection to a 1.0 server{moment}"

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
 from splatbus_conformance.trials.trial import REACTION_SECONDS
@@ -91,12 +92,10 @@ def check_answers_a_hello_that_comes_late(trial: ServerTrial) -> None:
     before += [("msg", {"type": "get_viewport_size"}), ("msg", camera_pose())]
     for channel, message in trial.each(before if trial.viewer.token is None else before[:1]):
         connection = trial.before_hello(channel)
-        dealings = trial.viewer.with_(connection)
         trial.viewer.say(connection, message)
         trial.viewer.greet(connection)
-        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
         what = f"{channel}: a hello behind a message of type {message['type']}"
-        trial.expect(dealings.welcome, "no-welcome", f"{what} had no welcome")
+        trial.expect(trial.is_welcomed(connection), "no-welcome", f"{what} had no welcome")
         connection.close()
         trial.delivered += 1
 
@@ -316,8 +315,7 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
         else:
             trial.rest(REACTION_SECONDS)
             if not trial.facts.alone[channel]:
-                other = trial.viewer.with_(trial.answered(channel)[0])
-                trial.wait(lambda: other.init_packets or other.errors())  # noqa: B023 - the pace
+                joined(trial)  # the pace
             told = [it for it in heard if it != answer and "mem_color" not in it]
             trial.expect(
                 not told,

@@ -221,9 +221,8 @@ def check_closes_the_former_memory(trial: ClientTrial) -> None:
             if not trial.opens(connection):
                 trial.not_observable(f"the testee did not open memory {width} pixels wide")
             if former is not None:
-                closed = trial.wait(lambda: before in dealings.closed)  # noqa: B023
                 trial.expect(
-                    closed,
+                    trial.closes(connection, before),
                     "not-closed",
                     f"generation {before} was not closed after {generation} came",
                 )

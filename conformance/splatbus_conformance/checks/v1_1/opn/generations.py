@@ -1,27 +1,29 @@
 """Checks on memory that was replaced when images changed their size (spec 1.1 chapters 4, 8)."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
+from splatbus_conformance.checks.v1_1.cam.resized import Sitting, other, sitting
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
-from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import beside, fell_silent, holding
 from splatbus_conformance.trials.moves.image_session import elsewhere
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
+    Size,
     changed,
     dealings_of,
     other_sizes,
     readers,
     resizing,
-    size_of,
 )
 from splatbus_conformance.trials.moves.survey import first_view, likeness
 from splatbus_conformance.trials.server import ServerTrial
@@ -54,47 +56,48 @@ def memory_of(trial: ServerTrial, connection: Connection) -> Opened:
     return memory
 
 
-@check("VPT-7", observable="when the name of former memory is gone", needs=(*RESIZES, "opens"))
-def check_frees_former_memory(trial: ServerTrial) -> None:
+@check(
+    "VPT-7",
+    observable="when the name of former memory is gone",
+    needs=(*RESIZES, "opens"),
+    given=resizing,
+    cases=lambda trial, _: Cases(list(enumerate(other_sizes(trial)[:2]))),
+)
+def check_frees_former_memory(
+    trial: ServerTrial, client: Connection, case: tuple[int, Size]
+) -> None:
     """Up to three readers open other memory; one closes what it had, one's connection ends, and
     the last closes it too, or says that it could not open it.
     """
-    with resizing(trial) as client:
-        for number, size in enumerate(trial.each(other_sizes(trial)[:2])):
-            everyone = readers(trial)
-            path = shared(trial, memory_of(trial, everyone[0]))
-            for reader in everyone:
-                dealings_of(trial, reader).keeps = True
-            changed(trial, client, size)
-            last, *others = everyone
-            trial.wait(
-                lambda: all(dealings_of(trial, it).kept for it in everyone),  # noqa: B023
-                REINIT_SECONDS,
-            )
-            told = all(dealings_of(trial, it).kept for it in everyone)
-            trial.expect(
-                told,
-                "no-init-packet",
-                "a reader was sent no further init packet within 5 s (VPT-5)",
-            )
-            for other in others[::2]:
-                other.close()
-            for other in others[1::2]:
-                trial.viewer.let_go(other)
-            if number:
-                failed = {"generation": dealings_of(trial, last).kept[0].generation}
-                trial.viewer.say(last, {"type": "open_failed", "reason": "a test", **failed})
-            else:
-                trial.viewer.let_go(last)
-            gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)  # noqa: B023
-            trial.expect(
-                gone,
-                "memory-left-behind",
-                f"nobody has former memory open any more, and {path.name} is there",
-            )
-            trial.delivered += 1
-            for reader in everyone:
-                reader.close()
+    fails, size = case
+    everyone = readers(trial)
+    path = shared(trial, memory_of(trial, everyone[0]))
+    for reader in everyone:
+        dealings_of(trial, reader).keeps = True
+    changed(trial, client, size)
+    last, *others = everyone
+    told = trial.wait(lambda: all(dealings_of(trial, it).kept for it in everyone), REINIT_SECONDS)
+    trial.expect(
+        told, "no-init-packet", "a reader was sent no further init packet within 5 s (VPT-5)"
+    )
+    for each in others[::2]:
+        each.close()
+    for each in others[1::2]:
+        trial.viewer.let_go(each)
+    if fails:
+        failed = {"generation": dealings_of(trial, last).kept[0].generation}
+        trial.viewer.say(last, {"type": "open_failed", "reason": "a test", **failed})
+    else:
+        trial.viewer.let_go(last)
+    gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)
+    trial.expect(
+        gone,
+        "memory-left-behind",
+        f"nobody has former memory open any more, and {path.name} is there",
+    )
+    trial.delivered += 1
+    for reader in everyone:
+        reader.close()
 
 
 @check(
@@ -162,92 +165,100 @@ def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial) -> None:
     "IMG-5",
     observable="every pixel of images of other sizes",
     needs=(*RESIZES, "pixels"),
+    given=sitting,
+    cases=other(3),
 )
-def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
+def check_images_of_another_size_are_right(trial: ServerTrial, given: Sitting, size: Size) -> None:
     """The size changes, while a reader looks on: each image is of the camera that it names."""
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        for size in trial.each(other_sizes(trial)[:3]):
-            changed(trial, client, size)
-            trial.wait(
-                lambda: size_of(capture.dealings.init_packets[-1]) == size,  # noqa: B023
-                REINIT_SECONDS,
-            )
-            seen = capture.take(elsewhere(trial), None)
-            if seen.color.shape[:2] != size[::-1]:
-                fell_silent(trial, capture.reader, "the server sent no image of the new size")
-            if trial.facts.scene_known:
-                exact = render(seen.camera, trial.facts.setting(seen.frame))
-                right = exact.agreement(seen.color, seen.planar())
-            else:
-                capture.take(elsewhere(trial), None)
-                again = capture.take(seen.pose, None)
-                right = likeness(seen, again)
-                if right < WHOLE and any(
-                    likeness(again, it) < WHOLE for it in capture.stay(REACTION_SECONDS)
-                ):
-                    trial.not_observable("the scene moves by itself")
-            told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
-            trial.expect(right >= WHOLE, "other-pixels", f"{told} are not what its camera sees")
-            trial.delivered += 1
+    client, capture = given
+    changed(trial, client, size, capture.reader)
+    seen = capture.take(elsewhere(trial), None)
+    if seen.color.shape[:2] != size[::-1]:
+        fell_silent(trial, capture.reader, "the server sent no image of the new size")
+    if trial.facts.scene_known:
+        exact = render(seen.camera, trial.facts.setting(seen.frame))
+        right = exact.agreement(seen.color, seen.planar())
+    else:
+        capture.take(elsewhere(trial), None)
+        again = capture.take(seen.pose, None)
+        right = likeness(seen, again)
+        if right < WHOLE and any(
+            likeness(again, it) < WHOLE for it in capture.stay(REACTION_SECONDS)
+        ):
+            trial.not_observable("the scene moves by itself")
+    told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
+    trial.expect(right >= WHOLE, "other-pixels", f"{told} are not what its camera sees")
+    trial.delivered += 1
+
+
+@contextmanager
+def through_a_lens(trial: ServerTrial) -> Iterator[tuple[Sitting, Json]]:
+    """Who changes the size and who reads, and the intrinsics that images have."""
+    lens = lens_of(first_view(trial, 0.0), *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
+    with sitting(trial) as it:
+        it.capture.take(elsewhere(trial), None, intrinsics=lens)
+        yield it, lens
 
 
 @check(
     "CAM-5",
     observable="the camera of frames of another size",
     needs=(*RESIZES, "pixels", "capability:intrinsics"),
+    given=through_a_lens,
+    cases=lambda trial, _: Cases([*other_sizes(trial)[:3], trial.facts.size]),
 )
-def check_lenses_are_scaled_to_another_size(trial: ServerTrial) -> None:
+def check_lenses_are_scaled_to_another_size(
+    trial: ServerTrial, given: tuple[Sitting, Json], size: Size
+) -> None:
     """Intrinsics are sent for images of one size, and then that changes, also to other shapes."""
-    first = first_view(trial, 0.0)
-    lens = lens_of(first, *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        capture.take(elsewhere(trial), None, intrinsics=lens)
-        for size in trial.each([*other_sizes(trial)[:3], trial.facts.size]):
-            changed(trial, client, size)
-            init_packets = capture.dealings.init_packets
-            trial.wait(lambda: size_of(init_packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
-            seen = capture.take(elsewhere(trial), None)
-            wrong = in_force(seen.frame, scaled(lens, size))
-            told = f"after intrinsics for {trial.facts.size} images became {size}"
-            trial.expect(not wrong, "other-intrinsics", f"{told}: {wrong}")
-            trial.delivered += 1
+    (client, capture), lens = given
+    changed(trial, client, size, capture.reader)
+    wrong = in_force(capture.take(elsewhere(trial), None).frame, scaled(lens, size))
+    told = f"after intrinsics for {trial.facts.size} images became {size}"
+    trial.expect(not wrong, "other-intrinsics", f"{told}: {wrong}")
+    trial.delivered += 1
 
 
-@check("OPN-14", observable="frames of the next generation without a release", needs=RESIZES)
-def check_closed_ends_the_lease(trial: ServerTrial) -> None:
+LETS_GO: tuple[Json, ...] = (
+    {"type": "closed"},
+    {"type": "open_failed", "reason": "to see what becomes of the lease"},
+)
+
+
+@check(
+    "OPN-14",
+    observable="frames of the next generation without a release",
+    needs=RESIZES,
+    given=resizing,
+    cases=lambda trial, _: Cases(list(zip(LETS_GO, other_sizes(trial), strict=False))),
+)
+def check_closed_ends_the_lease(
+    trial: ServerTrial, client: Connection, case: tuple[Json, Size]
+) -> None:
     """A reader holds a frame when the size changes, opens the new memory, and says of the old that
     it has closed it, or that it could not open it; it never releases the frame.
     """
-    with resizing(trial) as client:
-        answers_: tuple[Json, ...] = (
-            {"type": "closed"},
-            {"type": "open_failed", "reason": "to see what becomes of the lease"},
-        )
-        for answer, size in trial.each(list(zip(answers_, other_sizes(trial), strict=False))):
-            holder, frame = holding(trial)
-            trial.viewer.opens, dealings = False, dealings_of(trial, holder)
-            had = len(dealings.init_packets)
-            changed(trial, client, size)
-            trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
-            came = len(dealings.init_packets) > had
-            trial.expect(came, "no-init-packet", "no further init packet came within 5 s (VPT-5)")
-            generation = whole(dealings.init_packets[-1].get("generation"))
-            trial.viewer.say(holder, answer | {"generation": frame["generation"]})
-            trial.viewer.say(holder, {"type": "opened", "generation": generation})
-            before = len(dealings.frames)
-            trial.move()
-            came = trial.wait(lambda: len(dealings.frames) > before)  # noqa: B023
-            trial.expect(
-                came,
-                "no-frame",
-                f"a reader said {answer['type']} of memory in which it held a frame, and is sent"
-                " none of the memory that it has opened since",
-            )
-            holder.close()
-            trial.viewer.opens = True
-            trial.delivered += 1
+    answer, size = case
+    holder, frame = holding(trial)
+    trial.viewer.opens, dealings = False, dealings_of(trial, holder)
+    had = len(dealings.init_packets)
+    changed(trial, client, size, holder)
+    came = len(dealings.init_packets) > had
+    trial.expect(came, "no-init-packet", "no further init packet came within 5 s (VPT-5)")
+    generation = whole(dealings.init_packets[-1].get("generation"))
+    trial.viewer.say(holder, answer | {"generation": frame["generation"]})
+    trial.viewer.say(holder, {"type": "opened", "generation": generation})
+    before = len(dealings.frames)
+    trial.move()
+    trial.expect(
+        trial.wait(lambda: len(dealings.frames) > before),
+        "no-frame",
+        f"a reader said {answer['type']} of memory in which it held a frame, and is sent none of"
+        " the memory that it has opened since",
+    )
+    holder.close()
+    trial.viewer.opens = True
+    trial.delivered += 1
 
 
 @check(
