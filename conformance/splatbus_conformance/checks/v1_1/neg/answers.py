@@ -8,6 +8,7 @@ from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_1.neg.errors import IN_MESSAGES, IN_TEXT
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import work_off
+from splatbus_conformance.trials.moves.image_session import errors_after
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import SAFE, show, whole
@@ -58,15 +59,6 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
     work_off(trial, flooder)
 
 
-def errors_after(trial: ServerTrial, connection: Connection, payload: bytes) -> list[Json]:
-    """Those that come of a packet, before the reply to a request behind it."""
-    heard = trial.viewer.with_(connection).heard
-    before = len(heard)
-    connection.send(packet(payload))
-    trial.answers(connection)
-    return [it for it in heard[before:] if it.get("type") == "error"]
-
-
 @check("NEG-23", observable="the id of errors that answer requests", needs=("1.1",))
 def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
     """Requests that are broken, and good ones whose capability was not agreed upon, each with an
@@ -78,7 +70,7 @@ def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
         if connection.ended:
             connection = trial.greeted("msg", capabilities=[])
         asked = with_id(request, IDS[number % len(IDS)])
-        for error in errors_after(trial, connection, encode(asked)):
+        for error in errors_after(trial, connection, encode(asked))[0]:
             told = f"{encode(asked).decode()} was answered by the error {show(error)}"
             named = whole(error.get("id")) == asked["id"]
             trial.expect(named, "wrong-id", f"{told}, which lacks its id")
@@ -97,7 +89,7 @@ def check_errors_about_no_request_name_none(trial: ServerTrial) -> None:
         if connection.ended:
             connection = trial.greeted("msg")
         trial.answers(connection)  # a request with an id
-        for error in errors_after(trial, connection, payload):
+        for error in errors_after(trial, connection, payload)[0]:
             told = f"{shorten(repr(payload))} was answered by the error {show(error)}"
             trial.expect("id" not in error, "has-an-id", f"{told}, which has the id of a request")
             errors += 1

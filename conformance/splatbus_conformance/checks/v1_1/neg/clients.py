@@ -1,13 +1,12 @@
 """Checks on `hello`, `welcome` and `error` (spec 1.1 chapter 2)."""
 
-from itertools import product
 from random import Random
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, OPENS_HOST_MEMORY, Cases, check
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.trials.client import ClientTrial
@@ -23,7 +22,8 @@ from splatbus_conformance.wire.message_kinds import (
 )
 from splatbus_conformance.wire.messages import Json, encode, error, reply, welcome
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.sockets import CHANNELS, Connection
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import Connection
 
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
@@ -307,25 +307,25 @@ def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
 @check(
     "NEG-16",
     observable="the testee closes the connection",
+    on={CLIENT_IPC: ("hello:ipc",), CLIENT_MSG: ("hello:msg",)},
+    cases=Cases(("9.9", "2.0", "1.10")),
 )
-def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
+def check_refuses_a_version_it_did_not_list(
+    trial: ClientTrial, channel: Channel, version: str
+) -> None:
     """`welcome` names a version that the testee's hello did not list."""
-    channels = [channel for channel in CHANNELS if trial.facts.speaks_1_1(channel)]
-    if not channels:
-        trial.not_observable("the testee says no hello: 1.1 is not claimed")
     role = trial.role
-    for channel, version in trial.each(list(product(channels, ("9.9", "2.0", "1.10")))):
-        # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
-        trial.peer.close_all()
-        role.welcomes = role.offers_memory = role.replies = False
-        connection = trial.connection(channel)
-        if not trial.says_hello(connection):
-            trial.not_observable(f"the testee said no hello on the {channel} channel")
-        role.welcome(connection, version=version)
-        outcome = "closes" if trial.ends(connection) else "accepts"
-        role.welcomes = role.offers_memory = role.replies = True
-        trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
-        trial.expect(trial.comes_back(channel), "no-reconnect", "it did not come back afterwards")
+    # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
+    trial.peer.close_all()
+    role.welcomes = role.offers_memory = role.replies = False
+    connection = trial.connection(channel)
+    if not trial.says_hello(connection):
+        trial.not_observable(f"the testee said no hello on the {channel} channel")
+    role.welcome(connection, version=version)
+    outcome = "closes" if trial.ends(connection) else "accepts"
+    role.welcomes = role.offers_memory = role.replies = True
+    trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
+    trial.expect(trial.comes_back(channel), "no-reconnect", "it did not come back afterwards")
 
 
 def wordy_error(trial: ClientTrial, code: str, pointer: str, **members: object) -> bytes:

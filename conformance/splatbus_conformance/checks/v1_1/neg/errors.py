@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
+from splatbus_conformance.checks.v1_1.neg.servers import refused
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import placed
@@ -187,19 +188,19 @@ LAST_WORDS_SECONDS: float = LIMITS["last_words_seconds"] + LIMITS["close_seconds
 AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
 
 
-@check("NEG-35", observable="the error, and the end of the connection", needs=("1.1",))
-def check_refuses_broken_hellos(trial: ServerTrial) -> None:
+@check(
+    "NEG-35",
+    observable="the error, and the end of the connection",
+    on={SERVER_IPC: ("1.1",), SERVER_MSG: ("1.1",)},
+    cases=lambda *_: Cases(BROKEN_HELLOS),
+)
+def check_refuses_broken_hellos(trial: ServerTrial, channel: Channel, changes: Json) -> None:
     """Objects of type `hello` that miss or mistype members."""
-    for channel in CHANNELS:
-        for changes in trial.each(BROKEN_HELLOS):
-            connection, answer = trial.answered(channel, **changes)
-            code = (answer or {}).get("code", (answer or {}).get("type"))
-            what = f"{channel}: a hello with {show(changes)}"
-            unlike = "another-answer" if answer else "no-reply"
-            trial.expect(code == "invalid_message", unlike, f"{what} was answered by {show(code)}")
-            trial.judge("closes" if trial.ends(connection) else "waits", what)
-            connection.close()
-            trial.delivered += 1
+    what = f"{channel}: a hello with {show(changes)}"
+    connection, _ = refused(trial, channel, "invalid_message", what, **changes)
+    trial.judge("closes" if trial.ends(connection) else "waits", what)
+    connection.close()
+    trial.delivered += 1
 
 
 BAD_MEMBERS: dict[str, tuple[Any, ...]] = {

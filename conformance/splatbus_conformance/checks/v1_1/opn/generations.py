@@ -104,61 +104,61 @@ def check_frees_former_memory(
     "OPN-8",
     observable="former memory, and an image in it, until its reader closes it",
     needs=(*RESIZES, "opens"),
+    given=resizing,
 )
-def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial) -> None:
+def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial, client: Connection) -> None:
     """A reader holds an image while the size changes and others follow; nobody may touch what it
     reads, and images of the new size are whole.
     """
-    with resizing(trial) as client:
-        holder, frame = holding(trial)
-        dealings = dealings_of(trial, holder)
-        dealings.keeps = True
-        memory, other = memory_of(trial, holder), beside(trial, holder)
-        path, slot = shared(trial, memory), int(frame["slot"])
-        held = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
-        changed(trial, client, other_sizes(trial)[1])
-        trial.wait(lambda: dealings.kept or holder.ended, REINIT_SECONDS)
-        for number in trial.each(range(10)):
-            trial.sees(other, trial.move())
-            told = f"after {number + 1} images of the new size, with an older one still held"
-            trial.expect(path.exists(), "memory-gone", f"{told}, {path.name} is gone")
-            same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
-            trial.expect(same, "written-while-held", f"{told}, that one is another")
-            trial.delivered += 1
-        dealings.holds = False
-        trial.viewer.let_go(holder)
-        seen = trial.sees(holder, trial.move())
-        trial.expect(seen, "no-frame", "once it had closed former memory, a reader saw no move")
+    holder, frame = holding(trial)
+    dealings = dealings_of(trial, holder)
+    dealings.keeps = True
+    memory, other = memory_of(trial, holder), beside(trial, holder)
+    path, slot = shared(trial, memory), int(frame["slot"])
+    held = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
+    changed(trial, client, other_sizes(trial)[1])
+    trial.wait(lambda: dealings.kept or holder.ended, REINIT_SECONDS)
+    for number in trial.each(range(10)):
+        trial.sees(other, trial.move())
+        told = f"after {number + 1} images of the new size, with an older one still held"
+        trial.expect(path.exists(), "memory-gone", f"{told}, {path.name} is gone")
+        same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
+        trial.expect(same, "written-while-held", f"{told}, that one is another")
+        trial.delivered += 1
+    dealings.holds = False
+    trial.viewer.let_go(holder)
+    seen = trial.sees(holder, trial.move())
+    trial.expect(seen, "no-frame", "once it had closed former memory, a reader saw no move")
 
 
 @check(
     "OPN-8",
     observable="former memory while a reader has not answered its init packet",
     needs=(*RESIZES, "opens"),
+    given=resizing,
 )
-def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial) -> None:
+def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial, client: Connection) -> None:
     """A reader is sent an init packet and says nothing, as one that is slow to open it; the size
     changes, and it goes.
     """
-    with resizing(trial) as client:
-        reader = trial.reading()
-        path = shared(trial, memory_of(trial, reader))
-        trial.viewer.opens = False
-        slow = trial.greeted("ipc")
-        dealings = dealings_of(trial, slow)
-        trial.wait(lambda: dealings.init_packets or slow.ended)
-        if slow.ended or reader.ended or not dealings.init_packets:
-            trial.not_observable("the server announces its memory to one reader at a time")
-        trial.viewer.opens = True
-        changed(trial, client, other_sizes(trial)[0])
-        trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
-        trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
-        there = path.exists()
-        trial.expect(
-            there, "memory-gone", f"{path.name} is gone, which a reader was told of and may open"
-        )
-        slow.close()
-        trial.delivered += 1
+    reader = trial.reading()
+    path = shared(trial, memory_of(trial, reader))
+    trial.viewer.opens = False
+    slow = trial.greeted("ipc")
+    dealings = dealings_of(trial, slow)
+    trial.wait(lambda: dealings.init_packets or slow.ended)
+    if slow.ended or reader.ended or not dealings.init_packets:
+        trial.not_observable("the server announces its memory to one reader at a time")
+    trial.viewer.opens = True
+    changed(trial, client, other_sizes(trial)[0])
+    trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
+    trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
+    there = path.exists()
+    trial.expect(
+        there, "memory-gone", f"{path.name} is gone, which a reader was told of and may open"
+    )
+    slow.close()
+    trial.delivered += 1
 
 
 @check(
@@ -266,42 +266,40 @@ def check_closed_ends_the_lease(
     observable="when readers that keep former memory are closed",
     needs=RESIZES,
     profile="full",
+    given=resizing,
 )
-def check_closes_who_does_not_let_go(trial: ServerTrial) -> None:
+def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> None:
     """A reader opens other memory and never closes what it had, and one never says whether it had
     opened that, beside one that lets go.
     """
-    with resizing(trial) as client:
-        keeper = trial.reading()
-        dealings_of(trial, keeper).keeps = True
-        other = beside(trial, keeper)
-        trial.viewer.opens = False
-        silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
-        trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
-        trial.viewer.opens = True
-        late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
-        changed(trial, client, other_sizes(trial)[0])
-        trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
-        lasted = dict.fromkeys(late, 0.0)
-        began, limit = time.monotonic(), LET_GO_SECONDS + LIMITS["close_seconds"]
-        while (now := time.monotonic() - began) < limit and not trial.fate():
-            lasted |= {reader: now for reader in late if not reader.ended}
-            trial.sees(other, trial.move())
-            trial.rest(SOON / 2)
-            if all(reader.ended for reader in late):
-                break
-        for reader, seconds in lasted.items():
-            what = "keeps former memory" if reader is keeper else "says nothing of former memory"
-            told = f"a reader that {what}, for {seconds:.1f} s"
-            trial.judge(trial.fate() or ("closes" if reader.ended else "waits"), told)
-            trial.expect(
-                seconds >= LET_GO_SECONDS - 2 * SOON, "closed-too-early", f"{told}, was closed then"
-            )
+    keeper = trial.reading()
+    dealings_of(trial, keeper).keeps = True
+    other = beside(trial, keeper)
+    trial.viewer.opens = False
+    silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
+    trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
+    trial.viewer.opens = True
+    late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
+    changed(trial, client, other_sizes(trial)[0])
+    trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
+    lasted = dict.fromkeys(late, 0.0)
+    began, limit = time.monotonic(), LET_GO_SECONDS + LIMITS["close_seconds"]
+    while (now := time.monotonic() - began) < limit and not trial.fate():
+        lasted |= {reader: now for reader in late if not reader.ended}
+        trial.sees(other, trial.move())
+        trial.rest(SOON / 2)
+        if all(reader.ended for reader in late):
+            break
+    for reader, seconds in lasted.items():
+        what = "keeps former memory" if reader is keeper else "says nothing of former memory"
+        told = f"a reader that {what}, for {seconds:.1f} s"
+        trial.judge(trial.fate() or ("closes" if reader.ended else "waits"), told)
         trial.expect(
-            not other.ended, "another-closed", "with it a reader was closed that had let go"
+            seconds >= LET_GO_SECONDS - 2 * SOON, "closed-too-early", f"{told}, was closed then"
         )
-        trial.expect(
-            trial.sees(other, trial.move()), "no-frame", "afterwards another reader sees no move"
-        )
-        changed(trial, client, other_sizes(trial)[1])
-        trial.delivered += 1
+    trial.expect(not other.ended, "another-closed", "with it a reader was closed that had let go")
+    trial.expect(
+        trial.sees(other, trial.move()), "no-frame", "afterwards another reader sees no move"
+    )
+    changed(trial, client, other_sizes(trial)[1])
+    trial.delivered += 1
