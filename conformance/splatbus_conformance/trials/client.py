@@ -240,6 +240,11 @@ class ClientTrial(Trial):
         self.uses(lambda: dealings.generation in dealings.opened or connection.ended, seconds)
         return dealings.generation in dealings.opened
 
+    def require_open(self, connection: Connection) -> None:
+        """Skip the check if the testee does not open the memory that was offered last."""
+        if not self.opens(connection):
+            self.not_observable("the testee did not open good memory")
+
     def releases(self, connection: Connection, seq: int, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee releases this frame."""
         dealings = self.role.with_(connection)

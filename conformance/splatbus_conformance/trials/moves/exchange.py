@@ -74,8 +74,7 @@ def _with_open_memory(trial: ClientTrial) -> Connection:
             return connection
     connection = trial.for_init_packet()
     trial.role.offer(connection, trial.role.init_packet(connection))
-    if not trial.opens(connection):
-        trial.not_observable("the testee did not open the memory")
+    trial.require_open(connection)
     return connection
 
 

@@ -10,6 +10,11 @@ from splatbus_conformance.wire.sockets import Connection
 
 LENDS = ("1.1", "frames")
 """What a server must have shown that lends images."""
+LETS_GO: tuple[Json, ...] = (
+    {"type": "closed"},
+    {"type": "open_failed", "reason": "to see what becomes of the lease"},
+)
+"""Answers of a reader that has done with a generation, which they are yet to name."""
 
 
 def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
@@ -21,6 +26,12 @@ def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
     if (reader.ended and gave_way(trial, reader)) or not trial.testee.expendable:
         trial.not_observable(what)
     trial.violated("no-frame", f"{what}, as it did when it was met")
+
+
+def expect_shown(trial: ServerTrial, reader: Connection, pose: Json) -> None:
+    """A reader that waits sees the camera where this pose puts it."""
+    if trial.sees(reader, pose) is None:
+        fell_silent(trial, reader, "the server sent no frame of the newest pose")
 
 
 def gave_way(trial: ServerTrial, ended: Connection) -> bool:
@@ -36,8 +47,7 @@ def pause_for_an_image(trial: ServerTrial, least: float) -> float:
     reader = trial.reading()
     trial.grows(reader, frames_of(trial, reader))
     began = trial.peer.clock()
-    if trial.sees(reader, trial.move()) is None:
-        fell_silent(trial, reader, "the server sent no frame of the newest pose")
+    expect_shown(trial, reader, trial.move())
     reader.close()
     return max(least, 2.0 * (trial.peer.clock() - began))
 

@@ -89,24 +89,15 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     for number in range(20 if trial.thorough else 3):
         began = time.monotonic()
         seq = lender.show(coordinates(number, *lender.size))
+        otherwise = f"was shown after the client had given image {seq} back"
         linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         for slot in range(trial.role.slots):
             lender.paint(coordinates(1000 + number, *lender.size), slot)
         trial.rest(linger)
-        _judge(
-            trial,
-            lender,
-            "read-without-lease",
-            f"was shown after the client had given image {seq} back",
-        )
+        _judge(trial, lender, "read-without-lease", otherwise)
         lender.spoil_everything()
         trial.rest(linger)
-        _judge(
-            trial,
-            lender,
-            "read-without-lease",
-            f"was shown after the client had given image {seq} back",
-        )
+        _judge(trial, lender, "read-without-lease", otherwise)
 
 
 @check(

@@ -60,6 +60,14 @@ def among(unknown: list[str], real: list[str]) -> list[str]:
     return list(dict.fromkeys([*unknown[: max(0, most - len(real))], *real]))
 
 
+def unwelcome(trial: ClientTrial, channel: Channel) -> Connection:
+    """A new connection on which the testee has said hello, for a welcome of the check's own."""
+    trial.role.welcomes = False
+    connection = trial.connection(channel)
+    trial.says_hello(connection)
+    return connection
+
+
 @check(
     "NEG-4",
     observable="memory is opened, a frame released, old memory closed, as declared",
@@ -120,67 +128,64 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     trial.delivered += answered
 
 
+def alone(trial: ClientTrial) -> Cases:
+    """No capability, then each that the testee declares on the message channel."""
+    return Cases([[], *([name] for name in declared(trial) if name in CAPABILITIES["msg"])])
+
+
 @check(
     "NEG-5",
     observable="what the testee sends on the message channel after a welcome that grants little",
     needs=("hello:msg", "returns:msg"),
+    cases=alone,
 )
-def check_sends_only_what_was_granted_on_the_message_channel(trial: ClientTrial) -> None:
+def check_sends_only_what_was_granted_on_the_message_channel(
+    trial: ClientTrial, granted: list[str]
+) -> None:
     """A welcome that grants nothing, then one for each capability that the testee declares."""
-    alone = [[name] for name in declared(trial) if name in CAPABILITIES["msg"]]
-    trial.role.welcomes = False
-    for granted in trial.each([[], *alone]):
-        connection = trial.connection("msg")
-        trial.says_hello(connection)
-        said = len(connection.packets)
-        trial.role.welcome(connection, capabilities=granted)
-        listen(trial, connection)
-        for message in trial.role.with_(connection).heard:
-            needed = NEEDS.get(str(message.get("type")))
-            needed = "intrinsics" if "intrinsics" in added(message) else needed
-            what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
-            trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
-        trial.delivered += len(connection.packets) > said
+    connection = unwelcome(trial, "msg")
+    said = len(connection.packets)
+    trial.role.welcome(connection, capabilities=granted)
+    listen(trial, connection)
+    for message in trial.role.with_(connection).heard:
+        needed = NEEDS.get(str(message.get("type")))
+        needed = "intrinsics" if "intrinsics" in added(message) else needed
+        what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
+        trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
+    trial.delivered += len(connection.packets) > said
 
 
 @check(
     "NEG-8",
     observable="the testee opens memory after a welcome with capabilities that nobody knows",
     needs=OPENS_HOST_MEMORY,
+    cases=Cases(UNKNOWN, st.lists(WORDS, max_size=5, unique=True), quick=3, full=12),
 )
-def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
+def check_ignores_unknown_capabilities(trial: ClientTrial, unknown: list[str]) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
-    trial.role.welcomes = False
-    names = st.lists(WORDS, max_size=5, unique=True)
-    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
-        connection = trial.connection("ipc")
-        trial.says_hello(connection)
-        real = [name for name in trial.facts.capabilities() if name != "subscribe"]
-        trial.role.welcome(connection, capabilities=among(unknown, real))
-        trial.expect(
-            trial.opens(connection),
-            "not-opened",
-            f"after a welcome that lists {unknown} the memory was not opened",
-        )
-        trial.delivered += 1
+    connection = unwelcome(trial, "ipc")
+    real = [name for name in trial.facts.capabilities() if name != "subscribe"]
+    trial.role.welcome(connection, capabilities=among(unknown, real))
+    told = f"after a welcome that lists {unknown} the memory was not opened"
+    trial.expect(trial.opens(connection), "not-opened", told)
+    trial.delivered += 1
 
 
 @check(
     "NEG-8",
     observable="the testee goes on after a welcome with capabilities that nobody knows",
     needs=("hello:msg", "returns:msg"),
+    cases=Cases(UNKNOWN, st.lists(WORDS, min_size=1, max_size=5, unique=True), quick=3, full=12),
 )
-def check_ignores_unknown_capabilities_of_the_message_channel(trial: ClientTrial) -> None:
+def check_ignores_unknown_capabilities_of_the_message_channel(
+    trial: ClientTrial, unknown: list[str]
+) -> None:
     """The same on the message channel, where `welcome` lists all that the testee declared, too."""
-    trial.role.welcomes = False
-    names = st.lists(WORDS, min_size=1, max_size=5, unique=True)
-    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
-        connection = trial.connection("msg")
-        trial.says_hello(connection)
-        trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
-        outcome = trial.outcome_on_msg(connection)
-        outcome = "accepts" if outcome == "ignores" else outcome
-        trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
+    connection = unwelcome(trial, "msg")
+    trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
+    outcome = trial.outcome_on_msg(connection)
+    outcome = "accepts" if outcome == "ignores" else outcome
+    trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
 
 
 @check(

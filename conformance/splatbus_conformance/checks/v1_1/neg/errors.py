@@ -188,21 +188,6 @@ LAST_WORDS_SECONDS: float = LIMITS["last_words_seconds"] + LIMITS["close_seconds
 AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
 
 
-@check(
-    "NEG-35",
-    observable="the error, and the end of the connection",
-    on={SERVER_IPC: ("1.1",), SERVER_MSG: ("1.1",)},
-    cases=lambda *_: Cases(BROKEN_HELLOS),
-)
-def check_refuses_broken_hellos(trial: ServerTrial, channel: Channel, changes: Json) -> None:
-    """Objects of type `hello` that miss or mistype members."""
-    what = f"{channel}: a hello with {show(changes)}"
-    connection, _ = refused(trial, channel, "invalid_message", what, **changes)
-    trial.judge("closes" if trial.ends(connection) else "waits", what)
-    connection.close()
-    trial.delivered += 1
-
-
 BAD_MEMBERS: dict[str, tuple[Any, ...]] = {
     "versions": (
         None,
@@ -224,6 +209,21 @@ BROKEN_HELLOS: tuple[Json, ...] = tuple(
     {name: value} for name, values in BAD_MEMBERS.items() for value in values
 )
 """Members that are wrong; None leaves one out."""
+
+
+@check(
+    "NEG-35",
+    observable="the error, and the end of the connection",
+    on={SERVER_IPC: ("1.1",), SERVER_MSG: ("1.1",)},
+    cases=Cases(BROKEN_HELLOS),
+)
+def check_refuses_broken_hellos(trial: ServerTrial, channel: Channel, changes: Json) -> None:
+    """Objects of type `hello` that miss or mistype members."""
+    what = f"{channel}: a hello with {show(changes)}"
+    connection, _ = refused(trial, channel, "invalid_message", what, **changes)
+    trial.judge("closes" if trial.ends(connection) else "waits", what)
+    connection.close()
+    trial.delivered += 1
 
 
 @check("NEG-26", observable="the connection goes on after an error", needs=("1.1",))

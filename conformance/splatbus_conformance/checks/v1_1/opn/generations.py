@@ -13,7 +13,7 @@ from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scale
 from splatbus_conformance.checks.v1_1.cam.resized import Sitting, other, sitting
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
-from splatbus_conformance.trials.moves.frame_readers import beside, fell_silent, holding
+from splatbus_conformance.trials.moves.frame_readers import LETS_GO, beside, fell_silent, holding
 from splatbus_conformance.trials.moves.image_session import elsewhere
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
@@ -217,12 +217,6 @@ def check_lenses_are_scaled_to_another_size(
     told = f"after intrinsics for {trial.facts.size} images became {size}"
     trial.expect(not wrong, "other-intrinsics", f"{told}: {wrong}")
     trial.delivered += 1
-
-
-LETS_GO: tuple[Json, ...] = (
-    {"type": "closed"},
-    {"type": "open_failed", "reason": "to see what becomes of the lease"},
-)
 
 
 @check(
