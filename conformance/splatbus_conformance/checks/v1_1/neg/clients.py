@@ -10,7 +10,7 @@ from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, OPENS_HOST_MEMOR
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import (
     ADDED_MEMBERS,

@@ -5,8 +5,11 @@ from typing import NamedTuple
 
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.asking import asking, requests
-from splatbus_conformance.trials.moves.unheard import outcome_at_the_end, silent_connection
+from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.unheard import (
+    outcome_at_the_end,
+    silent_connection,
+)
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.wire.messages import Json, hello
