@@ -5,16 +5,13 @@ from typing import NoReturn
 from splatbus_conformance.trials.controls import shows
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
-from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.messages import Json, says_of
 from splatbus_conformance.wire.sockets import Connection
 
 LENDS = ("1.1", "frames")
 """What a server must have shown that lends images."""
-LETS_GO: tuple[Json, ...] = (
-    {"type": "closed"},
-    {"type": "open_failed", "reason": "to see what becomes of the lease"},
-)
-"""Answers of a reader that has done with a generation, which they are yet to name."""
+DONE_SECONDS = 0.05
+"""For a server to make something of what a reader says, and of its end."""
 
 
 def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
@@ -88,6 +85,14 @@ def lent(trial: ServerTrial, connection: Connection) -> bool:
     dealings = trial.viewer.with_(connection)
     trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)
     return bool(dealings.frames)
+
+
+def has_done(trial: ServerTrial, reader: Connection, generation: object, kind: str) -> None:
+    """A reader answers an init packet once more, and goes."""
+    trial.viewer.say(reader, says_of(generation, kind))
+    trial.rest(DONE_SECONDS)
+    reader.close()
+    trial.rest(DONE_SECONDS)
 
 
 def pinning(trial: ServerTrial, connection: Connection) -> Json | None:
