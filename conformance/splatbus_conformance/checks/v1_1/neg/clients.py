@@ -188,23 +188,24 @@ def check_ignores_unknown_capabilities_of_the_message_channel(
     trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
 
 
+NAMES = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
+STRANGERS = st.builds(
+    lambda kind, rest: {**rest, "type": kind},
+    *(NAMES, st.dictionaries(NAMES, st.none() | st.integers(0, 9) | NAMES, max_size=4)),
+)
+
+
 @check(
     "NEG-9",
     observable="the testee goes on after messages of unknown types",
     needs=OPENS_HOST_MEMORY,
+    cases=Cases(drawn=STRANGERS, quick=10, full=100),
 )
-def check_ignores_unknown_types(trial: ClientTrial) -> None:
+def check_ignores_unknown_types(trial: ClientTrial, message: Json) -> None:
     """Messages of types that nobody knows, before and between init packets, and unasked."""
-    names = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
-    values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)
-    messages = st.builds(lambda kind, rest: {**rest, "type": kind}, names, values)
     trial.role.offers_memory = False
-    connection = trial.greeted("ipc")
-    for message in trial.each(drawn=messages, quick=10, full=100):
-        if connection.ended or "reinit" not in trial.facts.capabilities():
-            connection = trial.greeted("ipc")
-        outcome = trial.outcome_on_ipc(connection, packet(encode(message)))
-        trial.judge(outcome, f"a message of type {message['type']!r} on the IPC channel")
+    outcome = trial.outcome_on_ipc(trial.for_init_packet(), packet(encode(message)))
+    trial.judge(outcome, f"a message of type {message['type']!r} on the IPC channel")
 
 
 @check(
