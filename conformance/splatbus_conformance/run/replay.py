@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import pytest
@@ -132,6 +133,10 @@ def worked_out(testbed: Testbed, script: Script, seconds: float) -> Script:
         return True
 
     kept = smallest(flat(script.cases), fails, in_time)
+
+    def fails_with(place: int, pair: Pair) -> bool:
+        return fails([*kept[:place], pair, *kept[place + 1 :]])
+
     for place, (row, case) in enumerate(kept):
         if case.drawn and row < len(simpler):
             kept[place] = simplest(
@@ -139,7 +144,7 @@ def worked_out(testbed: Testbed, script: Script, seconds: float) -> Script:
                 lambda pair: (
                     (pair[0], Case(True, value)) for value in simpler[pair[0]](pair[1].value)
                 ),
-                lambda pair: fails([*kept[:place], pair, *kept[place + 1 :]]),  # noqa: B023
+                partial(fails_with, place),
                 in_time,
             )
     return counted(best, replay(testbed, best))

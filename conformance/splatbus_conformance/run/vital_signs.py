@@ -117,7 +117,7 @@ def _silent_on(
             return f"it sends no frame {where}"
     if channel == "msg" and facts.answers:
         before = len(connection.packets)
-        viewer.ask(connection, {"type": "get_viewport_size"})
+        viewer.say(connection, {"type": "get_viewport_size"})
         peer.until(lambda: len(connection.packets) > before or connection.ended, seconds)
         if len(connection.packets) == before:
             return f"it answers no request {where}"
@@ -145,15 +145,18 @@ def lost_by_client(
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
     for channel in sorted(facts.returns):
         peer.listen(channel)
-    for channel in sorted(facts.returns):
-        on_it = peer.until(lambda: _newest(peer, channel) or testee.ended(), patience)  # noqa: B023
+
+    def lost(channel: Channel) -> str:
+        on_it = peer.until(lambda: _newest(peer, channel) or testee.ended(), patience)
         if not isinstance(on_it, Connection):
             return does_not_come(channel, testee)
         if facts.speaks_1_1(channel):
-            peer.until(lambda: _said_hello(peer, role, channel), facts.effect_seconds)  # noqa: B023
+            peer.until(lambda: _said_hello(peer, role, channel), facts.effect_seconds)
             if not _said_hello(peer, role, channel):
                 return f"it says no hello on the {NAMES[channel]} channel any more"
-    return ""
+        return ""
+
+    return next(filter(None, map(lost, sorted(facts.returns))), "")
 
 
 def _newest(peer: Peer, channel: Channel) -> Connection | None:

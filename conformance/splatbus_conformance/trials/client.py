@@ -235,11 +235,22 @@ class ClientTrial(Trial):
         self.uses(lambda: dealings.generation in dealings.opened or connection.ended, seconds)
         return dealings.generation in dealings.opened
 
+    def require_open(self, connection: Connection) -> None:
+        """Skip the check if the testee does not open the memory that was offered last."""
+        if not self.opens(connection):
+            self.not_observable("the testee did not open good memory")
+
     def releases(self, connection: Connection, seq: int, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee releases this frame."""
         dealings = self.role.with_(connection)
         self.uses(lambda: seq in dealings.released or connection.ended, seconds)
         return seq in dealings.released
+
+    def closes(self, connection: Connection, generation: int, *seconds: float) -> bool:
+        """Whether the testee closes the memory of this generation."""
+        dealings = self.role.with_(connection)
+        self.wait(lambda: generation in dealings.closed or connection.ended, *seconds)
+        return generation in dealings.closed
 
     def says_hello(self, connection: Connection) -> bool:
         """Whether the testee says `hello` on this connection."""

@@ -1,4 +1,4 @@
-"""Good requests that show that a server goes on, and which of its answers are to these.
+"""Good requests and poses that show that a server goes on, and what is there to answer to these.
 
 What went before may have been answered too, though it should not: such an answer must not be taken
 for the control's.
@@ -7,12 +7,16 @@ for the control's.
 import itertools
 from collections.abc import Iterable, Sequence
 
-from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.json_values import finites, within
+from splatbus_conformance.wire.messages import Json, camera_pose
 
 VIEWPORT_REQUEST: Json = {"type": "get_viewport_size"}
 CAMERA_REQUEST: Json = {"type": "get_camera_pose", "cam_idx": 0}
 _SIGNS = {"get_viewport_size": "viewport_size", "get_camera_pose": "position"}
 """What only the reply to each has."""
+STEP = 2.0**-4
+"""How far apart the places are where a trial poses the camera, in scene units."""
+_places = itertools.count(1)
 _ids = itertools.count(2**30)
 """What no check gives a request of its own by chance."""
 
@@ -42,3 +46,18 @@ def are_answered(requests: Sequence[Json], heard: Iterable[Json]) -> bool:
 def _replies(message: Json, request: Json) -> bool:
     has_its_id = "id" not in request or message.get("id") == request["id"]
     return has_its_id and _SIGNS[request["type"]] in message
+
+
+def next_pose() -> Json:
+    """A camera where it has not been lately."""
+    row, column = divmod(next(_places), 64)
+    return camera_pose((STEP * column, STEP * (row % 64), -2.0))
+
+
+def shows(frame: Json, pose: Json) -> bool:
+    """Whether a frame says that its camera was where this pose put it."""
+    position = finites(within(frame, "camera", "position"), 3)
+    meant = pose["position"].values()
+    return position is not None and all(
+        abs(is_ - wanted) < STEP / 4 for is_, wanted in zip(position, meant, strict=True)
+    )

@@ -49,6 +49,11 @@ class DialledConnection:
         return [str(m.get("code")) for m in self.heard if m.get("type") == "error"]
 
     @property
+    def answer(self) -> Json | None:
+        """What answered `hello`: `welcome`, or an error."""
+        return next((m for m in self.heard if m.get("type") in ("welcome", "error")), None)
+
+    @property
     def granted(self) -> list[str]:
         """Capabilities that both sides have."""
         return texts(within(self.welcome, "capabilities"))
@@ -175,13 +180,9 @@ class ScriptedClient:
         if all(whole(value) is not None for value in named.values()):
             self.say(connection, {"type": "release", **named})
 
-    def ask(self, connection: Connection, request: Json) -> None:
-        """Send a request."""
-        self.say(connection, request)
-
-    def say(self, connection: Connection, message: Json) -> None:
-        """Send a message."""
-        connection.send(packet(self.encode(message)))
+    def say(self, connection: Connection, *messages: Json) -> None:
+        """Send messages, in one write."""
+        connection.send(b"".join(packet(self.encode(message)) for message in messages))
 
     def close(self) -> None:
         """Unmap everything that was opened."""

@@ -1,8 +1,7 @@
 """A trial of a server: the harness plays its clients."""
 
 import contextlib
-import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 from splatbus_schemas.requirements import Requirement
@@ -19,19 +18,15 @@ from splatbus_conformance.trials.trial import (
     Stand,
     Trial,
 )
-from splatbus_conformance.wire.json_values import finites, within
+from splatbus_conformance.wire.json_values import within
 from splatbus_conformance.wire.message_kinds import REPLIES
 from splatbus_conformance.wire.messages import Json, camera_pose
-from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import Connection
 
-STEP = 2.0**-4
-"""How far apart the places are where a trial poses the camera, in scene units."""
 GREETINGS = 10
 """How often a server is greeted that closes at once: it may not have seen the last viewer leave."""
 LATE_SECONDS = 1.0
-_places = itertools.count(1)
 
 
 class ServerTrial(Trial):
@@ -104,13 +99,22 @@ class ServerTrial(Trial):
         """
         for _ in range(GREETINGS):
             connection = self.before_hello(channel)
-            heard = self.viewer.with_(connection).heard
-            self.viewer.greet(connection, **changes)
-            self.wait(lambda: _answer(heard) or connection.ended)  # noqa: B023
-            if heard or not connection.ended:
+            if self._is_answered_to_hello(connection, changes) or not connection.ended:
                 break
             self.rest(0.05)
-        return connection, _answer(heard)
+        return connection, self.viewer.with_(connection).answer
+
+    def _is_answered_to_hello(self, connection: Connection, changes: dict[str, object]) -> bool:
+        dealings = self.viewer.with_(connection)
+        self.viewer.greet(connection, **changes)
+        self.wait(lambda: dealings.answer or connection.ended)
+        return bool(dealings.heard)
+
+    def is_welcomed(self, connection: Connection) -> bool:
+        """Whether a hello that was said is answered by `welcome`, in time."""
+        dealings = self.viewer.with_(connection)
+        self.wait(lambda: dealings.welcome or connection.ended)
+        return dealings.welcome is not None
 
     def require_all(self, *connections: Connection) -> None:
         """Skip the check if the server, which may (CHN-13), ends one for those that came later."""
@@ -179,11 +183,15 @@ class ServerTrial(Trial):
 
     def ask(self, connection: Connection, request: Json) -> Json | None:
         """The next thing that the server says after a request; None if it says nothing in time."""
+        return next(iter(self.ask_all(connection, [request])), None)
+
+    def ask_all(self, connection: Connection, requests: Sequence[Json]) -> list[Json]:
+        """What the server says in time after requests in one write: one thing for each, or more."""
         heard = self.viewer.with_(connection).heard
         before = len(heard)
-        self.viewer.say(connection, request)
-        self.wait(lambda: len(heard) > before or connection.ended)
-        return heard[before] if len(heard) > before else None
+        self.viewer.say(connection, *requests)
+        self.grows(connection, heard, before + len(requests) - 1)
+        return heard[before:]
 
     def answers(self, connection: Connection) -> bool:
         """Whether the server answers a good request on this connection: the positive control."""
@@ -196,11 +204,9 @@ class ServerTrial(Trial):
     def _is_answered(self, connection: Connection, requests: list[Json]) -> bool:
         heard = self.viewer.with_(connection).heard
         before = len(heard)
-        connection.send(b"".join(packet(self.viewer.encode(request)) for request in requests))
-
+        self.viewer.say(connection, *requests)
         self.wait(lambda: controls.are_answered(requests, heard[before:]) or connection.ended)
-        came = controls.are_answered(requests, heard[before:])
-        self.delivered += came
+        self.delivered += (came := controls.are_answered(requests, heard[before:]))
         return came
 
     # Scripts, and what becomes of them
@@ -278,7 +284,7 @@ class ServerTrial(Trial):
         else:
             if self.facts.welcome[channel] and self.viewer.token is None:
                 self.viewer.greet(connection, capabilities=[])
-            served = self.wait(lambda: heard or connection.ended) and bool(heard)
+            served = self.grows(connection, heard)
         others = (c for c in self.peer.connections if c.channel == channel and c is not connection)
         served = served or (connection.ended is not None and any(not c.gone for c in others))
         until = until or self.peer.clock() + EFFECT_SECONDS
@@ -322,7 +328,7 @@ class ServerTrial(Trial):
             self.rest(GONE_SECONDS)
             return
         self.viewer.say(connection, controls.VIEWPORT_REQUEST)
-        self._unheard = not self.wait(lambda: connection.packets or connection.ended)
+        self._unheard = not (self.grows(connection, connection.packets) or connection.ended)
         connection.packets.clear()
         self.viewer.with_(connection).heard.clear()
 
@@ -346,8 +352,7 @@ class ServerTrial(Trial):
         """
         mover = self.mover()
         if pose is None:
-            row, column = divmod(next(_places), 64)
-            pose = camera_pose((STEP * column, STEP * (row % 64), -2.0))
+            pose = controls.next_pose()
         self.viewer.say(mover, pose)
         return pose
 
@@ -373,22 +378,9 @@ class ServerTrial(Trial):
 
         def found() -> Json | None:
             nonlocal others
-            while others < len(frames) and not shows(frames[others], pose):
+            while others < len(frames) and not controls.shows(frames[others], pose):
                 others += 1
             return frames[others] if others < len(frames) else None
 
         self.wait(lambda: found() or connection.ended, seconds)
         return found()
-
-
-def shows(frame: Json, pose: Json) -> bool:
-    """Whether a frame says that its camera was where this pose put it."""
-    position = finites(within(frame, "camera", "position"), 3)
-    meant = pose["position"].values()
-    return position is not None and all(
-        abs(is_ - wanted) < STEP / 4 for is_, wanted in zip(position, meant, strict=True)
-    )
-
-
-def _answer(heard: list[Json]) -> Json | None:
-    return next((m for m in heard if m.get("type") in ("welcome", "error")), None)

@@ -1,7 +1,7 @@
 """A trial: one check's dealings with the testee, whichever side that is, and its judgement."""
 
 import itertools
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence, Sized
 from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import pytest
@@ -234,6 +234,11 @@ class Trial:
     def ends(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee ends this connection in time."""
         return self.wait(lambda: connection.ended, seconds)
+
+    def grows(self, connection: Connection, things: Sized, after: int = 0, *seconds: float) -> bool:
+        """Whether there are more than so many of the things that come on a connection, in time."""
+        self.wait(lambda: len(things) > after or connection.ended, *seconds)
+        return len(things) > after
 
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""

@@ -209,6 +209,12 @@ def reply(
     return {"type": message_kinds.REPLY_TO[str(kind)], **name, **answer, **more}
 
 
+def says_of(generation: object, kind: str) -> Json:
+    """What a client says of memory: `opened`, `closed`, or `open_failed`, which has a reason."""
+    reason = {"reason": "to see what comes then"} if kind == "open_failed" else {}
+    return {"type": kind, "generation": generation, **reason}
+
+
 def _answer(request: Json, width: int, height: int) -> Json:
     match request["type"]:
         case "get_camera_pose":

@@ -12,7 +12,7 @@ from splatbus_conformance.checks.v1_0.ini import device as device_packets
 from splatbus_conformance.checks.v1_1.img import clients_device
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.device_listener import DeviceListener
-from splatbus_conformance.trials.moves.exchange import STRANGER
+from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 

@@ -25,7 +25,7 @@ from splatbus_conformance.images.known_scene import SceneState
 from splatbus_conformance.images.pinhole import STILL, ObjectPlacement, told_of
 from splatbus_conformance.rules.v1_1.cam import lens as judged_lens
 from splatbus_conformance.rules.v1_1.obj import object_pose as judged_object_pose
-from splatbus_conformance.trials.moves.exchange import ASKED
+from splatbus_conformance.trials.moves.exchanges.exchange import ASKED
 from splatbus_conformance.trials.moves.image_session import AT_REST, placed
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_conformance.trials.trial import Violation

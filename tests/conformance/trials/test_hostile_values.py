@@ -12,10 +12,10 @@ from splatbus_conformance.images.memory.reading import CannotOpen
 from splatbus_conformance.images.pinhole import placed_in
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.rules import judge
+from splatbus_conformance.trials.controls import shows
 from splatbus_conformance.trials.moves.resizing import size_of
 from splatbus_conformance.trials.scripted_client import ScriptedClient, readable
 from splatbus_conformance.trials.scripted_server import ScriptedServer
-from splatbus_conformance.trials.server import shows
 from splatbus_conformance.trials.testee import probe_advice
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
@@ -161,7 +161,7 @@ def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
         wire.arrive(viewer, "s2c", payload if spoils else answer)
         assert isinstance(viewer.with_(wire).granted, list)
     for asked in (ASK_SIZE, ASK_CAMERA, {"type": "get_scene"}, {"type": "ping", "t": 1.0}):
-        viewer.ask(msg, {**asked, "id": 1})
+        viewer.say(msg, {**asked, "id": 1})
     if hostile is ipc and b'"frame"' in payload:
         ipc.arrive(viewer, "s2c", announced)
     hostile.arrive(viewer, "s2c", payload)

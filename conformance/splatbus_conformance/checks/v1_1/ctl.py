@@ -11,6 +11,7 @@ from splatbus_conformance.images.pinhole import placed_in, told_of
 from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_in, camera_of
 from splatbus_conformance.trials.moves.control import busy, controlling, in_control
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
+from splatbus_conformance.trials.moves.frame_readers import frames_of
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
     ImageSession,
@@ -24,7 +25,6 @@ from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
-from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_values import is_number, show
 from splatbus_conformance.wire.messages import Json, camera_pose
 from splatbus_conformance.wire.sockets import Connection
@@ -231,29 +231,36 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
             trial.answers(client)
     left = first
     for client, place in trial.each(clients):
-        wanted, since = camera_of(camera_pose((place, 2.0, 0.0))), steering.count
+        since = steering.count
         left.close()
         what = f"control passed to a client of {'1.0' if client is old else '1.1'};"
-        trial.expect(
-            trial.wait(lambda: any(it.shows(wanted) for it in steering.cameras(since))),  # noqa: B023
-            "another-camera",
-            f"{what} no frame shows the newest camera that it sent",
-        )
-        trial.wait(lambda: _depth_of_cloud(trial, steering) == place + 2.0, EFFECT_SECONDS)  # noqa: B023
-        z = _depth_of_cloud(trial, steering)
-        trial.expect(
-            z == place + 2.0,
-            "another-placement",
-            f"{what} the Gaussians are at z = {z}, and its newest pose of them has {place + 2.0}",
-        )
+        _expect_poses(trial, steering, what, since, place)
         if client is third:
-            frames = trial.viewer.with_(steering.reader).frames[since:]
+            frames = frames_of(trial, steering.reader)[since:]
             _expect_the_rest(trial, frames, what, lens, time)
         left = client
         trial.delivered += 1
     steering.shows(third, camera_pose((0.0, 0.0, 3.0)))
     trial.viewer.say(third, at_rest())
     trial.answers(third)
+
+
+def _expect_poses(
+    trial: ServerTrial, steering: CameraControl, what: str, since: int, place: float
+) -> None:
+    """Camera and Gaussians are put where the client had posed them last."""
+    wanted, depth = camera_of(camera_pose((place, 2.0, 0.0))), place + 2.0
+    trial.expect(
+        trial.wait(lambda: any(it.shows(wanted) for it in steering.cameras(since))),
+        "another-camera",
+        f"{what} no frame shows the newest camera that it sent",
+    )
+    trial.expect(
+        trial.wait(lambda: _depth_of_cloud(trial, steering) == depth),
+        "another-placement",
+        f"{what} the Gaussians are at z = {_depth_of_cloud(trial, steering)}, and its newest pose"
+        f" of them has {depth}",
+    )
 
 
 def _expect_the_rest(
@@ -281,7 +288,7 @@ def _lens_as_shown(trial: ServerTrial, steering: CameraControl) -> Json | None:
     """Intrinsics that are not those of the newest frame; None where they are not granted."""
     if not _grants(trial, "intrinsics"):
         return None
-    camera = trial.viewer.with_(steering.reader).frames[-1]["camera"]
+    camera = frames_of(trial, steering.reader)[-1]["camera"]
     names = (*LENS, "width", "height")
     return {name: camera[name] for name in names} | {"fx": 1.5 * camera["fx"]}
 
@@ -292,7 +299,7 @@ def _grants(trial: ServerTrial, capability: str) -> bool:
 
 def _depth_of_cloud(trial: ServerTrial, steering: CameraControl) -> float:
     """Where the newest frame has the Gaussians, along z, which is a small integer here."""
-    newest = trial.viewer.with_(steering.reader).frames[-1]
+    newest = frames_of(trial, steering.reader)[-1]
     return round(float(placed_in(newest, DEFAULT).pose.position[2]), 4)
 
 

@@ -17,14 +17,14 @@ from splatbus_conformance.images.pinhole import STILL, ObjectPlacement, rigid, t
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import (
     ImageSession,
-    answers,
+    errors_after,
     image_session,
     placed,
 )
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import BALL, DEFAULT
 from splatbus_conformance.wire.json_values import is_number, numbers, show
-from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.messages import Json, camera_pose, encode
 
 MOVES_OBJECTS = ("1.1", "frames", "capability:objects")
 KNOWN = (*MOVES_OBJECTS, "pixels", "scene")
@@ -158,7 +158,15 @@ def _expect_listed(trial: ServerTrial, where: Moved, frame: Json) -> None:
         )
 
 
-def _same(told: Json, pose: Pose, scale: float) -> bool:
+def _put(it: ImageSession, name: str, pose: Pose, scale: float) -> None:
+    """Put an object there; skips the check where frames do not tell so."""
+    told = told_of(it.look(placed(name, pose, scale)).frame, name)
+    if not _same(told, pose, scale):
+        it.trial.not_observable(f"frames tell of {name} that it is at {show(told)} (OBJ-7)")
+
+
+def _same(told: Json | None, pose: Pose, scale: float) -> bool:
+    told = told or {}
     position: Any = told.get("position")
     rotation, size = told.get("rotation"), told.get("scale")
     if not (numbers(position, 3) and numbers(rotation, 4) and is_number(size)):
@@ -179,13 +187,10 @@ def check_point_cloud_pose_is_of_the_default_object(trial: ServerTrial) -> None:
     further = Pose((-0.25, 0.125, 0.25), turned_about(AT_REST.rotation, (0, 0, 1), 0.2))
     with image_session(trial) as it:
         for number in trial.each(range(3)):
-            seen = it.look(placed(DEFAULT, pose, 0.5 + number))
-            told = told_of(seen.frame, DEFAULT)
-            if told is None or not _same(told, pose, 0.5 + number):
-                trial.not_observable(f"frames tell of {DEFAULT} that it is at {show(told)} (OBJ-7)")
+            _put(it, DEFAULT, pose, 0.5 + number)
             told = told_of(it.look(camera_pose(*further, kind="point_cloud_pose")).frame, DEFAULT)
             trial.expect(
-                told is not None and _same(told, further, 1.0),
+                _same(told, further, 1.0),
                 "another-placement",
                 f"{DEFAULT} was put to {further} by point_cloud_pose after it had a scale of"
                 f" {0.5 + number}; a frame has it at {show(told)}",
@@ -202,13 +207,8 @@ def check_reports_unknown_objects(trial: ServerTrial) -> None:
     names = st.text(UNICODE, min_size=1, max_size=64).filter(lambda name: name not in known)
     near = [f"{known[0]} "[:64], known[0].upper() + "?", "camera", "__proto__", "x" * 64]
     for name in trial.each([it for it in near if it not in known], names, quick=8, full=300):
-        heard = trial.viewer.with_(poser).heard
-        before = len(heard)
-        trial.viewer.say(poser, placed(name, AT_REST))
-        trial.expect(
-            answers(trial, poser), "no-reply", f"after the object {show(name)} nothing was answered"
-        )
-        errors = [it for it in heard[before:] if it.get("type") == "error"]
+        errors, answered = errors_after(trial, poser, encode(placed(name, AT_REST)))
+        trial.expect(answered, "no-reply", f"after the object {show(name)} nothing was answered")
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
         trial.expect(
             codes == [("unknown_object", "/object")],
@@ -236,9 +236,7 @@ def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
     good = placed(DEFAULT, Pose((0.5, 0.25, 0.75), AT_REST.rotation), 0.75)
     home = Pose((-0.125, 0.125, 0.25), turned_about(AT_REST.rotation, (0, 1, 0), 0.25))
     with image_session(trial) as it:
-        told = told_of(it.look(placed(DEFAULT, home, 1.25)).frame, DEFAULT)
-        if told is None or not _same(told, home, 1.25):
-            trial.not_observable(f"frames tell of {DEFAULT} that it is at {show(told)} (OBJ-7)")
+        _put(it, DEFAULT, home, 1.25)
         for what, message, _ in trial.each(
             list(broken_object_poses(good)), kind=lambda case: case[-1], spare=SPARE
         ):
@@ -253,7 +251,7 @@ def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
             it.look()
             for frame in it.frames[known:]:
                 told = told_of(frame, DEFAULT)
-                kept = told is not None and _same(told, home, 1.25)
+                kept = _same(told, home, 1.25)
                 said = f"a pose of an object with {what}; a frame has it at {show(told)}"
                 trial.judge("keeps" if kept else "applies", said)
             trial.delivered += 1
@@ -267,16 +265,14 @@ def check_keeps_the_former_pose_of_each_object(trial: ServerTrial) -> None:
     away = Pose((0.5, 0.25, 0.75), (0.0, 0.0, 0.0, 2.0))
     with image_session(trial) as it:
         for name in trial.each(trial.facts.objects()):
-            told = told_of(it.look(placed(name, home, 1.25)).frame, name)
-            if told is None or not _same(told, home, 1.25):
-                trial.not_observable(f"frames tell of {name} that it is at {show(told)} (OBJ-7)")
+            _put(it, name, home, 1.25)
             for broken in (placed(name, away, 1.0), placed(name, home, 0.0)):
                 it.say(broken)
                 if not it.answers():
                     trial.judge(it.end(), f"a broken pose of {name}")
                     return
                 seen = told_of(it.look().frame, name)
-                kept = seen is not None and _same(seen, home, 1.25)
+                kept = _same(seen, home, 1.25)
                 what = f"a pose of {name} with a rotation or a scale that is none; it is at"
                 trial.judge("keeps" if kept else "applies", f"{what} {show(seen)}")
             trial.delivered += 1
@@ -288,13 +284,10 @@ def check_a_scale_that_is_absent_is_1(trial: ServerTrial) -> None:
     here, there = (Pose((0.125, 0.25, z), AT_REST.rotation) for z in (0.5, 0.75))
     with image_session(trial) as it:
         for name in trial.each(trial.facts.objects()):
-            told = told_of(it.look(placed(name, here, 1.5)).frame, name)
-            if told is None or not _same(told, here, 1.5):
-                trial.not_observable(f"frames tell of {name} that it is at {show(told)} (OBJ-7)")
+            _put(it, name, here, 1.5)
             seen = told_of(it.look(placed(name, there)).frame, name)
-            right = seen is not None and _same(seen, there, 1.0)
             what = f"{name} had a scale, and a pose without one came; a frame has it at"
-            trial.expect(right, "another-placement", f"{what} {show(seen)}")
+            trial.expect(_same(seen, there, 1.0), "another-placement", f"{what} {show(seen)}")
             trial.delivered += 1
 
 

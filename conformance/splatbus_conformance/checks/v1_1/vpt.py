@@ -7,6 +7,7 @@ from typing import Any
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.control import controlling
 from splatbus_conformance.trials.moves.image_session import answers, further
 from splatbus_conformance.trials.moves.resizing import (
@@ -22,12 +23,12 @@ from splatbus_conformance.trials.moves.resizing import (
     readers,
     resizing,
     size_of,
+    told,
 )
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.wire.json_values import show
-from splatbus_conformance.wire.messages import Json, camera_pose, encode
-from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.messages import Json, camera_pose
 from splatbus_conformance.wire.sockets import Connection
 
 _firsts = count(1, 6)
@@ -46,17 +47,17 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
         in_force = list(trial.facts.size)
         listed = [*BAD_SIZES, *other_sizes(trial)]
         for size in trial.each(listed, drawn_sizes(trial), quick=4, full=200):
-            told = asked(trial, client, size)
-            kind, what = told.get("type"), f"set_viewport to {show(size[0])}×{show(size[1])}"
-            agreed = kind == "viewport_size" and told.get("viewport_size") == list(size)
+            reply = asked(trial, client, size)
+            kind, what = reply.get("type"), f"set_viewport to {show(size[0])}×{show(size[1])}"
+            agreed = kind == "viewport_size" and reply.get("viewport_size") == list(size)
             trial.expect(
-                kind == "error" or agreed, "another-answer", f"{what} was answered by {show(told)}"
+                kind == "error" or agreed, "another-answer", f"{what} was answered by {show(reply)}"
             )
             trial.expect(
                 kind == "error" or size not in BAD_SIZES, "accepts", f"{what} was agreed to"
             )
             in_force = list(size) if agreed else in_force
-            now = trial.ask(client, {"type": "get_viewport_size"}) or {}
+            now = trial.ask(client, VIEWPORT_REQUEST) or {}
             told_now = now.get("viewport_size")
             trial.expect(
                 told_now in (in_force, [0, 0]),
@@ -66,8 +67,8 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
             )
             trial.delivered += 1
         client.close()
-        told = trial.ask(trial.greeted("msg"), {"type": "get_viewport_size"}) or {}
-        size_now = told.get("viewport_size")
+        reply = trial.ask(trial.greeted("msg"), VIEWPORT_REQUEST) or {}
+        size_now = reply.get("viewport_size")
         trial.expect(
             size_now in (in_force, [0, 0]),
             "size-forgotten",
@@ -88,28 +89,26 @@ def check_answers_what_follows_another_size_after_it(trial: ServerTrial) -> None
 
 def _agreed_in_order(trial: ServerTrial, client: Connection, size: Size) -> bool:
     """Whether images have this size now; what is asked right behind has to be answered later."""
-    heard, first = trial.viewer.with_(client).heard, next(_firsts)
+    first = next(_firsts)
     requests: tuple[Json, ...] = (
         {"type": "set_viewport", "width": size[0], "height": size[1]},
-        {"type": "get_camera_pose", "cam_idx": 0},
-        {"type": "get_viewport_size"},
+        CAMERA_REQUEST,
+        VIEWPORT_REQUEST,
         {"type": "set_viewport", "width": size[0], "height": size[1]},
         {"type": "ping", "t": 12.5},
         {"type": "get_scene"},
     )
     asked = [request | {"id": first + place} for place, request in enumerate(requests)]
-    before = len(heard)
-    client.send(b"".join(packet(encode(request)) for request in asked))
-    trial.wait(lambda: len(heard) - before >= len(asked) or client.ended)
-    told = [answer.get("id") for answer in heard[before:] if "id" in answer]
+    heard = trial.ask_all(client, asked)
+    ids = [answer.get("id") for answer in heard if "id" in answer]
     last = first + len(asked) - 1
     what = f"set_viewport to {size[0]}×{size[1]} and requests behind it have the ids {first} to"
     trial.expect(
-        told == [request["id"] for request in asked],
+        ids == [request["id"] for request in asked],
         "out-of-order",
-        f"{what} {last}, and their answers {show(told)}",
+        f"{what} {last}, and their answers {show(ids)}",
     )
-    return any(answer.get("type") == "viewport_size" for answer in heard[before : before + 1])
+    return any(answer.get("type") == "viewport_size" for answer in heard[:1])
 
 
 @check("VPT-3", observable="the error while one reader takes no reinit", needs=RESIZES)
@@ -119,16 +118,15 @@ def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
     """
     with resizing(trial) as client:
         reader = trial.reading()
-        changed(trial, client, other_sizes(trial)[2])
+        changed(trial, client, other_sizes(trial)[2], reader)
         packets = dealings_of(trial, reader).init_packets
-        trial.wait(lambda: len(packets) > 1, REINIT_SECONDS)
-        for number in trial.each(range(2)):
+        for size in trial.each(other_sizes(trial)[:2]):
             had = len(packets)
             offer = [it for it in trial.viewer.capabilities["ipc"] if it != "reinit"]
             stiff = trial.ready("ipc", capabilities=offer)
             if reader.ended or not dealings_of(trial, stiff).init_packets:
                 trial.not_observable("the server announces its memory to one reader at a time")
-            code = asked_again(trial, client, other_sizes(trial)[number], "busy")
+            code = asked_again(trial, client, size, "busy")
             trial.expect(
                 code == "unsupported",
                 "another-answer",
@@ -141,14 +139,18 @@ def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
                 "and then the other reader was sent an init packet",
             )
             stiff.close()
-            code = asked_again(trial, client, other_sizes(trial)[number], "busy", "unsupported")
+            code = asked_again(trial, client, size, "busy", "unsupported")
             trial.expect(
                 code == "viewport_size",
                 "still-refused",
                 f"once the reader without reinit had gone, set_viewport was answered by {code}",
             )
-            trial.wait(lambda: len(packets) > had, REINIT_SECONDS)  # noqa: B023
+            told(trial, size, reader)
             trial.delivered += 1
+
+
+def _code(answer: Json) -> Any:
+    return answer.get("code") or answer.get("type")
 
 
 @check("VPT-4", observable="the error while another client has control", needs=RESIZES)
@@ -162,8 +164,7 @@ def check_obeys_who_has_control(trial: ServerTrial) -> None:
             trial.not_observable("the server serves one message connection at a time")
         one, two, three, _ = other_sizes(trial)
         for what in ("without control", "that waits for control"):
-            told = asked(trial, client, one)
-            code = told.get("code") or told.get("type")
+            code = _code(asked(trial, client, one))
             trial.expect(
                 code == "busy", "another-answer", f"a client {what} was answered by {show(code)}"
             )
@@ -185,8 +186,7 @@ def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
         one, two, *_ = other_sizes(trial)
         changed(trial, client, one)
         trial.wait(lambda: dealings.kept or reader.ended, REINIT_SECONDS)
-        told = asked(trial, client, two)
-        code = told.get("code") or told.get("type")
+        code = _code(asked(trial, client, two))
         trial.expect(
             code == "busy",
             "another-answer",
@@ -215,14 +215,10 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
                 continue
             former = size
             had = {it: len(dealings_of(trial, it).init_packets) for it in everyone}
-            changed(trial, client, size)
-            told = {it: dealings_of(trial, it).init_packets for it in everyone if had[it]}
-            trial.wait(
-                lambda: all(len(now) > had[it] for it, now in told.items()),  # noqa: B023
-                REINIT_SECONDS,
-            )
-            for number, (it, packets) in enumerate(told.items(), 1):
-                what = f"reader {number} of {len(told)}, when the size was set to {size}"
+            due = {it: dealings_of(trial, it).init_packets for it in everyone if had[it]}
+            changed(trial, client, size, *due)
+            for number, (it, packets) in enumerate(due.items(), 1):
+                what = f"reader {number} of {len(due)}, when the size was set to {size}"
                 trial.expect(not it.ended, "closes", f"{what}: its connection was closed")
                 trial.expect(
                     len(packets) > had[it], "no-init-packet", f"{what}: no init packet within 5 s"

@@ -1,1 +1,1 @@
-"""What several checks do with a trial: steer, resize, lend, capture, misbehave."""
+"""What several checks do with a trial: steer, resize, lend, capture, exchange, misbehave."""

@@ -2,13 +2,16 @@
 
 from typing import NoReturn
 
-from splatbus_conformance.trials.server import ServerTrial, shows
+from splatbus_conformance.trials.controls import shows
+from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
-from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.messages import Json, says_of
 from splatbus_conformance.wire.sockets import Connection
 
 LENDS = ("1.1", "frames")
 """What a server must have shown that lends images."""
+DONE_SECONDS = 0.05
+"""For a server to make something of what a reader says, and of its end."""
 
 
 def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
@@ -22,6 +25,12 @@ def fell_silent(trial: ServerTrial, reader: Connection, what: str) -> NoReturn:
     trial.violated("no-frame", f"{what}, as it did when it was met")
 
 
+def expect_shown(trial: ServerTrial, reader: Connection, pose: Json) -> None:
+    """A reader that waits sees the camera where this pose puts it."""
+    if trial.sees(reader, pose) is None:
+        fell_silent(trial, reader, "the server sent no frame of the newest pose")
+
+
 def gave_way(trial: ServerTrial, ended: Connection) -> bool:
     """Whether a connection may have been ended in favour of a later one on its channel (CHN-13)."""
     on_it = (it for it in trial.peer.connections if it.channel == ended.channel)
@@ -33,10 +42,9 @@ def pause_for_an_image(trial: ServerTrial, least: float) -> float:
     takes this server to show a reader, who comes and goes, that the camera has moved; twice.
     """
     reader = trial.reading()
-    trial.wait(lambda: frames_of(trial, reader) or reader.ended)
+    trial.grows(reader, frames_of(trial, reader))
     began = trial.peer.clock()
-    if trial.sees(reader, trial.move()) is None:
-        fell_silent(trial, reader, "the server sent no frame of the newest pose")
+    expect_shown(trial, reader, trial.move())
     reader.close()
     return max(least, 2.0 * (trial.peer.clock() - began))
 
@@ -51,8 +59,7 @@ def holding(trial: ServerTrial) -> tuple[Connection, Json]:
     with trial.viewer.holding():
         connection = trial.reading()
     frames = frames_of(trial, connection)
-    trial.wait(lambda: frames or connection.ended)
-    if not frames:
+    if not trial.grows(connection, frames):
         fell_silent(trial, connection, "the server sent no frame")
     return connection, frames[0]
 
@@ -63,6 +70,29 @@ def beside(trial: ServerTrial, *others: Connection) -> Connection:
     if any(other.ended for other in others):
         trial.not_observable("the server ends a connection in favour of a later one")
     return connection
+
+
+def joined(trial: ServerTrial) -> Connection | None:
+    """One more reader, with memory open here; None if the server refuses or closes it."""
+    connection, _ = trial.answered("ipc")
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.memory or dealings.refusal or dealings.errors() or connection.ended)
+    return None if dealings.memory is None else connection
+
+
+def lent(trial: ServerTrial, connection: Connection) -> bool:
+    """Whether a new reader is sent a frame, in time and before an error or the end."""
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)
+    return bool(dealings.frames)
+
+
+def has_done(trial: ServerTrial, reader: Connection, generation: object, kind: str) -> None:
+    """A reader answers an init packet once more, and goes."""
+    trial.viewer.say(reader, says_of(generation, kind))
+    trial.rest(DONE_SECONDS)
+    reader.close()
+    trial.rest(DONE_SECONDS)
 
 
 def pinning(trial: ServerTrial, connection: Connection) -> Json | None:

@@ -16,6 +16,7 @@ from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
 from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 STEP = 2.0**-8
@@ -131,6 +132,17 @@ def elsewhere(trial: ServerTrial) -> Pose:
 def answers(trial: ServerTrial, connection: Connection) -> bool:
     """Whether a request on this connection is answered by its reply, after what was said before."""
     return trial.answers(connection) and not connection.ended
+
+
+def errors_after(
+    trial: ServerTrial, connection: Connection, payload: bytes
+) -> tuple[list[Json], bool]:
+    """Those that come of a packet, and whether a request behind it is answered."""
+    heard = trial.viewer.with_(connection).heard
+    before = len(heard)
+    connection.send(packet(payload))
+    answered = answers(trial, connection)
+    return [it for it in heard[before:] if it.get("type") == "error"], answered
 
 
 def further(trial: ServerTrial, *others: Connection) -> Connection:

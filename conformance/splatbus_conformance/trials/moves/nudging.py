@@ -54,7 +54,16 @@ class Nudging:
 
         The connection has to be in control, or to get it by this; all is sent again meanwhile.
         """
-        since, places = len(self._frames), set[float | None]()
+        since = came = len(self._frames)
+        places = set[float | None]()
+
+        def says_so() -> bool:
+            self._give_back()
+            return any(_place(frame) in places for frame in self._frames[since:])
+
+        def is_due() -> bool:
+            return says_so() or not (self._named or len(self._frames) == came)
+
         clock = self.trial.peer.clock
         deadline = clock() + EFFECT_SECONDS
         while clock() < deadline and not connection.ended and not self.trial.fate():
@@ -62,15 +71,7 @@ class Nudging:
             places.add(place)
             moved = camera_pose((0.0, 0.0, place), kind="point_cloud_pose")
             connection.send(b"".join((*before, packet(encode(moved)))))
-
-            def says_so() -> bool:
-                self._give_back()
-                return any(_place(frame) in places for frame in self._frames[since:])
-
-            self.trial.wait(
-                lambda: says_so() or not (self._named or len(self._frames) == came),  # noqa: B023
-                AGAIN_SECONDS,
-            )
+            self.trial.wait(is_due, AGAIN_SECONDS)
             if says_so():
                 return True
             if len(self._frames) - since >= UNNAMED:

@@ -10,6 +10,7 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
@@ -54,36 +55,45 @@ def asked(trial: ServerTrial, client: Connection, size: tuple[Any, Any]) -> Json
         return next((it for it in heard[before:] if it.get("id") == id), None)
 
     trial.wait(lambda: answer() or client.ended)
-    told = answer()
-    if told is None:
+    reply = answer()
+    if reply is None:
         trial.violated(
             "no-reply", f"set_viewport to {size[0]}×{size[1]} was not answered with its id"
         )
-    return told
+    return reply
 
 
 def asked_again(trial: ServerTrial, client: Connection, size: Size, *passing: str) -> str:
     """What `set_viewport` is answered by, the code of an error or a type, once it is no more one of
     these that may pass: a server may not have noticed that readers have gone, or let go.
     """
-    told: list[str] = []
+    said: list[str] = []
 
     def done() -> bool:
         answer = asked(trial, client, size)
-        told.append(str(answer.get("code") or answer.get("type")))
-        if told[-1] in passing:
+        said.append(str(answer.get("code") or answer.get("type")))
+        if said[-1] in passing:
             trial.rest(REACTION_SECONDS / 4)
-        return told[-1] not in passing
+        return said[-1] not in passing
 
     trial.peer.until(done, EFFECT_SECONDS)
-    return told[-1]
+    return said[-1]
 
 
-def changed(trial: ServerTrial, client: Connection, size: Size) -> None:
-    """Have images of another size; skips the check where the server has none of that size."""
-    told = asked_again(trial, client, size, "busy")
-    if told != "viewport_size":
-        trial.not_observable(f"set_viewport to {size[0]}×{size[1]} was answered by {told}")
+def changed(trial: ServerTrial, client: Connection, size: Size, *readers: Connection) -> None:
+    """Have images of another size, of which these readers are to be told; skips the check where the
+    server has none of that size.
+    """
+    answer = asked_again(trial, client, size, "busy")
+    if answer != "viewport_size":
+        trial.not_observable(f"set_viewport to {size[0]}×{size[1]} was answered by {answer}")
+    told(trial, size, *readers)
+
+
+def told(trial: ServerTrial, size: Size, *readers: Connection) -> None:
+    """Wait until these readers have been told of the size that images have."""
+    newest = [dealings_of(trial, reader).init_packets for reader in readers]
+    trial.wait(lambda: all(size_of(it[-1]) == size for it in newest), REINIT_SECONDS)
 
 
 @contextlib.contextmanager
@@ -129,12 +139,8 @@ def readers(trial: ServerTrial, most: int = 3) -> list[Connection]:
     one (CHN-13).
     """
     found = [trial.reading()]
-    while len(found) < most:
-        connection, _ = trial.answered("ipc")
-        dealings = dealings_of(trial, connection)
-        trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)  # noqa: B023
-        if dealings.memory is not None:
-            found.append(connection)
-        if dealings.memory is None or any(reader.ended for reader in found):
+    while len(found) < most and (further := joined(trial)):
+        found.append(further)
+        if any(reader.ended for reader in found):
             break
     return [reader for reader in found if not reader.ended]

@@ -273,13 +273,12 @@ def _hear_out(peer: Peer, role: ScriptedServer, quiet: float, patience: float) -
     Returns the longest that it was silent before something new.
     """
     said, since, longest = _shown(peer.connections, role), time.monotonic(), 0.0
+
+    def news() -> bool:
+        return _shown(peer.connections, role) != said
+
     while not said.everything_said():
         opening = any(d.generations and not d.opened | d.failed for d in role.dealings.values())
-        before = said
-
-        def news() -> bool:
-            return _shown(peer.connections, role) != before  # noqa: B023
-
         if not peer.until(news, max(patience, quiet) if opening else quiet):
             break
         said, now = _shown(peer.connections, role), time.monotonic()

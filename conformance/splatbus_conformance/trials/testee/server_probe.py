@@ -178,7 +178,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         where = " and ".join(_refusal(peer, channel) for channel in CHANNELS)
         raise not_met(testee, "server", where, peer.host, patience)
     if (old_msg := old["msg"]) is not None:
-        viewer.ask(old_msg, {"type": "get_viewport_size"})
+        viewer.say(old_msg, {"type": "get_viewport_size"})
         peer.until(lambda: old_msg.packets or old_msg.ended or testee.ended(), REPLY_SECONDS)
         facts.answers = bool(old_msg.packets)
     if (old_ipc := old["ipc"]) is not None:
@@ -188,32 +188,8 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
     peer.close_all()
     peer.pump(GONE_SECONDS)
     for channel in (channel for channel in CHANNELS if facts.listens[channel]):
-        connection = reach(peer, testee, channel, patience)
-        if connection is None:
-            continue
-        dealings = viewer.with_(connection)
-        dealings.holds = True
-        viewer.greet(connection)
-        peer.until(lambda: dealings.welcome or connection.ended, REPLY_SECONDS)  # noqa: B023
-        facts.welcome[channel] = dealings.welcome
-        facts.unauthorized |= "unauthorized" in dealings.errors()
-        if channel == "ipc" and dealings.welcome:
-            peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)  # noqa: B023
-            peer.pump(WHOLE_SECONDS)
-            facts.first = _first(dealings)
-            facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
-            facts.opens = dealings.memory is not None
-            facts.renders = bool(dealings.frames)
-        if channel == "msg" and dealings.welcome:
-            said = len(dealings.heard)
-            viewer.ask(connection, {"type": "get_viewport_size", "id": AN_ID})
-            peer.until(lambda: len(dealings.heard) > said or connection.ended, REPLY_SECONDS)  # noqa: B023
-            facts.answers |= len(dealings.heard) > said
-            facts.repeats_ids = any(it.get("id") == AN_ID for it in dealings.heard[said:])
-        if channel == "msg" and "scene" in dealings.granted:
-            viewer.ask(connection, {"type": "get_scene"})
-            peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)  # noqa: B023
-            facts.scene = _scene(dealings)
+        if (connection := reach(peer, testee, channel, patience)) is not None:
+            _greet(connection, peer, viewer, facts)
     facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
     if facts.listens["ipc"] and facts.at_once_is_late():
         later = reach(peer, testee, "ipc", patience)
@@ -236,6 +212,33 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
     return facts
 
 
+def _greet(connection: Connection, peer: Peer, viewer: ScriptedClient, facts: ServerFacts) -> None:
+    """Say hello, as a client of 1.1, and then use what is granted."""
+    dealings, channel = viewer.with_(connection), connection.channel
+    dealings.holds = True
+    viewer.greet(connection)
+    peer.until(lambda: dealings.welcome or connection.ended, REPLY_SECONDS)
+    facts.welcome[channel] = dealings.welcome
+    facts.unauthorized |= "unauthorized" in dealings.errors()
+    if channel == "ipc" and dealings.welcome:
+        peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)
+        peer.pump(WHOLE_SECONDS)
+        facts.first = _first(dealings)
+        facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
+        facts.opens = dealings.memory is not None
+        facts.renders = bool(dealings.frames)
+    if channel == "msg" and dealings.welcome:
+        said = len(dealings.heard)
+        viewer.say(connection, {"type": "get_viewport_size", "id": AN_ID})
+        peer.until(lambda: len(dealings.heard) > said or connection.ended, REPLY_SECONDS)
+        facts.answers |= len(dealings.heard) > said
+        facts.repeats_ids = any(it.get("id") == AN_ID for it in dealings.heard[said:])
+    if channel == "msg" and "scene" in dealings.granted:
+        viewer.say(connection, {"type": "get_scene"})
+        peer.until(lambda: _scene(dealings) or connection.ended, REPLY_SECONDS)
+        facts.scene = _scene(dealings)
+
+
 def _serves_one(
     channel: Channel,
     peer: Peer,
@@ -252,7 +255,7 @@ def _serves_one(
         for connection in pair:
             if facts.guarded:
                 viewer.greet(connection, capabilities=[])
-            viewer.ask(connection, {"type": "get_viewport_size"})
+            viewer.say(connection, {"type": "get_viewport_size"})
         most = 1 + facts.guarded
         peer.until(
             lambda: any(it.ended for it in pair) or all(len(it.packets) >= most for it in pair),
@@ -268,14 +271,16 @@ def _guards(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: float)
     """Whether the server requires the token that it was given."""
     if viewer.token is None:
         return False
-    for channel in CHANNELS:
-        if (connection := reach(peer, testee, channel, patience)) is not None:
-            viewer.greet(connection, token=None)
-            heard = viewer.with_(connection)
-            peer.until(lambda: heard.heard or connection.ended, REPLY_SECONDS)  # noqa: B023
-            if "unauthorized" in heard.errors():
-                return True
-    return False
+
+    def refuses(connection: Connection | None) -> bool:
+        if connection is None:
+            return False
+        viewer.greet(connection, token=None)
+        heard = viewer.with_(connection)
+        peer.until(lambda: heard.heard or connection.ended, REPLY_SECONDS)
+        return "unauthorized" in heard.errors()
+
+    return any(refuses(reach(peer, testee, channel, patience)) for channel in CHANNELS)
 
 
 def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Connection | None:

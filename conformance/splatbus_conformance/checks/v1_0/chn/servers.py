@@ -17,7 +17,6 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     crowd,
 )
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.exchange import welcomed
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
@@ -129,7 +128,7 @@ def _expect_both_served(trial: ServerTrial, first: Channel, second: Channel) -> 
     trial.expect(trial.answers(msg), "no-reply", f"no reply {what}")
     if trial.facts.welcome["ipc"] is not None:
         trial.viewer.greet(ipc)
-        trial.expect(welcomed(trial, ipc), "no-welcome", f"no welcome on the IPC channel {what}")
+        trial.expect(trial.is_welcomed(ipc), "no-welcome", f"no welcome on the IPC channel {what}")
         if trial.facts.init_packet is not None:
             trial.wait(lambda: trial.viewer.with_(ipc).init_packets or ipc.ended)
         trial.expect(trial.answers(msg), "no-reply", f"no further reply {what}")

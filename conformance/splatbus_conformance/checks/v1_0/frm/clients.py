@@ -6,7 +6,7 @@ from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.chn.clients import closing
 from splatbus_conformance.checks.v1_0.frm.pieces import APART_SECONDS
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.trials.returning import PROBES, tries_to_go_on
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import encode

@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.exchange import exchange
+from splatbus_conformance.trials.moves.exchanges.exchange import exchange
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet

@@ -9,7 +9,6 @@ from splatbus_conformance.checks.v1_0.frm.servers import REQUEST
 from splatbus_conformance.checks.v1_0.req.servers import replies_after
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.exchange import welcomed
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import camera_pose, encode, hello
 from splatbus_conformance.wire.packets import packet
@@ -52,7 +51,7 @@ def check_the_longest_hello(trial: ServerTrial, channel: Channel) -> None:
     connection = trial.before_hello(channel)
     connection.send(packet(said.ljust(MOST)))
     trial.expect(
-        welcomed(trial, connection),
+        trial.is_welcomed(connection),
         "no-welcome",
         f"{channel}: a hello of {MOST:,} bytes has no welcome",
     )

@@ -18,7 +18,7 @@ from splatbus_conformance.checks import (
     check,
 )
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.exchange import exchange
+from splatbus_conformance.trials.moves.exchanges.exchange import exchange
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import Json, welcome
 from splatbus_conformance.wire.packets import packet

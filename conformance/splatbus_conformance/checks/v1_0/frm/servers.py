@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.exchange import with_a_server
+from splatbus_conformance.trials.moves.exchanges.exchange import with_a_server
 from splatbus_conformance.trials.moves.resizing import other_sizes, resizing
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, ENDING_SECONDS, REACTION_SECONDS

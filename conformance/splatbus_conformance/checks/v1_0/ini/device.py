@@ -37,7 +37,7 @@ from splatbus_conformance.checks.v1_0.jsn.writers import (
 )
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.device_listener import DeviceListener
-from splatbus_conformance.trials.moves.exchange import STRANGER
+from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
 from splatbus_conformance.trials.trial import ENDING_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, encode, init_packet_1_0

@@ -12,7 +12,10 @@ from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
 from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.unheard import outcome_at_the_end, silent_connection
+from splatbus_conformance.trials.moves.exchanges.unheard import (
+    outcome_at_the_end,
+    silent_connection,
+)
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import encode, init_packet_1_0
 from splatbus_conformance.wire.packets import packet

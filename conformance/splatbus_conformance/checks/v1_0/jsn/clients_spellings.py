@@ -15,7 +15,7 @@ from splatbus_conformance.checks.v1_0.req.clients import (
     wait_for_all,
 )
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.asking import asking
+from splatbus_conformance.trials.moves.exchanges.asking import asking
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 

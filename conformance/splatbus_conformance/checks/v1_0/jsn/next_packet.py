@@ -14,7 +14,7 @@ from splatbus_conformance.checks import (
     check,
 )
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.exchange import in_use, welcomed
+from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
@@ -106,7 +106,7 @@ def _outcome_of_hello(trial: ServerTrial, texts: bytes) -> str:
     connection = trial.before_hello("ipc")
     connection.send(texts)
     trial.viewer.greet(connection)
-    handled = welcomed(trial, connection)
+    handled = trial.is_welcomed(connection)
     closed = connection.ended and not trial.fate()
     connection.close()
     trial.delivered += 1

@@ -12,7 +12,7 @@ from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_0.jsn.next_packet import SPARE, named
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.exchange import in_use
+from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, camera_pose, encode, hello

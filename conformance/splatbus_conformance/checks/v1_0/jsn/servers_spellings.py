@@ -8,7 +8,7 @@ from splatbus_conformance.checks.v1_0.jsn.servers import REQUESTS, shown
 from splatbus_conformance.checks.v1_0.jsn.writers import Writer, noting
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.exchange import in_use, welcomed
+from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import show
@@ -101,7 +101,7 @@ def of_receipts(trial: ServerTrial) -> Iterator[Judge]:
         frames = trial.viewer.with_(connection).frames
         trial.viewer.encode = noting(writer, written)
         trial.viewer.greet(connection, client=CLIENT)
-        taken = welcomed(trial, connection)
+        taken = trial.is_welcomed(connection)
         if taken and trial.facts.renders:
             trial.wait(lambda: frames or connection.ended)
             poser.send(packet(encode(camera_pose(((trial.number + 1) % 97 / 4, 0.0, 0.0)))))

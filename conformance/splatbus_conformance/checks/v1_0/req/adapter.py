@@ -10,7 +10,7 @@ from splatbus_conformance.cases.valid.numbers import hard_numbers, nearest
 from splatbus_conformance.cases.valid.poses import Pose, poses
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.odd_replies import OddReplies
+from splatbus_conformance.trials.moves.exchanges.odd_replies import OddReplies
 from splatbus_conformance.trials.moves.pose_error import (
     PoseError,
     engine_of,

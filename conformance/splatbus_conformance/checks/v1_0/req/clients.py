@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES as BAD_REPLIES_OF_1_1
 from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.trials.trial import (
     EFFECT_SECONDS,
     ENDING_SECONDS,

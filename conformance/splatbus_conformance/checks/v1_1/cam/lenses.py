@@ -122,16 +122,16 @@ def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
         *(lens_of(first, w, h, 0.9, 1.1, 0.0, 0.02) for w in (854, 1920) for h in fitting(w, size)),
         lens_of(first, 2 * size[0], 2 * size[1], 1.0, 1.0, 0.0, 0.0) | _cutting(first),
     ]
-    image_session = ImageSession(trial)
-    before = image_session.look()
+    session = ImageSession(trial)
+    before = session.look()
     for lens in trial.each(listed, drawn_lenses(first), quick=8, full=500):
         told = f"the intrinsics {show(lens)} for images of {size[0]}×{size[1]}"
-        before_it = len(image_session.heard)
-        image_session.capture.go(elsewhere(trial), intrinsics=lens)
-        image_session.answers()
-        errors = [it for it in image_session.heard[before_it:] if it.get("type") == "error"]
+        before_it = len(session.heard)
+        session.capture.go(elsewhere(trial), intrinsics=lens)
+        session.answers()
+        errors = [it for it in session.heard[before_it:] if it.get("type") == "error"]
         trial.expect(not errors, "refused", f"{told} were answered by {show(errors)}")
-        seen, wanted = image_session.look(intrinsics=lens), scaled(lens, size)
+        seen, wanted = session.look(intrinsics=lens), scaled(lens, size)
         wrong = in_force(seen.frame, wanted)
         trial.expect(not wrong, "other-intrinsics", f"{told}: of the frame's camera {wrong}")
         _expect_seen_so(trial, before, seen, seen.camera._replace(**wanted), told)
@@ -188,26 +188,24 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
     """Intrinsics whose shape is off by just as much as it may not be, and by more, in poses that
     move the camera: no part of them is applied.
     """
-    first, image_session = first_view(trial, 0.0), ImageSession(trial)
+    first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
-    image_session.look(intrinsics=good)
+    session.look(intrinsics=good)
     for width, height in trial.each(list(dict.fromkeys(other_shapes(size)))):
         told = f"intrinsics for {width}×{height}, of images of {size[0]}×{size[1]}"
-        before, known = len(image_session.heard), len(image_session.frames)
+        before, known = len(session.heard), len(session.frames)
         bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
-        image_session.capture.go(_elsewhere(trial), intrinsics=bad, tag="refused")
-        trial.expect(
-            image_session.answers(), "no-reply", f"{told}: the next request was not answered"
-        )
-        errors = [it for it in image_session.heard[before:] if it.get("type") == "error"]
+        session.capture.go(_elsewhere(trial), intrinsics=bad, tag="refused")
+        trial.expect(session.answers(), "no-reply", f"{told}: the next request was not answered")
+        errors = [it for it in session.heard[before:] if it.get("type") == "error"]
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
         trial.expect(
             codes == [("invalid_message", "/intrinsics")],
             "another-error" if codes else "no-error",
             f"{told}, were answered by {show(codes) if codes else 'no error'}",
         )
-        former, *frames = image_session.nudged(known - 1)
+        former, *frames = session.nudged(known - 1)
         applied = _applied(former, frames)
         trial.expect(
             not applied, "applies", f"{told}, were refused, and the pose was applied: {applied}"
@@ -226,22 +224,22 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     """Poses with intrinsics, and then whatever leaves them in force: poses without them, of the
     Gaussians too, those of a client without control, and those that are refused.
     """
-    first, image_session = first_view(trial, 0.0), ImageSession(trial)
+    first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     own = {name: first.frame["camera"][name] for name in LENS}
-    wrong = in_force(image_session.look().frame, own)
+    wrong = in_force(session.look().frame, own)
     trial.expect(
         not wrong, "other-intrinsics", f"nobody sent intrinsics, and of the frame's camera {wrong}"
     )
-    other = further(trial, image_session.poser)
+    other = further(trial, session.poser)
     lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
     foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
     odd, no_pose = foreign | {"height": 2 * size[1] + 2}, camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))
     for number in trial.each(range(3)):
         lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
         wanted = scaled(lens, size)
-        image_session.look(intrinsics=lens)
-        known = len(image_session.frames)
+        session.look(intrinsics=lens)
+        known = len(session.frames)
         for moment, sender, message in (
             ("the next pose had none", None, None),
             ("the Gaussians were moved", None, at_rest()),
@@ -252,18 +250,18 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
             ("some that are none were refused", None, camera_pose() | {"intrinsics": {}}),
         ):
             if message is None:
-                image_session.look()
-            elif not _goes_on(trial, sender or image_session.poser, message):
+                session.look()
+            elif not _goes_on(trial, sender or session.poser, message):
                 trial.expect(
-                    image_session.end() == "closes",
+                    session.end() == "closes",
                     "no-reply",
-                    f"{moment}, and then: {image_session.end()}",
+                    f"{moment}, and then: {session.end()}",
                 )
                 trial.peer.close_all()
-                image_session = ImageSession(trial)
-                other = further(trial, image_session.poser)
+                session = ImageSession(trial)
+                other = further(trial, session.poser)
                 break
-            for frame in image_session.nudged(known):
+            for frame in session.nudged(known):
                 wrong = in_force(frame, wanted)
                 trial.expect(
                     not wrong,
@@ -320,25 +318,25 @@ def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
 )
 def check_keeps_the_former_camera(trial: ServerTrial) -> None:
     """Poses whose tag or intrinsics are none, of which no part may be applied."""
-    first, image_session = first_view(trial, 0.0), ImageSession(trial)
+    first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
     has_lens = trial.facts.lacks("capability:intrinsics") is None
     broken = [("tag", value) for value in BAD_TAGS]
     if has_lens:
         broken += [("intrinsics", value) for value in bad_lenses(good)]
-        image_session.look(intrinsics=good)
+        session.look(intrinsics=good)
     for name, value in trial.each(broken):
-        known = len(image_session.frames)
-        image_session.capture.go(_elsewhere(trial), **{name: value})
+        known = len(session.frames)
+        session.capture.go(_elsewhere(trial), **{name: value})
         what = f"a pose with the {name} {show(value)}"
-        if not image_session.answers():
-            trial.judge(image_session.end(), what)
+        if not session.answers():
+            trial.judge(session.end(), what)
             trial.peer.close_all()
-            image_session = ImageSession(trial)
-            image_session.look(**({"intrinsics": good} if has_lens else {}))
+            session = ImageSession(trial)
+            session.look(**({"intrinsics": good} if has_lens else {}))
             continue
-        former, *frames = image_session.nudged(known - 1)
+        former, *frames = session.nudged(known - 1)
         applied = _applied(former, frames)
         if has_lens:
             applied = applied or in_force(frames[-1], scaled(good, size))

@@ -13,7 +13,7 @@ from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
 from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import fell_silent, frames_of
-from splatbus_conformance.trials.moves.image_session import answers, elsewhere, further
+from splatbus_conformance.trials.moves.image_session import elsewhere, errors_after, further
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
@@ -22,13 +22,11 @@ from splatbus_conformance.trials.moves.resizing import (
     dealings_of,
     other_sizes,
     resizing,
-    size_of,
 )
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import show, whole, within
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
-from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 LENSES = ("1.1", "capability:viewport", "capability:intrinsics")
@@ -77,16 +75,13 @@ def check_compares_shapes_with_the_size_now(
     """Images become of another shape; then intrinsics of the shape that they had are refused, and
     those of their own are not.
     """
-    heard = trial.viewer.with_(client).heard
     changed(trial, client, size)
     for shape, code in ((trial.facts.size, "invalid_message"), (size, None)):
-        before = len(heard)
         lens = lens_of(first_view(trial, 0.0), *shape, 1.25, 1.25, 0.0, 0.0)
-        trial.viewer.say(client, camera_pose(*elsewhere(trial)) | {"intrinsics": lens})
-        trial.expect(
-            answers(trial, client), "no-reply", "the request behind a pose was not answered"
-        )
-        codes = [it.get("code") for it in heard[before:] if it.get("type") == "error"]
+        pose = camera_pose(*elsewhere(trial)) | {"intrinsics": lens}
+        errors, answered = errors_after(trial, client, encode(pose))
+        trial.expect(answered, "no-reply", "the request behind a pose was not answered")
+        codes = [it.get("code") for it in errors]
         trial.expect(
             codes == ([code] if code else []),
             ("another-error" if code else "refused") if codes else "no-error",
@@ -133,11 +128,9 @@ def check_no_tag_comes_again_in_another_size(
     client, capture = given
     tag = f"{TAG}, {size[0]}×{size[1]}"
     capture.take(elsewhere(trial), None, tag=tag)
-    changed(trial, client, size)
-    packets = dealings_of(trial, capture.reader).init_packets
-    trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
+    changed(trial, client, size, capture.reader)
     frames = frames_of(trial, capture.reader)
-    now = whole(packets[-1].get("generation"))
+    now = whole(capture.dealings.init_packets[-1].get("generation"))
     trial.wait(lambda: frames[-1].get("generation") == now)
     capture.take(elsewhere(trial), None)
     tags = [within(frame, "camera", "tag") for frame in frames]
@@ -229,7 +222,7 @@ def check_answers_behind_another_size_before_the_end(
     before = len(heard)
     request = {"type": "set_viewport", "width": size[0], "height": size[1], "id": 0}
     asked = [request, *(VIEWPORT_REQUEST | {"id": n} for n in range(1, BEHIND))]
-    client.send(b"".join(packet(encode(each)) for each in asked))
+    trial.viewer.say(client, *asked)
     client.end_stream()
     closed = trial.ends(client, 2 * REINIT_SECONDS)
     told = [it["id"] for it in heard[before:] if "id" in it]

@@ -2,15 +2,17 @@
 
 import itertools
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from typing import NamedTuple
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.trials.controls import STEP
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.frame_readers import LENDS, frames_of, gave_way
-from splatbus_conformance.trials.server import STEP, ServerTrial
+from splatbus_conformance.trials.moves.frame_readers import LENDS, frames_of, gave_way, joined
+from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import numbers, show, whole, within
 from splatbus_conformance.wire.messages import Json, camera_pose
 from splatbus_conformance.wire.sockets import Connection
@@ -81,11 +83,8 @@ class TagSession:
     def _join(self) -> None:
         if len(self.readers) == MOST_READERS:
             self.readers.pop().close()
-        connection, _ = self.trial.answered("ipc")
-        dealings = self.trial.viewer.with_(connection)
-        self.trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)
-        if dealings.memory is not None:
-            self.readers.append(connection)
+        if reader := joined(self.trial):
+            self.readers.append(reader)
 
     def _settle(self) -> None:
         """Every reader has a frame of the newest camera, and the newest of all frames."""
@@ -153,25 +152,27 @@ def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
                 )
 
 
-@check("CAM-2", observable="the tags of frames after poses that share one", needs=LENDS)
-def check_a_tag_that_was_used_comes_again(trial: ServerTrial) -> None:
+@check(
+    "CAM-2",
+    observable="the tags of frames after poses that share one",
+    needs=LENDS,
+    given=lambda trial: nullcontext((TagSession(trial), f"{next(_tags)} again")),
+    cases=Cases(range(1, 4)),
+)
+def check_a_tag_that_was_used_comes_again(
+    trial: ServerTrial, given: tuple[TagSession, str], place: int
+) -> None:
     """Poses of different places with the same tag, each sent when the one before was shown."""
-    story, tag = TagSession(trial), f"{next(_tags)} again"
+    story, tag = given
     frames = frames_of(trial, story.steering.reader)
-    for place in trial.each(range(1, 4)):
-        before, pose = len(frames), _pose(place) | {"tag": tag}
-        trial.viewer.say(story.poser, pose)
-        shown = trial.wait(lambda: any(_place(it) == place for it in frames[before:]))  # noqa: B023
-        trial.expect(shown, "not-applied", "no frame shows a good pose")
-        first = next(it for it in frames[before:] if _place(it) == place)
-        came = within(first, "camera", "tag")
-        trial.expect(
-            came == tag,
-            "another-tag",
-            f"pose {place} has the tag of the pose before, and the first "
-            f"frame of it has {_named(came)}",
-        )
-        trial.delivered += 1
+    before = len(frames)
+    trial.viewer.say(story.poser, _pose(place) | {"tag": tag})
+    shown = trial.wait(lambda: any(_place(it) == place for it in frames[before:]))
+    trial.expect(shown, "not-applied", "no frame shows a good pose")
+    came = within(next(it for it in frames[before:] if _place(it) == place), "camera", "tag")
+    told = f"pose {place} has the tag of the pose before, and the first frame of it has"
+    trial.expect(came == tag, "another-tag", f"{told} {_named(came)}")
+    trial.delivered += 1
 
 
 @check("CAM-3", observable="the tags of frames, on several connections", needs=LENDS)

@@ -5,13 +5,14 @@ Whatever is not lent is spoilt: a client that reads it shows it.
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.checks import check
-from splatbus_conformance.checks.v1_0.jsn.writers import odd_spelling, spellings
+from splatbus_conformance.checks.v1_0.jsn.writers import Writer, odd_spelling, spellings
 from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import FrameLender
@@ -88,24 +89,15 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     for number in range(20 if trial.thorough else 3):
         began = time.monotonic()
         seq = lender.show(coordinates(number, *lender.size))
+        otherwise = f"was shown after the client had given image {seq} back"
         linger = max(LINGER_SECONDS, 2 * (time.monotonic() - began))
         for slot in range(trial.role.slots):
             lender.paint(coordinates(1000 + number, *lender.size), slot)
         trial.rest(linger)
-        _judge(
-            trial,
-            lender,
-            "read-without-lease",
-            f"was shown after the client had given image {seq} back",
-        )
+        _judge(trial, lender, "read-without-lease", otherwise)
         lender.spoil_everything()
         trial.rest(linger)
-        _judge(
-            trial,
-            lender,
-            "read-without-lease",
-            f"was shown after the client had given image {seq} back",
-        )
+        _judge(trial, lender, "read-without-lease", otherwise)
 
 
 @check(
@@ -125,23 +117,22 @@ def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
     def plainly(message: Json) -> bytes:
         return encode(listing_none(message))
 
+    def oddly(write: Writer, message: Json) -> bytes:
+        said.append(write(listing_none(message)).decode())
+        return said[-1].encode()
+
+    said: list[str] = []
     trial.role.encode["ipc"] = plainly
     lender.show(coordinates(0, *lender.size))
     for number, case in enumerate(spellings(trial, quick=8, full=200), 1):
-        write = odd_spelling(case)
-        said: list[str] = []
-
-        def oddly(message: Json) -> bytes:
-            said.append(write(listing_none(message)).decode())  # noqa: B023 - ends with the round
-            return said[-1].encode()  # noqa: B023
-
-        trial.role.encode["ipc"] = oddly
+        spelt = len(said)
+        trial.role.encode["ipc"] = partial(oddly, odd_spelling(case))
         seq = lender.lend(coordinates(number, *lender.size))
         given_back = trial.releases(lender.connection, seq)
         trial.role.encode["ipc"] = plainly
         shown = lender.newest()["seq"]
         lender.show(coordinates(0, *lender.size))
-        what = f"frame {shorten(said[0])}: its slot was given back, and it was not read"
+        what = f"frame {shorten(said[spelt])}: its slot was given back, and it was not read"
         trial.expect(not given_back or shown == seq, "not-read", what)
         trial.delivered += 1
 

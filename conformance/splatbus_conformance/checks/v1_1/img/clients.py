@@ -98,7 +98,7 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
         former, seq = dealings.generation, trial.role.lend(connection)
         trial.role.width = widths[number % 2]
         trial.role.offer(connection, trial.role.init_packet(connection))
-        closes = trial.wait(lambda: former in dealings.closed or connection.ended)  # noqa: B023
+        closes = trial.closes(connection, former)
         expect_alive(trial, connection, "a further init packet while a frame is lent")
         if not closes or connection.ended:
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
@@ -145,10 +145,9 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
     connection = reading(trial)
     for _ in range(3):
         connection = reading(trial) if connection.ended else connection
-        dealings = trial.role.with_(connection)
-        former = dealings.generation
+        former = trial.role.with_(connection).generation
         trial.role.offer(connection, trial.role.init_packet(connection))
-        if not trial.wait(lambda: former in dealings.closed or connection.ended):  # noqa: B023
+        if not (trial.closes(connection, former) or connection.ended):
             expect_alive(trial, connection, "a further init packet")
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
         judge_bad_frame(trial, connection, "a frame of closed memory", generation=former)

@@ -15,6 +15,8 @@ from splatbus_conformance.trials.moves.frame_readers import (
     following,
     frames_of,
     holding,
+    joined,
+    lent,
     pause_for_an_image,
     pinning,
 )
@@ -45,8 +47,7 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
     others = [silent, first]
     with trial.viewer.holding():
         second, _ = trial.answered("ipc")
-    dealings = trial.viewer.with_(second)
-    trial.wait(lambda: dealings.frames or second.ended)
+    trial.grows(second, frames_of(trial, second))
     others += [] if second.ended else [second]
     reader = beside(trial, *others)
     for place in trial.each(range(20)):
@@ -106,9 +107,7 @@ def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
             seen.setdefault(int(image.frame["slot"]), []).append(image)
             trial.delivered += 1
         further, _ = trial.answered("ipc")
-        dealings = trial.viewer.with_(further)
-        trial.wait(lambda: dealings.held or dealings.errors() or further.ended)  # noqa: B023
-        if dealings.held is None or capture.reader.ended:
+        if not lent(trial, further) or capture.reader.ended:
             break
     first, *others = (images[0] for images in seen.values())
     if not all(alike(images[0], it) for images in seen.values() for it in images[1:]):
@@ -189,18 +188,15 @@ def check_ends_leases_with_the_connection(trial: ServerTrial) -> None:
 
 def patient_reader(trial: ServerTrial, former: int) -> Connection:
     """A reader that tries again while it is refused: its server may not know yet who has left."""
-    readers: list[Connection] = []
+    found: list[Connection] = []
 
     def welcome() -> bool:
-        connection, _ = trial.answered("ipc")
-        dealings = trial.viewer.with_(connection)
-        trial.wait(lambda: dealings.memory or dealings.errors() or connection.ended)
-        readers.append(connection)
-        return dealings.memory is not None
+        found.extend(filter(None, [joined(trial)]))
+        return bool(found)
 
     welcomed = trial.peer.until(welcome, EFFECT_SECONDS)
     trial.expect(welcomed, "refused", f"{former} readers left with a lease; the next was refused")
-    return readers[-1]
+    return found[0]
 
 
 def leave(trial: ServerTrial, connection: Connection, way: int) -> None:
@@ -229,9 +225,8 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
                 connection.ended, "no-reply", f"beside {number} readers a hello is not answered"
             )
             trial.not_observable(f"it takes no connection beside {number} readers")
-        trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)  # noqa: B023
         told = f"reader {number + 1}, while {number} hold an image each,"
-        if dealings.frames:
+        if lent(trial, connection):
             trial.expect(pinning(trial, connection), "no-frame", f"{told} was lent none of its own")
             readers.append(connection)
             continue

@@ -1,27 +1,29 @@
 """Checks on how servers lend images (spec 1.1 chapter 5)."""
 
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.images.memory.reading import Opened, Pixels
+from splatbus_conformance.trials.controls import shows
 from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,
     beside,
-    fell_silent,
+    expect_shown,
     frames_of,
     holding,
     pause_for_an_image,
     pinning,
 )
 from splatbus_conformance.trials.moves.image_session import refused_poses
-from splatbus_conformance.trials.server import ServerTrial, shows
+from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_values import show, whole
-from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.messages import Json, camera_pose, says_of
 from splatbus_conformance.wire.sockets import Connection
 
 FRAME_SECONDS: float = LIMITS["frame_seconds"]
@@ -44,15 +46,14 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     trial.viewer.opens = trial.viewer.releases = False
     connection = trial.greeted("ipc")
     dealings = trial.viewer.with_(connection)
-    trial.wait(lambda: dealings.init_packets or connection.ended)
-    if not dealings.init_packets:
+    if not trial.grows(connection, dealings.init_packets):
         trial.not_observable("the server announced no memory")
     trial.move()
     trial.rest(pause)
     trial.expect(not dealings.frames, "before-opened", "a frame came before opened")
     trial.viewer.open(connection, dealings.init_packets[0])
     for count in (1, 2, 3):
-        came = trial.wait(lambda: len(dealings.frames) >= count)  # noqa: B023
+        came = trial.grows(connection, dealings.frames, count - 1)
         trial.expect(
             came, "no-frame", f"frame {count} did not come after {count - 1} were released"
         )
@@ -66,28 +67,28 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("IMG-2", observable="that no frame comes after closed or open_failed", needs=LENDS)
-def check_lends_nothing_after_closed(trial: ServerTrial) -> None:
+@check(
+    "IMG-2",
+    observable="that no frame comes after closed or open_failed",
+    needs=LENDS,
+    cases=Cases(("closed", "open_failed")),
+)
+def check_lends_nothing_after_closed(trial: ServerTrial, answer: str) -> None:
     """A reader that holds a frame says that it has closed the memory, or that it could not open it
     after all; another one sees the camera move.
     """
-    answers = {"type": "closed"}, {"type": "open_failed", "reason": "to see what comes then"}
-    for answer in trial.each(answers):
-        holder, held = holding(trial)
-        other = beside(trial, holder)
-        frames = frames_of(trial, holder)
-        before = len(frames)
-        trial.viewer.say(holder, answer | {"generation": held["generation"]})
-        for _ in range(3):
-            if not trial.sees(other, trial.move()):
-                fell_silent(trial, other, "the server sent no frame of the newest pose")
-        came = len(frames) - before
-        trial.expect(
-            not came, "after-closed", f"{came} frames came after {answer['type']}, and no opened"
-        )
-        trial.delivered += 1
-        holder.close()
-        other.close()
+    holder, held = holding(trial)
+    other = beside(trial, holder)
+    frames = frames_of(trial, holder)
+    before = len(frames)
+    trial.viewer.say(holder, says_of(held["generation"], answer))
+    for _ in range(3):
+        expect_shown(trial, other, trial.move())
+    came, what = len(frames) - before, f"after {answer}, and no opened"
+    trial.expect(not came, "after-closed", f"{came} frames came {what}")
+    trial.delivered += 1
+    holder.close()
+    other.close()
 
 
 @check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
@@ -118,13 +119,12 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
     for moves in trial.each(drawn=st.lists(st.booleans(), min_size=1), quick=8, full=200):
         for waits in moves:
             pose = trial.move()
-            if waits and not trial.sees(watcher, pose):
-                fell_silent(trial, watcher, "the server sent no frame of the newest pose")
-        if not trial.sees(watcher, pose):
-            fell_silent(trial, watcher, "the server sent no frame of the newest pose")
+            if waits:
+                expect_shown(trial, watcher, pose)
+        expect_shown(trial, watcher, pose)
         before = len(frames)
         trial.viewer.release(holder, held)
-        came = trial.wait(lambda: len(frames) > before)  # noqa: B023
+        came = trial.grows(holder, frames, before)
         trial.expect(
             came, "no-frame", "no frame came after release, although there was a newer image"
         )
@@ -244,8 +244,7 @@ def image_of(trial: ServerTrial, connection: Connection, after: int) -> LentImag
     Only with `viewer.releases` off; skips the check if none comes in time.
     """
     dealings = trial.viewer.with_(connection)
-    trial.wait(lambda: len(dealings.frames) > after or connection.ended)
-    if len(dealings.frames) <= after or dealings.memory is None:
+    if not trial.grows(connection, dealings.frames, after) or dealings.memory is None:
         trial.not_observable("the server sent no further frame")
     frame = dealings.frames[after]
     slot = whole(frame.get("slot"), 0, dealings.memory.layout.slots - 1)
@@ -294,26 +293,25 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
     "IMG-21",
     observable="what nobody wants is not written to the slots",
     needs=(*LENDS, "capability:subscribe"),
+    given=lambda trial: nullcontext(trial.reading()),
+    cases=Cases(("color", "depth")),
 )
-def check_writes_only_what_is_wanted(trial: ServerTrial) -> None:
+def check_writes_only_what_is_wanted(
+    trial: ServerTrial, connection: Connection, wanted: str
+) -> None:
     """The only reader subscribes to colour, then to depth, and compares what it does not want."""
-    connection = trial.reading()
-    for wanted in trial.each(["color", "depth"]):
-        trial.viewer.say(connection, {"type": "subscribe", "channels": [wanted]})
-        for _ in range(3):  # one image may have been on its way when the subscription came
-            if not trial.sees(connection, trial.move()):
-                fell_silent(trial, connection, "the server sent no frame of the newest pose")
-        memory = trial.viewer.with_(connection).memory
-        assert memory is not None
-        before = unwanted(memory, wanted)
-        for _ in range(2 * memory.layout.slots):
-            trial.sees(connection, trial.move())
-        same = all(map(same_bits, before, unwanted(memory, wanted)))
-        other = "depth" if wanted == "color" else "color"
-        trial.expect(
-            same, "written-unwanted", f"{other} was written, which no open connection wants"
-        )
-        trial.delivered += 1
+    trial.viewer.say(connection, {"type": "subscribe", "channels": [wanted]})
+    for _ in range(3):  # one image may have been on its way when the subscription came
+        expect_shown(trial, connection, trial.move())
+    memory = trial.viewer.with_(connection).memory
+    assert memory is not None
+    before = unwanted(memory, wanted)
+    for _ in range(2 * memory.layout.slots):
+        trial.sees(connection, trial.move())
+    same = all(map(same_bits, before, unwanted(memory, wanted)))
+    other = "depth" if wanted == "color" else "color"
+    trial.expect(same, "written-unwanted", f"{other} was written, which no open connection wants")
+    trial.delivered += 1
 
 
 def unwanted(memory: Opened, wanted: str) -> list[Pixels]:

@@ -9,6 +9,7 @@ from splatbus_conformance.checks.v1_0.cud.servers import (
 )
 from splatbus_conformance.images.memory.cuda_stand_in import publishing
 from splatbus_conformance.images.memory.cuda_stand_in.session import SLOW_RECORDS
+from splatbus_conformance.trials.moves.frame_readers import has_done
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import whole
@@ -30,7 +31,7 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> None:
         for _ in trial.each(range(100 if trial.thorough else FRAMES)):
             before = len(frames)
             trial.move()
-            trial.wait(lambda: len(frames) > before or connection.ended)  # noqa: B023
+            trial.grows(connection, frames, before)
         trial.rest(REST_SECONDS)
         if not frames:
             trial.not_observable("the server sent no frame")
@@ -57,16 +58,9 @@ def arrivals(trial: ServerTrial, shown: AnnouncedConnection) -> list[float]:
 @check("OPN-8", observable="the calls that free, while a ring is open", needs=LENDS)
 def check_keeps_the_ring_while_somebody_has_it(trial: ServerTrial) -> None:
     """One reader has opened the ring. Others open it, close it, fail to, and leave."""
-    holder = trial.reading()
-    shown = announced(trial, holder)
-    generation = shown.packet.get("generation")
+    shown = announced(trial, trial.reading())
     for answer in trial.each(("closed", "open_failed", "opened")):
-        other = trial.reading()
-        named = {"type": answer, "generation": generation}
-        trial.viewer.say(other, named | ({"reason": "a test"} if answer == "open_failed" else {}))
-        trial.rest(REST_SECONDS)
-        other.close()
-        trial.rest(REST_SECONDS)
+        has_done(trial, trial.reading(), shown.packet.get("generation"), answer)
         ring = [place for place in shown.names if place.startswith(("memory", "ring"))]
         expect_kept(trial, shown, ring)
         trial.delivered += 1

@@ -161,11 +161,9 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
         connection = trial.for_init_packet()
         while len(trial.role.with_(connection).opened) < 2:
             trial.role.offer(connection, trial.role.init_packet(connection))
-            if not trial.opens(connection):
-                trial.not_observable("the testee did not open good memory")
-        dealings = trial.role.with_(connection)
-        *_, former, newest = dealings.generations
-        trial.wait(lambda: former in dealings.closed, REACTION_SECONDS)  # noqa: B023
+            trial.require_open(connection)
+        *_, former, newest = trial.role.with_(connection).generations
+        trial.closes(connection, former, REACTION_SECONDS)
         again = (newest, former)[back]
         stale = packet(encode(init_packet_1_1(name, again, width, height)))
         outcome = trial.outcome_on_ipc(connection, stale)

@@ -5,6 +5,7 @@ import os
 from splatbus_conformance.checks import check
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.messages import says_of
 from splatbus_conformance.wire.sockets import Connection
 
 OTHERS = 0o077
@@ -65,10 +66,9 @@ def check_keeps_the_size(trial: ServerTrial) -> None:
     connection = trial.reading()
     memory = opened(trial, connection)
     size = memory.size()
-    generation = {"generation": memory.generation}
     for message in (
-        {"type": "open_failed", **generation, "reason": "it was asked for, to see what follows"},
-        {"type": "closed", **generation},
+        says_of(memory.generation, "open_failed"),
+        says_of(memory.generation, "closed"),
         {"type": "subscribe", "channels": ["depth"]},
     ):
         other = trial.reading()

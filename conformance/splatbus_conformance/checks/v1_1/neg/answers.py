@@ -1,11 +1,16 @@
-"""Checks on requests after `hello`, and what answers them (spec 1.1 section 2.6)."""
+"""Checks on requests after `hello`, what answers them, and its `id` (spec 1.1 chapter 2)."""
+
+from contextlib import nullcontext
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks.v1_1.neg.errors import IN_MESSAGES, IN_TEXT
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import work_off
+from splatbus_conformance.trials.moves.image_session import errors_after
 from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import SAFE, show, whole
 from splatbus_conformance.wire.message_kinds import NEEDS, REPLY_TO
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
@@ -38,12 +43,8 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
         if connection is None or connection.ended:
             offer: Json = {} if agreed else {"capabilities": []}
             connection = kept[agreed] = trial.greeted("msg", **offer)
-        heard = trial.viewer.with_(connection).heard
-        before = len(heard)
         flooded += flooder.push(FLOOD[flooded % len(POSE) :]) or 0
-        connection.send(b"".join(packet(encode(each)) for each in asked))
-        trial.wait(lambda: len(heard) - before >= len(asked) or connection.ended)  # noqa: B023
-        answers = heard[before:]
+        answers = trial.ask_all(connection, asked)
         for number, each in enumerate(asked):
             if len(answers) == number and connection.ended and not is_good(each):
                 break
@@ -63,27 +64,63 @@ def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
     """Requests that are broken, and good ones whose capability was not agreed upon, each with an
     id: the least, the greatest and others. An error that comes of one has it.
     """
-    connection = trial.greeted("msg", capabilities=[])
+    connection, errors = trial.greeted("msg", capabilities=[]), 0
     refused = [*BAD, *(each for each in GOOD if NEEDS.get(each["type"]))]
-    errors = 0
     for number, request in enumerate(trial.each(refused)):
         if connection.ended:
             connection = trial.greeted("msg", capabilities=[])
-        heard, asked = (
-            trial.viewer.with_(connection).heard,
-            with_id(request, IDS[number % len(IDS)]),
-        )
-        before = len(heard)
-        trial.viewer.say(connection, asked)
-        trial.answers(connection)
-        for error in (it for it in heard[before:] if it.get("type") == "error"):
+        asked = with_id(request, IDS[number % len(IDS)])
+        for error in errors_after(trial, connection, encode(asked))[0]:
             told = f"{encode(asked).decode()} was answered by the error {show(error)}"
-            trial.expect(
-                whole(error.get("id")) == asked["id"], "wrong-id", f"{told}, which lacks its id"
-            )
+            named = whole(error.get("id")) == asked["id"]
+            trial.expect(named, "wrong-id", f"{told}, which lacks its id")
             errors += 1
     if not errors:
         trial.not_observable("the server sends no error in answer to a request")
+
+
+@check("NEG-23", observable="that errors about no request have no id", needs=("1.1",))
+def check_errors_about_no_request_name_none(trial: ServerTrial) -> None:
+    """Faults in what is no request, behind a request that has an id: a client would take an error
+    with that for the answer to its request.
+    """
+    connection, errors = trial.greeted("msg"), 0
+    for payload in trial.each([fault.script[4:] for fault in (IN_TEXT[0], *OF_NO_REQUEST)]):
+        if connection.ended:
+            connection = trial.greeted("msg")
+        trial.answers(connection)  # a request with an id
+        for error in errors_after(trial, connection, payload)[0]:
+            told = f"{shorten(repr(payload))} was answered by the error {show(error)}"
+            trial.expect("id" not in error, "has-an-id", f"{told}, which has the id of a request")
+            errors += 1
+    if not errors:
+        trial.not_observable("the server sends no error about what is no request")
+
+
+OF_NO_REQUEST = [
+    fault
+    for fault in IN_MESSAGES
+    if fault.channel == "msg" and not any(name.encode() in fault.script for name in REPLY_TO)
+]
+
+
+@check(
+    "NEG-28",
+    observable="the ids of answers to requests that share one",
+    needs=("1.1",),
+    given=lambda trial: nullcontext(trial.greeted("msg")),
+    cases=Cases((0, 7, SAFE, None)),
+)
+def check_answers_repeat_an_id_that_was_used(
+    trial: ServerTrial, connection: Connection, id: int | None
+) -> None:
+    """Requests of every kind that the server grants, all with the same id, then without any."""
+    asked = [with_id(it, id) for it in GOOD for _ in range(2)]
+    for reply in trial.ask_all(connection, asked):
+        if reply.get("type") in REPLY_TO.values():
+            told = f"one of several requests with the id {id} was answered by {show(reply)}"
+            trial.expect(whole(reply.get("id")) == id, "wrong-id", told)
+            trial.delivered += 1
 
 
 IDS = (0, SAFE, 1, 2**32, 2**53 - 2)

@@ -1,17 +1,16 @@
 """Checks on `hello`, `welcome` and `error` (spec 1.1 chapter 2)."""
 
-from itertools import product
 from random import Random
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, OPENS_HOST_MEMORY, Cases, check
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import (
     ADDED_MEMBERS,
@@ -23,7 +22,8 @@ from splatbus_conformance.wire.message_kinds import (
 )
 from splatbus_conformance.wire.messages import Json, encode, error, reply, welcome
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.sockets import CHANNELS, Connection
+from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.sockets import Connection
 
 LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
@@ -60,6 +60,14 @@ def among(unknown: list[str], real: list[str]) -> list[str]:
     return list(dict.fromkeys([*unknown[: max(0, most - len(real))], *real]))
 
 
+def unwelcome(trial: ClientTrial, channel: Channel) -> Connection:
+    """A new connection on which the testee has said hello, for a welcome of the check's own."""
+    trial.role.welcomes = False
+    connection = trial.connection(channel)
+    trial.says_hello(connection)
+    return connection
+
+
 @check(
     "NEG-4",
     observable="memory is opened, a frame released, old memory closed, as declared",
@@ -80,9 +88,10 @@ def check_can_do_what_it_declares(trial: ClientTrial) -> None:
     if "reinit" in declared:
         former = dealings.generation
         trial.role.offer(connection, trial.role.init_packet(connection))
-        closed = trial.wait(lambda: former in dealings.closed)
         trial.expect(
-            closed, "not-closed", "reinit: the first generation was not closed for the second"
+            trial.closes(connection, former),
+            "not-closed",
+            "reinit: the first generation was not closed for the second",
         )
     trial.delivered += 1
 
@@ -97,7 +106,8 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     trial.role.welcomes = False
     connections = [trial.connection(channel) for channel in sorted(trial.facts.connects)]
     for connection in connections:
-        trial.wait(lambda: connection.packets or not trial.facts.speaks_1_1(connection.channel))  # noqa: B023
+        if trial.facts.speaks_1_1(connection.channel):
+            trial.grows(connection, connection.packets)
     listen(trial, *connections)
     for connection in connections:
         allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
@@ -118,86 +128,84 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     trial.delivered += answered
 
 
+def alone(trial: ClientTrial) -> Cases:
+    """No capability, then each that the testee declares on the message channel."""
+    return Cases([[], *([name] for name in declared(trial) if name in CAPABILITIES["msg"])])
+
+
 @check(
     "NEG-5",
     observable="what the testee sends on the message channel after a welcome that grants little",
     needs=("hello:msg", "returns:msg"),
+    cases=alone,
 )
-def check_sends_only_what_was_granted_on_the_message_channel(trial: ClientTrial) -> None:
+def check_sends_only_what_was_granted_on_the_message_channel(
+    trial: ClientTrial, granted: list[str]
+) -> None:
     """A welcome that grants nothing, then one for each capability that the testee declares."""
-    alone = [[name] for name in declared(trial) if name in CAPABILITIES["msg"]]
-    trial.role.welcomes = False
-    for granted in trial.each([[], *alone]):
-        connection = trial.connection("msg")
-        trial.says_hello(connection)
-        said = len(connection.packets)
-        trial.role.welcome(connection, capabilities=granted)
-        listen(trial, connection)
-        for message in trial.role.with_(connection).heard:
-            needed = NEEDS.get(str(message.get("type")))
-            needed = "intrinsics" if "intrinsics" in added(message) else needed
-            what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
-            trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
-        trial.delivered += len(connection.packets) > said
+    connection = unwelcome(trial, "msg")
+    said = len(connection.packets)
+    trial.role.welcome(connection, capabilities=granted)
+    listen(trial, connection)
+    for message in trial.role.with_(connection).heard:
+        needed = NEEDS.get(str(message.get("type")))
+        needed = "intrinsics" if "intrinsics" in added(message) else needed
+        what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
+        trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
+    trial.delivered += len(connection.packets) > said
 
 
 @check(
     "NEG-8",
     observable="the testee opens memory after a welcome with capabilities that nobody knows",
     needs=OPENS_HOST_MEMORY,
+    cases=Cases(UNKNOWN, st.lists(WORDS, max_size=5, unique=True), quick=3, full=12),
 )
-def check_ignores_unknown_capabilities(trial: ClientTrial) -> None:
+def check_ignores_unknown_capabilities(trial: ClientTrial, unknown: list[str]) -> None:
     """`welcome` lists capabilities of another time beside the real ones."""
-    trial.role.welcomes = False
-    names = st.lists(WORDS, max_size=5, unique=True)
-    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
-        connection = trial.connection("ipc")
-        trial.says_hello(connection)
-        real = [name for name in trial.facts.capabilities() if name != "subscribe"]
-        trial.role.welcome(connection, capabilities=among(unknown, real))
-        trial.expect(
-            trial.opens(connection),
-            "not-opened",
-            f"after a welcome that lists {unknown} the memory was not opened",
-        )
-        trial.delivered += 1
+    connection = unwelcome(trial, "ipc")
+    real = [name for name in trial.facts.capabilities() if name != "subscribe"]
+    trial.role.welcome(connection, capabilities=among(unknown, real))
+    told = f"after a welcome that lists {unknown} the memory was not opened"
+    trial.expect(trial.opens(connection), "not-opened", told)
+    trial.delivered += 1
 
 
 @check(
     "NEG-8",
     observable="the testee goes on after a welcome with capabilities that nobody knows",
     needs=("hello:msg", "returns:msg"),
+    cases=Cases(UNKNOWN, st.lists(WORDS, min_size=1, max_size=5, unique=True), quick=3, full=12),
 )
-def check_ignores_unknown_capabilities_of_the_message_channel(trial: ClientTrial) -> None:
+def check_ignores_unknown_capabilities_of_the_message_channel(
+    trial: ClientTrial, unknown: list[str]
+) -> None:
     """The same on the message channel, where `welcome` lists all that the testee declared, too."""
-    trial.role.welcomes = False
-    names = st.lists(WORDS, min_size=1, max_size=5, unique=True)
-    for unknown in trial.each(UNKNOWN, names, quick=3, full=12):
-        connection = trial.connection("msg")
-        trial.says_hello(connection)
-        trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
-        outcome = trial.outcome_on_msg(connection)
-        outcome = "accepts" if outcome == "ignores" else outcome
-        trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
+    connection = unwelcome(trial, "msg")
+    trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
+    outcome = trial.outcome_on_msg(connection)
+    outcome = "accepts" if outcome == "ignores" else outcome
+    trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
+
+
+NAMES = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
+STRANGERS = st.builds(
+    lambda kind, rest: {**rest, "type": kind},
+    *(NAMES, st.dictionaries(NAMES, st.none() | st.integers(0, 9) | NAMES, max_size=4)),
+)
 
 
 @check(
     "NEG-9",
     observable="the testee goes on after messages of unknown types",
     needs=OPENS_HOST_MEMORY,
+    cases=Cases(drawn=STRANGERS, quick=10, full=100),
 )
-def check_ignores_unknown_types(trial: ClientTrial) -> None:
+def check_ignores_unknown_types(trial: ClientTrial, message: Json) -> None:
     """Messages of types that nobody knows, before and between init packets, and unasked."""
-    names = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
-    values = st.dictionaries(names, st.none() | st.integers(0, 9) | names, max_size=4)
-    messages = st.builds(lambda kind, rest: {**rest, "type": kind}, names, values)
     trial.role.offers_memory = False
-    connection = trial.greeted("ipc")
-    for message in trial.each(drawn=messages, quick=10, full=100):
-        if connection.ended or "reinit" not in trial.facts.capabilities():
-            connection = trial.greeted("ipc")
-        outcome = trial.outcome_on_ipc(connection, packet(encode(message)))
-        trial.judge(outcome, f"a message of type {message['type']!r} on the IPC channel")
+    outcome = trial.outcome_on_ipc(trial.for_init_packet(), packet(encode(message)))
+    trial.judge(outcome, f"a message of type {message['type']!r} on the IPC channel")
 
 
 @check(
@@ -225,7 +233,7 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
         while unanswered:  # nobody has to wait for a reply for long (CHN-15)
             if answer := trial.role.answer(connection, unanswered.pop(0)):
                 trial.role.say(connection, answer)
-        trial.wait(lambda: len(connection.packets) > before or connection.ended)  # noqa: B023
+        trial.grows(connection, connection.packets, before)
         outcome = "closes" if connection.ended else "ignores"
         trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
         trial.delivered += 1
@@ -254,8 +262,7 @@ def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
         if moment:
             trial.role.say(connection, welcome("msg", declared(trial)))
         if trial.facts.poses:  # which show that it has run since
-            known = len(dealings.heard)
-            trial.wait(lambda: len(dealings.heard) > known + 1 or connection.ended)  # noqa: B023
+            trial.grows(connection, dealings.heard, len(dealings.heard) + 1)
         listen(trial, connection)
         trial.expect(
             not connection.ended, "closes", f"it closed the connection to a 1.0 server{moment}"
@@ -306,25 +313,25 @@ def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
 @check(
     "NEG-16",
     observable="the testee closes the connection",
+    on={CLIENT_IPC: ("hello:ipc",), CLIENT_MSG: ("hello:msg",)},
+    cases=Cases(("9.9", "2.0", "1.10")),
 )
-def check_refuses_a_version_it_did_not_list(trial: ClientTrial) -> None:
+def check_refuses_a_version_it_did_not_list(
+    trial: ClientTrial, channel: Channel, version: str
+) -> None:
     """`welcome` names a version that the testee's hello did not list."""
-    channels = [channel for channel in CHANNELS if trial.facts.speaks_1_1(channel)]
-    if not channels:
-        trial.not_observable("the testee says no hello: 1.1 is not claimed")
     role = trial.role
-    for channel, version in trial.each(list(product(channels, ("9.9", "2.0", "1.10")))):
-        # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
-        trial.peer.close_all()
-        role.welcomes = role.offers_memory = role.replies = False
-        connection = trial.connection(channel)
-        if not trial.says_hello(connection):
-            trial.not_observable(f"the testee said no hello on the {channel} channel")
-        role.welcome(connection, version=version)
-        outcome = "closes" if trial.ends(connection) else "accepts"
-        role.welcomes = role.offers_memory = role.replies = True
-        trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
-        trial.expect(trial.comes_back(channel), "no-reconnect", "it did not come back afterwards")
+    # A reply before welcome would make the testee take its server to speak 1.0 (NEG-13).
+    trial.peer.close_all()
+    role.welcomes = role.offers_memory = role.replies = False
+    connection = trial.connection(channel)
+    if not trial.says_hello(connection):
+        trial.not_observable(f"the testee said no hello on the {channel} channel")
+    role.welcome(connection, version=version)
+    outcome = "closes" if trial.ends(connection) else "accepts"
+    role.welcomes = role.offers_memory = role.replies = True
+    trial.judge(outcome, f"welcome with version {version!r} on the {channel} channel")
+    trial.expect(trial.comes_back(channel), "no-reconnect", "it did not come back afterwards")
 
 
 def wordy_error(trial: ClientTrial, code: str, pointer: str, **members: object) -> bytes:

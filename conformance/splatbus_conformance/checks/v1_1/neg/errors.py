@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
+from splatbus_conformance.checks.v1_1.neg.servers import refused
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import placed
@@ -94,11 +95,11 @@ def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
         connection.send(script)
         if trial.facts.welcome[channel] is not None:  # its answer to hello comes after all else
             trial.viewer.greet(connection, capabilities=[])
-            handled = trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
+            handled = trial.is_welcomed(connection) or connection.ended is not None
         elif channel == "msg":
             handled = trial.answers(connection) or connection.ended is not None
         else:
-            handled = not trial.wait(lambda: dealings.errors(), GLANCE_SECONDS)  # noqa: B023
+            handled = not trial.wait(dealings.errors, GLANCE_SECONDS)
         errors = dealings.errors()
         trial.expect(
             not errors, "before-hello", f"{channel}: {what}: error {', '.join(errors)} before hello"
@@ -124,23 +125,26 @@ def check_closes_after_an_error_that_ends(trial: ServerTrial) -> None:
     errors = 0
     for channel, what, script in trial.each(listed=IN_HEADERS):
         connection = trial.greeted(channel)
-        dealings = trial.viewer.with_(connection)
         connection.send(script)
-        trial.wait(lambda: dealings.errors() or connection.ended)  # noqa: B023
-        if codes := [code for code in dealings.errors() if code in CLOSING_ERRORS]:
-            outcome = "closes" if trial.ends(connection) else "waits"
-            trial.judge(outcome, f"{channel}: {what}, {codes[0]}")
-            errors += 1
-        connection.close()
-    for channel in ("msg", "ipc"):
-        connection, answer = trial.answered(channel, versions=["4000.0"])
-        if (answer or {}).get("type") == "error":
-            outcome = "closes" if trial.ends(connection) else "waits"
-            trial.judge(outcome, f"{channel}: unsupported_version")
-            errors += 1
+        errors += ends_it(trial, connection, what)
+    for channel in CHANNELS:
+        connection, _ = trial.answered(channel, versions=["4000.0"])
+        errors += ends_it(trial, connection, "a hello of another version")
     if not errors:
         trial.not_observable("the server sends no error after which it closes")
     trial.delivered += errors
+
+
+def ends_it(trial: ServerTrial, connection: Connection, what: str) -> bool:
+    """Whether an error comes that ends a connection, which has to end it."""
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.errors() or connection.ended)
+    codes = [code for code in dealings.errors() if code in CLOSING_ERRORS]
+    if codes:
+        outcome = "closes" if trial.ends(connection) else "waits"
+        trial.judge(outcome, f"{connection.channel}: {what}, {codes[0]}")
+    connection.close()
+    return bool(codes)
 
 
 @check("NEG-34", observable="the error, the end after it, and no reset", needs=("1.1",))
@@ -154,7 +158,7 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
         dealings = trial.viewer.with_(connection)
         wrong = hello(trial.viewer.capabilities[channel], trial.viewer.token)
         connection.send(packet(encode(wrong | {"versions": ["4000.0"]})) + AFTERWARDS)
-        trial.wait(lambda: connection.ended)  # noqa: B023
+        trial.ends(connection)
         codes = dealings.errors()
         what = f"{channel}: a hello of another version, and {len(AFTERWARDS):,} bytes after it"
         if not (codes or connection.ended == "reset"):
@@ -184,21 +188,6 @@ LAST_WORDS_SECONDS: float = LIMITS["last_words_seconds"] + LIMITS["close_seconds
 AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
 
 
-@check("NEG-35", observable="the error, and the end of the connection", needs=("1.1",))
-def check_refuses_broken_hellos(trial: ServerTrial) -> None:
-    """Objects of type `hello` that miss or mistype members."""
-    for channel in CHANNELS:
-        for changes in trial.each(BROKEN_HELLOS):
-            connection, answer = trial.answered(channel, **changes)
-            code = (answer or {}).get("code", (answer or {}).get("type"))
-            what = f"{channel}: a hello with {show(changes)}"
-            unlike = "another-answer" if answer else "no-reply"
-            trial.expect(code == "invalid_message", unlike, f"{what} was answered by {show(code)}")
-            trial.judge("closes" if trial.ends(connection) else "waits", what)
-            connection.close()
-            trial.delivered += 1
-
-
 BAD_MEMBERS: dict[str, tuple[Any, ...]] = {
     "versions": (
         None,
@@ -222,59 +211,51 @@ BROKEN_HELLOS: tuple[Json, ...] = tuple(
 """Members that are wrong; None leaves one out."""
 
 
+@check(
+    "NEG-35",
+    observable="the error, and the end of the connection",
+    on={SERVER_IPC: ("1.1",), SERVER_MSG: ("1.1",)},
+    cases=Cases(BROKEN_HELLOS),
+)
+def check_refuses_broken_hellos(trial: ServerTrial, channel: Channel, changes: Json) -> None:
+    """Objects of type `hello` that miss or mistype members."""
+    what = f"{channel}: a hello with {show(changes)}"
+    connection, _ = refused(trial, channel, "invalid_message", what, **changes)
+    trial.judge("closes" if trial.ends(connection) else "waits", what)
+    connection.close()
+    trial.delivered += 1
+
+
 @check("NEG-26", observable="the connection goes on after an error", needs=("1.1",))
 def check_goes_on_after_an_error(trial: ServerTrial) -> None:
-    """Faults in texts and messages; judged where an error comes."""
+    """Faults in texts and messages, the same again and again, and poses of a second client, which
+    may be told `busy`; judged where an error comes.
+    """
     errors = 0
     for channel, what, script in trial.each(listed=[*IN_TEXT, *IN_MESSAGES]):
-        connection = trial.ready(channel)
-        dealings = trial.viewer.with_(connection)
-        outcome = trial.outcome(connection, script)
-        codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
-        goes_on = outcome in ("ignores", "reports", "replies")
-        told = f"{channel}: {what}: error {', '.join(codes)}, then"
-        trial.expect(
-            goes_on or not codes, "no-longer-served", f"{told} the connection did not go on"
-        )
-        errors += len(codes)
-        connection.close()
-    errors += one_too_many_poses(trial) + too_many_faults(trial)
+        errors += goes_on(trial, trial.ready(channel), what, script)
+    trial.move()
+    pose = packet(encode(camera_pose()))
+    errors += goes_on(trial, trial.greeted("msg"), "a pose of a second client", pose)
+    for channel in CHANNELS:
+        again = packet(encode({"type": "weather_report"})) * MANY
+        errors += goes_on(trial, trial.ready(channel), f"{MANY} unknown types", again)
     if not errors:
         trial.not_observable("the server sends no error after which a connection goes on")
 
 
-def one_too_many_poses(trial: ServerTrial) -> int:
-    """A second client poses: it may be told `busy`, and is answered none the less."""
-    trial.move()
-    second = trial.greeted("msg")
-    dealings = trial.viewer.with_(second)
-    outcome = trial.outcome(second, packet(encode(camera_pose())))
-    codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
-    goes_on = outcome in ("ignores", "reports", "replies")
+def goes_on(trial: ServerTrial, connection: Connection, what: str, script: bytes) -> int:
+    """How many errors come of a script that end no connection, which has to go on then."""
+    outcome = trial.outcome(connection, script)
+    codes = [it for it in trial.viewer.with_(connection).errors() if it in OTHER_ERRORS]
+    told = f"{connection.channel}: {what}: {len(codes)} errors, {', '.join(dict.fromkeys(codes))}"
     trial.expect(
-        goes_on or not codes,
+        outcome in ("ignores", "reports", "replies") or not codes,
         "no-longer-served",
-        f"a second client: error {codes}, then nothing went on",
+        f"{told}, then the connection did not go on",
     )
+    connection.close()
     return len(codes)
-
-
-def too_many_faults(trial: ServerTrial) -> int:
-    """The same fault again and again on one connection of each channel."""
-    errors = 0
-    for channel in CHANNELS:
-        connection = trial.ready(channel)
-        dealings = trial.viewer.with_(connection)
-        outcome = trial.outcome(connection, packet(encode({"type": "weather_report"})) * MANY)
-        codes = [code for code in dealings.errors() if code in OTHER_ERRORS]
-        goes_on = outcome in ("ignores", "reports", "replies")
-        told = f"{channel}: after {len(codes)} errors about {MANY} unknown types"
-        trial.expect(
-            goes_on or not codes, "no-longer-served", f"{told} the connection did not go on"
-        )
-        errors += len(codes)
-        connection.close()
-    return errors
 
 
 MANY = 200

@@ -1,12 +1,17 @@
 """Checks on how a server answers `hello` (spec 1.1 sections 2.1 to 2.3)."""
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
+from splatbus_conformance.trials.moves.frame_readers import joined
+from splatbus_conformance.trials.moves.image_session import errors_after
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
 from splatbus_conformance.trials.trial import REACTION_SECONDS
@@ -83,22 +88,24 @@ def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("NEG-6", observable="the welcome after other messages", needs=("1.1",))
-def check_answers_a_hello_that_comes_late(trial: ServerTrial) -> None:
+def unasked(trial: ServerTrial) -> Cases:
+    """What may come before hello, where it need not come first."""
+    found: list[tuple[Channel, Json]] = [("ipc", STRANGER), ("msg", STRANGER)]
+    found += [("msg", VIEWPORT_REQUEST), ("msg", camera_pose())]
+    return Cases(found if trial.viewer.token is None else found[:1])
+
+
+@check("NEG-6", observable="the welcome after other messages", needs=("1.1",), cases=unasked)
+def check_answers_a_hello_that_comes_late(trial: ServerTrial, case: tuple[Channel, Json]) -> None:
     """Something else comes before `hello`: what is answered, and what is ignored."""
-    unknown = {"type": "weather_report"}
-    before: list[tuple[Channel, Json]] = [("ipc", unknown), ("msg", unknown)]
-    before += [("msg", {"type": "get_viewport_size"}), ("msg", camera_pose())]
-    for channel, message in trial.each(before if trial.viewer.token is None else before[:1]):
-        connection = trial.before_hello(channel)
-        dealings = trial.viewer.with_(connection)
-        trial.viewer.say(connection, message)
-        trial.viewer.greet(connection)
-        trial.wait(lambda: dealings.welcome or connection.ended)  # noqa: B023
-        what = f"{channel}: a hello behind a message of type {message['type']}"
-        trial.expect(dealings.welcome, "no-welcome", f"{what} had no welcome")
-        connection.close()
-        trial.delivered += 1
+    channel, message = case
+    connection = trial.before_hello(channel)
+    trial.viewer.say(connection, message)
+    trial.viewer.greet(connection)
+    what = f"{channel}: a hello behind a message of type {message['type']}"
+    trial.expect(trial.is_welcomed(connection), "no-welcome", f"{what} had no welcome")
+    connection.close()
+    trial.delivered += 1
 
 
 @check("NEG-7", observable="the capabilities of welcome, for every set offered", needs=("1.1",))
@@ -124,16 +131,10 @@ def check_has_what_it_grants(trial: ServerTrial) -> None:
     client = trial.commanding()
     messages = _belonging(trial)
     for name in trial.each([it for it in trial.viewer.with_(client).granted if it in messages]):
-        heard = trial.viewer.with_(client).heard
-        before = len(heard)
-        trial.viewer.say(client, messages[name])
-        answered = trial.answers(client)
-        trial.expect(
-            answered,
-            "no-reply",
-            f"it grants {name}, and after {show(messages[name])} came no reply",
-        )
-        codes = {str(it.get("code")) for it in heard[before:] if it.get("type") == "error"}
+        reported, answered = errors_after(trial, client, encode(messages[name]))
+        told = f"it grants {name}, and after {show(messages[name])} came no reply"
+        trial.expect(answered, "no-reply", told)
+        codes = {str(it.get("code")) for it in reported}
         denied = codes & (DENIALS - {"unsupported"} if name == "viewport" else DENIALS)
         trial.expect(
             not denied, "denied", f"it grants {name}, and says {listing(denied)} of its message"
@@ -166,13 +167,11 @@ def _belonging(trial: ServerTrial) -> dict[str, Json]:
     } | ({"intrinsics": lens, "viewport": sized} if known else {})
 
 
-def granted(trial: ServerTrial, channel: Channel, offer: tuple[str, ...]) -> set[str]:
+def granted(trial: ServerTrial, channel: Channel, offer: Sequence[str]) -> set[str]:
     """The capabilities of `welcome` after a hello that lists these."""
     connection, answer = trial.answered(channel, capabilities=list(offer))
-    welcomed = answer is not None and answer["type"] == "welcome"
-    trial.expect(
-        welcomed, "no-welcome", f"{channel}: a hello that offers {listing(offer)} got no welcome"
-    )
+    welcomed, offered = (answer or {}).get("type") == "welcome", shorten(listing(offer))
+    trial.expect(welcomed, "no-welcome", f"{channel}: a hello that offers {offered} got no welcome")
     connection.close()
     return set(trial.viewer.with_(connection).granted)
 
@@ -193,17 +192,12 @@ def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
     all_there_may_be = [f"later {number}" for number in range(most - len(offered))] + [*offered]
     for capabilities in trial.each([all_there_may_be], orders, quick=10, full=500):
         what = f"a hello that lists {len(capabilities) - len(offered)} unknown capabilities"
-        connection, answer = trial.answered("ipc", capabilities=capabilities)
-        trial.expect(
-            answer and answer["type"] == "welcome", "no-welcome", f"{what} was given no welcome"
-        )
-        found = set(trial.viewer.with_(connection).granted)
+        found = granted(trial, "ipc", capabilities)
         trial.expect(
             found == set(trial.facts.capabilities()),
             "other-capabilities",
             f"{what} was given {listing(found)}",
         )
-        connection.close()
         connection = trial.ready("ipc", capabilities=capabilities)
         outcome = trial.outcome(connection)
         trial.judge("accepts" if outcome == "ignores" else outcome, what)
@@ -250,20 +244,29 @@ OF_IPC: tuple[Json, ...] = (
 """Of the other channel: on this one their type is not known."""
 
 
+def refused(
+    trial: ServerTrial, channel: Channel, code: str, what: str, **changes: object
+) -> tuple[Connection, Json]:
+    """A connection whose hello, with members changed as named, has to be answered by an error of
+    this code; and that error.
+    """
+    connection, answer = trial.answered(channel, **changes)
+    told = answer or {}
+    got = told.get("code", told.get("type", "no error"))
+    unlike = "another-answer" if answer else "no-reply"
+    trial.expect(got == code, unlike, f"{what} got {show(got)}, not {code}")
+    return connection, told
+
+
 @check("NEG-10", observable="the error, and the end of the connection", needs=("1.1",))
 def check_refuses_unknown_versions(trial: ServerTrial) -> None:
     """Lists of versions that nobody speaks yet."""
     lists = st.lists(UNSPOKEN, min_size=1, max_size=LIMITS["max_versions"])
     speaks = set(spoken(trial))
     for channel, versions in trial.each(drawn=st.tuples(CHANNEL, lists), quick=10, full=500):
-        connection, answer = trial.answered(channel, versions=versions)
         what = f"{channel}: a hello that lists {', '.join(versions)[:60]}"
-        code = (answer or {}).get("code", "welcome" if answer else "no error")
-        unlike = "another-answer" if answer else "no-reply"
-        trial.expect(
-            code == "unsupported_version", unlike, f"{what} got {code}, not unsupported_version"
-        )
-        listed = strings((answer or {}).get("supported")) or []
+        connection, told = refused(trial, channel, "unsupported_version", what, versions=versions)
+        listed = strings(told.get("supported")) or []
         trial.expect(listed, "no-versions", f"{what} was not told what is supported")
         unlisted = speaks - set(listed)
         trial.expect(
@@ -316,8 +319,7 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
         else:
             trial.rest(REACTION_SECONDS)
             if not trial.facts.alone[channel]:
-                other = trial.viewer.with_(trial.answered(channel)[0])
-                trial.wait(lambda: other.init_packets or other.errors())  # noqa: B023 - the pace
+                joined(trial)  # the pace
             told = [it for it in heard if it != answer and "mem_color" not in it]
             trial.expect(
                 not told,

@@ -107,8 +107,7 @@ def check_maps_before_it_says_so(trial: ClientTrial) -> None:
             connection = trial.for_init_packet()
             generation = trial.role.init_packet(connection)["generation"]
             trial.role.offer(connection, init_packet_1_1(memory.name, generation))
-            if not trial.opens(connection):
-                trial.not_observable("the testee did not open good memory")
+            trial.require_open(connection)
             held = holders(memory.name)
         process = owner(connection.testee_port, trial.peer.ports["ipc"])
         if held or process:
@@ -221,9 +220,8 @@ def check_closes_the_former_memory(trial: ClientTrial) -> None:
             if not trial.opens(connection):
                 trial.not_observable(f"the testee did not open memory {width} pixels wide")
             if former is not None:
-                closed = trial.wait(lambda: before in dealings.closed)  # noqa: B023
                 trial.expect(
-                    closed,
+                    trial.closes(connection, before),
                     "not-closed",
                     f"generation {before} was not closed after {generation} came",
                 )
@@ -259,8 +257,7 @@ def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
     trial.role.welcome(connection, capabilities=granted)
     dealings = trial.role.with_(connection)
     trial.role.offer(connection, trial.role.init_packet(connection))
-    if not trial.opens(connection):
-        trial.not_observable("the testee did not open good memory")
+    trial.require_open(connection)
     former = dealings.generation
     with HostMemory(ROOM) as memory:
         further = trial.role.init_packet(connection)["generation"]
@@ -295,8 +292,7 @@ def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
         before = memory.digest()
         trial.role.memory = memory
         connection = trial.greeted("ipc")
-        if not trial.opens(connection):
-            trial.not_observable("the testee did not open good memory")
+        trial.require_open(connection)
         if "frames" in trial.facts.capabilities():
             for _ in range(trial.role.slots):
                 trial.releases(connection, trial.role.lend(connection))

@@ -1,33 +1,35 @@
 """Checks on memory that was replaced when images changed their size (spec 1.1 chapters 4, 8)."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
+from splatbus_conformance.checks.v1_1.cam.resized import Sitting, other, sitting
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
-from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import beside, fell_silent, holding
 from splatbus_conformance.trials.moves.image_session import elsewhere
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
+    Size,
     changed,
     dealings_of,
     other_sizes,
     readers,
     resizing,
-    size_of,
 )
 from splatbus_conformance.trials.moves.survey import first_view, likeness
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_values import whole
-from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.messages import Json, says_of
 from splatbus_conformance.wire.sockets import Connection
 
 FREE_SECONDS: float = LIMITS["free_seconds"]
@@ -54,200 +56,204 @@ def memory_of(trial: ServerTrial, connection: Connection) -> Opened:
     return memory
 
 
-@check("VPT-7", observable="when the name of former memory is gone", needs=(*RESIZES, "opens"))
-def check_frees_former_memory(trial: ServerTrial) -> None:
+@check(
+    "VPT-7",
+    observable="when the name of former memory is gone",
+    needs=(*RESIZES, "opens"),
+    given=resizing,
+    cases=lambda trial, _: Cases(list(enumerate(other_sizes(trial)[:2]))),
+)
+def check_frees_former_memory(
+    trial: ServerTrial, client: Connection, case: tuple[int, Size]
+) -> None:
     """Up to three readers open other memory; one closes what it had, one's connection ends, and
     the last closes it too, or says that it could not open it.
     """
-    with resizing(trial) as client:
-        for number, size in enumerate(trial.each(other_sizes(trial)[:2])):
-            everyone = readers(trial)
-            path = shared(trial, memory_of(trial, everyone[0]))
-            for reader in everyone:
-                dealings_of(trial, reader).keeps = True
-            changed(trial, client, size)
-            last, *others = everyone
-            trial.wait(
-                lambda: all(dealings_of(trial, it).kept for it in everyone),  # noqa: B023
-                REINIT_SECONDS,
-            )
-            told = all(dealings_of(trial, it).kept for it in everyone)
-            trial.expect(
-                told,
-                "no-init-packet",
-                "a reader was sent no further init packet within 5 s (VPT-5)",
-            )
-            for other in others[::2]:
-                other.close()
-            for other in others[1::2]:
-                trial.viewer.let_go(other)
-            if number:
-                failed = {"generation": dealings_of(trial, last).kept[0].generation}
-                trial.viewer.say(last, {"type": "open_failed", "reason": "a test", **failed})
-            else:
-                trial.viewer.let_go(last)
-            gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)  # noqa: B023
-            trial.expect(
-                gone,
-                "memory-left-behind",
-                f"nobody has former memory open any more, and {path.name} is there",
-            )
-            trial.delivered += 1
-            for reader in everyone:
-                reader.close()
+    fails, size = case
+    everyone = readers(trial)
+    path = shared(trial, memory_of(trial, everyone[0]))
+    for reader in everyone:
+        dealings_of(trial, reader).keeps = True
+    changed(trial, client, size)
+    last, *others = everyone
+    told = trial.wait(lambda: all(dealings_of(trial, it).kept for it in everyone), REINIT_SECONDS)
+    trial.expect(
+        told, "no-init-packet", "a reader was sent no further init packet within 5 s (VPT-5)"
+    )
+    for each in others[::2]:
+        each.close()
+    for each in others[1::2]:
+        trial.viewer.let_go(each)
+    if fails:
+        former = dealings_of(trial, last).kept[0].generation
+        trial.viewer.say(last, says_of(former, "open_failed"))
+    else:
+        trial.viewer.let_go(last)
+    gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)
+    trial.expect(
+        gone,
+        "memory-left-behind",
+        f"nobody has former memory open any more, and {path.name} is there",
+    )
+    trial.delivered += 1
+    for reader in everyone:
+        reader.close()
 
 
 @check(
     "OPN-8",
     observable="former memory, and an image in it, until its reader closes it",
     needs=(*RESIZES, "opens"),
+    given=resizing,
 )
-def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial) -> None:
+def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial, client: Connection) -> None:
     """A reader holds an image while the size changes and others follow; nobody may touch what it
     reads, and images of the new size are whole.
     """
-    with resizing(trial) as client:
-        holder, frame = holding(trial)
-        dealings = dealings_of(trial, holder)
-        dealings.keeps = True
-        memory, other = memory_of(trial, holder), beside(trial, holder)
-        path, slot = shared(trial, memory), int(frame["slot"])
-        held = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
-        changed(trial, client, other_sizes(trial)[1])
-        trial.wait(lambda: dealings.kept or holder.ended, REINIT_SECONDS)
-        for number in trial.each(range(10)):
-            trial.sees(other, trial.move())
-            told = f"after {number + 1} images of the new size, with an older one still held"
-            trial.expect(path.exists(), "memory-gone", f"{told}, {path.name} is gone")
-            same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
-            trial.expect(same, "written-while-held", f"{told}, that one is another")
-            trial.delivered += 1
-        dealings.holds = False
-        trial.viewer.let_go(holder)
-        seen = trial.sees(holder, trial.move())
-        trial.expect(seen, "no-frame", "once it had closed former memory, a reader saw no move")
+    holder, frame = holding(trial)
+    dealings = dealings_of(trial, holder)
+    dealings.keeps = True
+    memory, other = memory_of(trial, holder), beside(trial, holder)
+    path, slot = shared(trial, memory), int(frame["slot"])
+    held = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
+    changed(trial, client, other_sizes(trial)[1])
+    trial.wait(lambda: dealings.kept or holder.ended, REINIT_SECONDS)
+    for number in trial.each(range(10)):
+        trial.sees(other, trial.move())
+        told = f"after {number + 1} images of the new size, with an older one still held"
+        trial.expect(path.exists(), "memory-gone", f"{told}, {path.name} is gone")
+        same = held == (memory.color(slot).tobytes(), memory.depth(slot).tobytes())
+        trial.expect(same, "written-while-held", f"{told}, that one is another")
+        trial.delivered += 1
+    dealings.holds = False
+    trial.viewer.let_go(holder)
+    seen = trial.sees(holder, trial.move())
+    trial.expect(seen, "no-frame", "once it had closed former memory, a reader saw no move")
 
 
 @check(
     "OPN-8",
     observable="former memory while a reader has not answered its init packet",
     needs=(*RESIZES, "opens"),
+    given=resizing,
 )
-def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial) -> None:
+def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial, client: Connection) -> None:
     """A reader is sent an init packet and says nothing, as one that is slow to open it; the size
     changes, and it goes.
     """
-    with resizing(trial) as client:
-        reader = trial.reading()
-        path = shared(trial, memory_of(trial, reader))
-        trial.viewer.opens = False
-        slow = trial.greeted("ipc")
-        dealings = dealings_of(trial, slow)
-        trial.wait(lambda: dealings.init_packets or slow.ended)
-        if slow.ended or reader.ended or not dealings.init_packets:
-            trial.not_observable("the server announces its memory to one reader at a time")
-        trial.viewer.opens = True
-        changed(trial, client, other_sizes(trial)[0])
-        trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
-        trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
-        there = path.exists()
-        trial.expect(
-            there, "memory-gone", f"{path.name} is gone, which a reader was told of and may open"
-        )
-        slow.close()
-        trial.delivered += 1
+    reader = trial.reading()
+    path = shared(trial, memory_of(trial, reader))
+    trial.viewer.opens = False
+    slow = trial.greeted("ipc")
+    dealings = dealings_of(trial, slow)
+    trial.wait(lambda: dealings.init_packets or slow.ended)
+    if slow.ended or reader.ended or not dealings.init_packets:
+        trial.not_observable("the server announces its memory to one reader at a time")
+    trial.viewer.opens = True
+    changed(trial, client, other_sizes(trial)[0])
+    trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
+    trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
+    there = path.exists()
+    trial.expect(
+        there, "memory-gone", f"{path.name} is gone, which a reader was told of and may open"
+    )
+    slow.close()
+    trial.delivered += 1
 
 
 @check(
     "IMG-5",
     observable="every pixel of images of other sizes",
     needs=(*RESIZES, "pixels"),
+    given=sitting,
+    cases=other(3),
 )
-def check_images_of_another_size_are_right(trial: ServerTrial) -> None:
+def check_images_of_another_size_are_right(trial: ServerTrial, given: Sitting, size: Size) -> None:
     """The size changes, while a reader looks on: each image is of the camera that it names."""
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        for size in trial.each(other_sizes(trial)[:3]):
-            changed(trial, client, size)
-            trial.wait(
-                lambda: size_of(capture.dealings.init_packets[-1]) == size,  # noqa: B023
-                REINIT_SECONDS,
-            )
-            seen = capture.take(elsewhere(trial), None)
-            if seen.color.shape[:2] != size[::-1]:
-                fell_silent(trial, capture.reader, "the server sent no image of the new size")
-            if trial.facts.scene_known:
-                exact = render(seen.camera, trial.facts.setting(seen.frame))
-                right = exact.agreement(seen.color, seen.planar())
-            else:
-                capture.take(elsewhere(trial), None)
-                again = capture.take(seen.pose, None)
-                right = likeness(seen, again)
-                if right < WHOLE and any(
-                    likeness(again, it) < WHOLE for it in capture.stay(REACTION_SECONDS)
-                ):
-                    trial.not_observable("the scene moves by itself")
-            told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
-            trial.expect(right >= WHOLE, "other-pixels", f"{told} are not what its camera sees")
-            trial.delivered += 1
+    client, capture = given
+    changed(trial, client, size, capture.reader)
+    seen = capture.take(elsewhere(trial), None)
+    if seen.color.shape[:2] != size[::-1]:
+        fell_silent(trial, capture.reader, "the server sent no image of the new size")
+    if trial.facts.scene_known:
+        exact = render(seen.camera, trial.facts.setting(seen.frame))
+        right = exact.agreement(seen.color, seen.planar())
+    else:
+        capture.take(elsewhere(trial), None)
+        again = capture.take(seen.pose, None)
+        right = likeness(seen, again)
+        if right < WHOLE and any(
+            likeness(again, it) < WHOLE for it in capture.stay(REACTION_SECONDS)
+        ):
+            trial.not_observable("the scene moves by itself")
+    told = f"{1 - right:.0%} of the pixels of an image of {size[0]}×{size[1]}"
+    trial.expect(right >= WHOLE, "other-pixels", f"{told} are not what its camera sees")
+    trial.delivered += 1
+
+
+@contextmanager
+def through_a_lens(trial: ServerTrial) -> Iterator[tuple[Sitting, Json]]:
+    """Who changes the size and who reads, and the intrinsics that images have."""
+    lens = lens_of(first_view(trial, 0.0), *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
+    with sitting(trial) as it:
+        it.capture.take(elsewhere(trial), None, intrinsics=lens)
+        yield it, lens
 
 
 @check(
     "CAM-5",
     observable="the camera of frames of another size",
     needs=(*RESIZES, "pixels", "capability:intrinsics"),
+    given=through_a_lens,
+    cases=lambda trial, _: Cases([*other_sizes(trial)[:3], trial.facts.size]),
 )
-def check_lenses_are_scaled_to_another_size(trial: ServerTrial) -> None:
+def check_lenses_are_scaled_to_another_size(
+    trial: ServerTrial, given: tuple[Sitting, Json], size: Size
+) -> None:
     """Intrinsics are sent for images of one size, and then that changes, also to other shapes."""
-    first = first_view(trial, 0.0)
-    lens = lens_of(first, *trial.facts.size, 1.25, 0.75, 0.1, -0.1)
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        capture.take(elsewhere(trial), None, intrinsics=lens)
-        for size in trial.each([*other_sizes(trial)[:3], trial.facts.size]):
-            changed(trial, client, size)
-            init_packets = capture.dealings.init_packets
-            trial.wait(lambda: size_of(init_packets[-1]) == size, REINIT_SECONDS)  # noqa: B023
-            seen = capture.take(elsewhere(trial), None)
-            wrong = in_force(seen.frame, scaled(lens, size))
-            told = f"after intrinsics for {trial.facts.size} images became {size}"
-            trial.expect(not wrong, "other-intrinsics", f"{told}: {wrong}")
-            trial.delivered += 1
+    (client, capture), lens = given
+    changed(trial, client, size, capture.reader)
+    wrong = in_force(capture.take(elsewhere(trial), None).frame, scaled(lens, size))
+    told = f"after intrinsics for {trial.facts.size} images became {size}"
+    trial.expect(not wrong, "other-intrinsics", f"{told}: {wrong}")
+    trial.delivered += 1
 
 
-@check("OPN-14", observable="frames of the next generation without a release", needs=RESIZES)
-def check_closed_ends_the_lease(trial: ServerTrial) -> None:
+@check(
+    "OPN-14",
+    observable="frames of the next generation without a release",
+    needs=RESIZES,
+    given=resizing,
+    cases=lambda trial, _: Cases(
+        list(zip(("closed", "open_failed"), other_sizes(trial), strict=False))
+    ),
+)
+def check_closed_ends_the_lease(
+    trial: ServerTrial, client: Connection, case: tuple[str, Size]
+) -> None:
     """A reader holds a frame when the size changes, opens the new memory, and says of the old that
     it has closed it, or that it could not open it; it never releases the frame.
     """
-    with resizing(trial) as client:
-        answers_: tuple[Json, ...] = (
-            {"type": "closed"},
-            {"type": "open_failed", "reason": "to see what becomes of the lease"},
-        )
-        for answer, size in trial.each(list(zip(answers_, other_sizes(trial), strict=False))):
-            holder, frame = holding(trial)
-            trial.viewer.opens, dealings = False, dealings_of(trial, holder)
-            had = len(dealings.init_packets)
-            changed(trial, client, size)
-            trial.wait(lambda: len(dealings.init_packets) > had, REINIT_SECONDS)  # noqa: B023
-            came = len(dealings.init_packets) > had
-            trial.expect(came, "no-init-packet", "no further init packet came within 5 s (VPT-5)")
-            generation = whole(dealings.init_packets[-1].get("generation"))
-            trial.viewer.say(holder, answer | {"generation": frame["generation"]})
-            trial.viewer.say(holder, {"type": "opened", "generation": generation})
-            before = len(dealings.frames)
-            trial.move()
-            came = trial.wait(lambda: len(dealings.frames) > before)  # noqa: B023
-            trial.expect(
-                came,
-                "no-frame",
-                f"a reader said {answer['type']} of memory in which it held a frame, and is sent"
-                " none of the memory that it has opened since",
-            )
-            holder.close()
-            trial.viewer.opens = True
-            trial.delivered += 1
+    answer, size = case
+    holder, frame = holding(trial)
+    trial.viewer.opens, dealings = False, dealings_of(trial, holder)
+    had = len(dealings.init_packets)
+    changed(trial, client, size, holder)
+    came = len(dealings.init_packets) > had
+    trial.expect(came, "no-init-packet", "no further init packet came within 5 s (VPT-5)")
+    generation = whole(dealings.init_packets[-1].get("generation"))
+    trial.viewer.say(holder, says_of(frame["generation"], answer), says_of(generation, "opened"))
+    before = len(dealings.frames)
+    trial.move()
+    trial.expect(
+        trial.wait(lambda: len(dealings.frames) > before),
+        "no-frame",
+        f"a reader said {answer} of memory in which it held a frame, and is sent none of"
+        " the memory that it has opened since",
+    )
+    holder.close()
+    trial.viewer.opens = True
+    trial.delivered += 1
 
 
 @check(
@@ -255,42 +261,40 @@ def check_closed_ends_the_lease(trial: ServerTrial) -> None:
     observable="when readers that keep former memory are closed",
     needs=RESIZES,
     profile="full",
+    given=resizing,
 )
-def check_closes_who_does_not_let_go(trial: ServerTrial) -> None:
+def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> None:
     """A reader opens other memory and never closes what it had, and one never says whether it had
     opened that, beside one that lets go.
     """
-    with resizing(trial) as client:
-        keeper = trial.reading()
-        dealings_of(trial, keeper).keeps = True
-        other = beside(trial, keeper)
-        trial.viewer.opens = False
-        silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
-        trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
-        trial.viewer.opens = True
-        late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
-        changed(trial, client, other_sizes(trial)[0])
-        trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
-        lasted = dict.fromkeys(late, 0.0)
-        began, limit = time.monotonic(), LET_GO_SECONDS + LIMITS["close_seconds"]
-        while (now := time.monotonic() - began) < limit and not trial.fate():
-            lasted |= {reader: now for reader in late if not reader.ended}
-            trial.sees(other, trial.move())
-            trial.rest(SOON / 2)
-            if all(reader.ended for reader in late):
-                break
-        for reader, seconds in lasted.items():
-            what = "keeps former memory" if reader is keeper else "says nothing of former memory"
-            told = f"a reader that {what}, for {seconds:.1f} s"
-            trial.judge(trial.fate() or ("closes" if reader.ended else "waits"), told)
-            trial.expect(
-                seconds >= LET_GO_SECONDS - 2 * SOON, "closed-too-early", f"{told}, was closed then"
-            )
+    keeper = trial.reading()
+    dealings_of(trial, keeper).keeps = True
+    other = beside(trial, keeper)
+    trial.viewer.opens = False
+    silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
+    trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
+    trial.viewer.opens = True
+    late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
+    changed(trial, client, other_sizes(trial)[0])
+    trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
+    lasted = dict.fromkeys(late, 0.0)
+    began, limit = time.monotonic(), LET_GO_SECONDS + LIMITS["close_seconds"]
+    while (now := time.monotonic() - began) < limit and not trial.fate():
+        lasted |= {reader: now for reader in late if not reader.ended}
+        trial.sees(other, trial.move())
+        trial.rest(SOON / 2)
+        if all(reader.ended for reader in late):
+            break
+    for reader, seconds in lasted.items():
+        what = "keeps former memory" if reader is keeper else "says nothing of former memory"
+        told = f"a reader that {what}, for {seconds:.1f} s"
+        trial.judge(trial.fate() or ("closes" if reader.ended else "waits"), told)
         trial.expect(
-            not other.ended, "another-closed", "with it a reader was closed that had let go"
+            seconds >= LET_GO_SECONDS - 2 * SOON, "closed-too-early", f"{told}, was closed then"
         )
-        trial.expect(
-            trial.sees(other, trial.move()), "no-frame", "afterwards another reader sees no move"
-        )
-        changed(trial, client, other_sizes(trial)[1])
-        trial.delivered += 1
+    trial.expect(not other.ended, "another-closed", "with it a reader was closed that had let go")
+    trial.expect(
+        trial.sees(other, trial.move()), "no-frame", "afterwards another reader sees no move"
+    )
+    changed(trial, client, other_sizes(trial)[1])
+    trial.delivered += 1

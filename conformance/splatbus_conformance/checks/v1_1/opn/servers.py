@@ -5,13 +5,13 @@ import os
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER
-from splatbus_conformance.trials.moves.frame_readers import LENDS, beside, holding
+from splatbus_conformance.trials.moves.frame_readers import LENDS, beside, has_done, holding
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.os_evidence import owner
 from splatbus_conformance.trials.testee.process import FORCE, Ended
-from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.messages import encode, says_of
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
@@ -28,14 +28,8 @@ def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
     assert memory is not None
     slot, size = int(frame["slot"]), memory.size()
     color, depth = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
-    answers = ("closed", "open_failed", "opened")
-    for answer in trial.each(answers):
-        other = beside(trial, holder)
-        named = {"type": answer, "generation": memory.generation}
-        trial.viewer.say(other, named | ({"reason": "a test"} if answer == "open_failed" else {}))
-        trial.rest(0.05)
-        other.close()
-        trial.rest(0.05)
+    for answer in trial.each(("closed", "open_failed", "opened")):
+        has_done(trial, beside(trial, holder), memory.generation, answer)
         told = f"after another reader's {answer}"
         trial.expect(
             not holder.ended, "another-closed", f"{told} the connection of the first was closed"
@@ -117,18 +111,24 @@ def gone(trial: ServerTrial, name: str, seconds: float = GONE_SECONDS) -> bool:
     return is_gone
 
 
-@check("OPN-12", observable="the server goes on after such answers", needs=("1.1",))
-def check_ignores_generations_that_it_did_not_announce(trial: ServerTrial) -> None:
+ANSWERS = st.sampled_from(("opened", "open_failed", "closed"))
+
+
+@check(
+    "OPN-12",
+    observable="the server goes on after such answers",
+    needs=("1.1",),
+    cases=Cases(drawn=st.tuples(ANSWERS, st.integers(1, SAFE), st.booleans()), quick=12, full=300),
+)
+def check_ignores_generations_that_it_did_not_announce(
+    trial: ServerTrial, case: tuple[str, int, bool]
+) -> None:
     """`opened`, `open_failed` and `closed` of other generations, with and without memory."""
-    answers = st.sampled_from(("opened", "open_failed", "closed"))
-    drawn = st.tuples(answers, st.integers(1, SAFE), st.booleans())
-    for kind, generation, reads in trial.each(drawn=drawn, quick=12, full=300):
-        connection = trial.ready("ipc") if reads else trial.ready("ipc", capabilities=[])
-        memory = trial.viewer.with_(connection).memory
-        if memory is not None and memory.generation == generation:
-            continue
-        message = {"type": kind, "generation": generation}
-        message |= {"reason": "a test"} if kind == "open_failed" else {}
-        outcome = trial.outcome(connection, packet(encode(message)))
-        trial.judge(outcome, f"{kind} of generation {generation}, which was not announced")
-        connection.close()
+    kind, generation, reads = case
+    connection = trial.ready("ipc") if reads else trial.ready("ipc", capabilities=[])
+    memory = trial.viewer.with_(connection).memory
+    if memory is not None and memory.generation == generation:
+        return
+    outcome = trial.outcome(connection, packet(encode(says_of(generation, kind))))
+    trial.judge(outcome, f"{kind} of generation {generation}, which was not announced")
+    connection.close()

@@ -5,8 +5,11 @@ from typing import NamedTuple
 
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.asking import asking, requests
-from splatbus_conformance.trials.moves.unheard import outcome_at_the_end, silent_connection
+from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.unheard import (
+    outcome_at_the_end,
+    silent_connection,
+)
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.wire.messages import Json, hello
@@ -74,8 +77,7 @@ def _with_open_memory(trial: ClientTrial) -> Connection:
             return connection
     connection = trial.for_init_packet()
     trial.role.offer(connection, trial.role.init_packet(connection))
-    if not trial.opens(connection):
-        trial.not_observable("the testee did not open the memory")
+    trial.require_open(connection)
     return connection
 
 
@@ -123,17 +125,10 @@ def with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange
     if channel == "ipc" and trial.facts.welcome["ipc"]:
         connection = trial.before_hello("ipc")
         said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
-        return Exchange(connection, [said], lambda: welcomed(trial, connection))
+        return Exchange(connection, [said], lambda: trial.is_welcomed(connection))
     if channel == "ipc":
         return Exchange(trial.dial("ipc"), [], lambda: None)
     return _requests(trial, later)
-
-
-def welcomed(trial: ServerTrial, connection: Connection) -> bool:
-    """Whether `hello` on this connection is answered in time, by `welcome`."""
-    dealings = trial.viewer.with_(connection)
-    trial.wait(lambda: dealings.welcome or connection.ended)
-    return dealings.welcome is not None
 
 
 def in_use(trial: ServerTrial) -> Connection:
