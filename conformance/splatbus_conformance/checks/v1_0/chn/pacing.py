@@ -228,15 +228,15 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
 )
 def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
     """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
-    end of its table; they then accept, and each connection is closed as soon as it is made.
+    end of its table; one then accepts, and later the other, and the first connection of each is
+    closed as soon as it is made.
     """
     channels = coming_back(trial)
     refuse(trial, channels)
     trial.rest(LONG_SECONDS)
-    listening = time.monotonic()
     for channel in channels:
+        listening = time.monotonic()
         trial.peer.listen(channel)
-    for channel in channels:
         first = after(trial, channel, listening)
         first.close()
         again = after(trial, channel, first.opened)

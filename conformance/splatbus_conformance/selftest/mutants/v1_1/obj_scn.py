@@ -121,11 +121,12 @@ def server_does_not_say_where_objects_are(patch: Patch) -> None:
 
 @mutant("OBJ-7", check=LISTED, code="object-not-listed")
 def server_says_where_objects_were(patch: Patch) -> None:
-    """Lists in each frame what the one before it should have listed."""
+    """Lists in each frame what was to be listed before that was last changed."""
     former: list[Any] = []
 
     def before(objects: Any) -> Any:
-        former.append(objects)
+        if objects not in former[-1:]:
+            former.append(objects)
         return former[-2:][0]
 
     objects_told(patch, before)

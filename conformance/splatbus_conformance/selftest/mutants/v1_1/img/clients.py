@@ -84,7 +84,7 @@ def releases_frames_of_closed_memory(patch: Patch) -> None:
     client.TAKES_FRAME.wrap(patch, on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="hangs")
+@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="dies")
 def reads_slots_that_do_not_exist(patch: Patch) -> None:
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
 
