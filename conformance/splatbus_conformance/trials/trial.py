@@ -277,7 +277,7 @@ class Trial:
         if outcome == "closes" and outcome not in acceptable:
             self.wait(self.fate, ENDING_SECONDS)
             outcome = self.fate() or outcome
-        if outcome == "hangs":  # the end of a process may be seen after that of its connections
+        if outcome == "hangs":
             outcome = self.fate() or outcome
         if outcome not in acceptable:
             self.violated(outcome, f"{what}: the testee {OUTCOME_WORDS.get(outcome, outcome)}")
@@ -290,9 +290,12 @@ class Trial:
             self.violated(code, what)
 
     def violated(self, code: str, what: str) -> NoReturn:
-        """The requirement is violated, in the way that has this code."""
+        """The requirement is violated, in the way that has this code; `dies`, if the testee's
+        process has crashed, whatever of it was seen first.
+        """
         if ended := self.testee.ended():
             what += f"; its process {ended}"
+            code = "dies" if ended.crashed and not self.killed else code
         raise Violation(code, what)
 
     def not_observable(self, reason: str) -> NoReturn:

@@ -183,7 +183,7 @@ def server_never_forgets_a_client(patch: Patch) -> None:
     server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
-@mutant("CHN-14", check="check_others_are_served_whatever_one_does", code="no-reply")
+@mutant("CHN-14", check="check_others_are_served_whatever_one_does", code="dies")
 def server_dies_of_a_reset(patch: Patch) -> None:
     """Does not expect that a client resets its connection."""
 
