@@ -6,11 +6,12 @@ from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.chn.clients import closing
 from splatbus_conformance.checks.v1_0.frm.pieces import APART_SECONDS
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
+from splatbus_conformance.trials.moves.exchanges.exchange import asked_on, exchange
 from splatbus_conformance.trials.returning import PROBES, tries_to_go_on
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.sockets import Connection
 
 
 @check(
@@ -83,25 +84,35 @@ def check_half_packet_is_discarded(trial: ClientTrial) -> None:
 )
 def check_half_reply_is_discarded(trial: ClientTrial) -> None:
     """The connection ends inside the reply that is awaited. Whoever continues it with what comes on
-    the next connection finds a bad length there, and closes.
+    the next connection finds a bad length there, and closes, or waits for what was announced.
     """
     for kept, end in trial.each(ENDS, kind=inside):
-        connection = asking(trial)
-        trial.role.replies = False
-        (request, *_) = requests(trial, connection)
-        reply = packet(encode(trial.role.answer(connection, request) or {}))
-        connection.send(reply[: min(kept, len(reply) - 1)])
+        half = exchange(trial, "msg", later=False)
+        if not half or not half.awaited:
+            trial.not_observable("nothing that the testee asks has a reply")
+        reply = packet(encode(half.awaited[0]))
+        half.connection.send(reply[: min(kept, len(reply) - 1)])
         trial.rest(APART_SECONDS)
-        trial.role.replies = True
-        getattr(connection, end)()
+        getattr(half.connection, end)()
         again = trial.next_connection("msg")
         for _ in range(PROBES):  # who ends it before anything was sent has read nothing there
             if again and trial.ends(again, REACTION_SECONDS) and not again.sent:
                 again = trial.next_connection("msg")
         what = f"a connection that ends after {kept} bytes of a reply, by {end}"
         if again is None:
-            trial.judge(trial.fate() or "hangs", what)
-        elif trial.ends(again, REACTION_SECONDS):
-            trial.judge(trial.fate() or "closes", f"{what}: on the next connection")
+            trial.judge("hangs", what)
         else:
+            trial.judge(_outcome_of_replies(trial, again), f"{what}: on the next connection")
             trial.delivered += bool(again.packets)
+
+
+def _outcome_of_replies(trial: ClientTrial, connection: Connection) -> str:
+    """Of whole replies to what is asked there: `ignores`, of whoever takes them as they are."""
+    if trial.ends(connection, REACTION_SECONDS):
+        return trial.fate() or "closes"
+    whole = asked_on(trial, connection)
+    for reply in whole.awaited:
+        trial.role.say(connection, reply)
+    if whole.awaited and whole.taken() is False:
+        return trial.fate() or ("closes" if connection.ended else "hangs")
+    return "ignores"

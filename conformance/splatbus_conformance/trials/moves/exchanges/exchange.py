@@ -88,15 +88,15 @@ def _replies(trial: ClientTrial) -> Exchange:
     """
     trial.role.width = trial.role.height = 0
     if trial.facts.asks_on is None:
-        whole = _asked(trial)
+        whole = asked_on(trial, asking(trial))
         for reply in whole.awaited:
             trial.role.say(whole.connection, reply)
         trial.facts.asks_on = whole.taken() or False
-    return _asked(trial)
+    return asked_on(trial, asking(trial))
 
 
-def _asked(trial: ClientTrial) -> Exchange:
-    connection = asking(trial)
+def asked_on(trial: ClientTrial, connection: Connection) -> Exchange:
+    """What has been asked on a connection, and is answered by nobody else."""
     trial.role.replies = False
     trial.rest(REACTION_SECONDS)
     asked = requests(trial, connection)

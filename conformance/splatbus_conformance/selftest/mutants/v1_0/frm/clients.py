@@ -2,12 +2,14 @@
 
 import contextlib
 import time
+from collections.abc import Callable
 from typing import Any
 
 from splatbus_client import channel, ipc_protocol, message_protocol
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import framing
+from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.packet_reader import PacketReader
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -120,18 +122,27 @@ def takes_one_read_for_a_welcome(patch: Patch) -> None:
     client.RECEIVES_MESSAGES.wrap(patch, receive)
 
 
+def of_one_stream(decoder: PacketDecoder) -> Callable[[], PacketReader]:
+    """A reader for each connection, to which what they all brought is one stream."""
+
+    def reader() -> PacketReader:
+        made = PacketReader()
+        made.decoder = decoder
+        return made
+
+    return reader
+
+
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def half_a_packet_continues(patch: Patch) -> None:
     """Keeps half a packet when the connection ends, and goes on with it on the next one."""
-    kept = PacketReader()
-    Seam(ipc_protocol, "PacketReader").replace(patch, lambda: kept)
+    Seam(ipc_protocol, "PacketReader").replace(patch, of_one_stream(PacketDecoder()))
 
 
-@mutant("FRM-6", check="check_half_reply_is_discarded", code="closes")
+@mutant("FRM-6", check="check_half_reply_is_discarded", code="hangs")
 def half_a_reply_continues(patch: Patch) -> None:
     """Keeps half a reply when the connection ends, and goes on with it on the next one."""
-    kept = PacketReader()
-    Seam(message_protocol, "PacketReader").replace(patch, lambda: kept)
+    Seam(message_protocol, "PacketReader").replace(patch, of_one_stream(PacketDecoder()))
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded_unheard", code="dies")
