@@ -12,7 +12,6 @@ from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.process import Awaited, Ended, Launched
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_conformance.trials.trial import Stand, Trial, Violation
-from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.sockets import Peer
 from splatbus_schemas.requirements import requirements
 
@@ -110,7 +109,7 @@ def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, 
     trial = object.__new__(ServerTrial)
     trial.delivered = 0
     trial.facts = ServerFacts()
-    trial.viewer = SimpleNamespace(with_=lambda connection: dealings, encode=encode)
+    trial.viewer = SimpleNamespace(with_=lambda connection: dealings, say=lambda *_: None)
     trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
     assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
     assert trial.delivered == 1
