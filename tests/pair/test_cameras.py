@@ -9,7 +9,8 @@ from splatbus_client import Intrinsics
 from splatbus_viewer.poses import look_at
 
 from tests.pair.known_scene import showing, wrong_pixels
-from tests.pair.rig import MOST_SECONDS, eventually
+from tests.pair.rig import MOST_SECONDS
+from tests.waiting import eventually
 
 LENSES = [
     Intrinsics(800.0, 800.0, 960.0, 540.0, 1920, 1080, 0.01, 100.0),
@@ -22,7 +23,7 @@ LENSES = [
 def test_every_frame_is_what_it_says_itself(degrees: float) -> None:
     wrong = seen = 0
     with showing(degrees=degrees) as (_, tap), tap.session() as session:
-        eventually(lambda: session.status.message.version, "welcome")
+        assert eventually(lambda: session.status.message.version), "welcome"
         for number in range(60):
             angle = number / 10
             eye = (2 * math.sin(angle), -0.5 - angle / 10, 1 - math.cos(angle))

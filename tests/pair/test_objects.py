@@ -12,7 +12,8 @@ from splatbus_viewer.mesh import bound, drawn, tilted
 from splatbus_wire.poses import as_array, world_matrix
 
 from tests.pair.known_scene import showing, wrong_pixels
-from tests.pair.rig import MOST_SECONDS, eventually
+from tests.pair.rig import MOST_SECONDS
+from tests.waiting import eventually
 
 RED = scene.default_scene().spheres[0]
 STEPS = 60
@@ -54,7 +55,7 @@ def misplaced(frame: FrameLease, placement: Placement) -> tuple[float, float]:
 def test_a_mesh_that_is_bound_to_an_object_stays_with_it() -> None:
     other_poses_would_do = 0
     with showing() as (_, tap), tap.session() as session:
-        eventually(lambda: session.status.message.version, "welcome")
+        assert eventually(lambda: session.status.message.version), "welcome"
         for number in range(STEPS):
             sent = placed(number)
             session.send_object(sent.pose, scale=sent.scale)
@@ -74,7 +75,7 @@ def test_a_mesh_that_is_bound_to_an_object_stays_with_it() -> None:
 def test_depth_is_in_world_units_whatever_the_scale() -> None:
     """At half its size and half its distance the scene looks alike, and is half as far."""
     with showing() as (_, tap), tap.session() as session:
-        eventually(lambda: session.status.message.version, "welcome")
+        assert eventually(lambda: session.status.message.version), "welcome"
         images = {}
         for scale in (1.0, 0.5):
             session.send_object(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), scale=scale)

@@ -6,9 +6,11 @@ import pytest
 from splatbus_client import Pose
 from splatbus_schemas import names
 
-from tests.pair.legacy import POSITION, ROTATION, replay, server_of_1_0
+from tests.pair.legacy import replay, server_of_1_0
 from tests.pair.painting import is_whole, painter
-from tests.pair.rig import MOST_SECONDS, eventually, serving
+from tests.pair.rig import MOST_SECONDS, serving
+from tests.peers.legacy_server import POSITION, ROTATION
+from tests.waiting import eventually
 
 MESSAGES_OF_1_0 = {name for name in names("1.0") if not name.endswith(("_reply", "packet"))}
 
@@ -19,7 +21,7 @@ def test_both_of_1_1() -> None:
         with session.next_frame(MOST_SECONDS) as frame:
             assert is_whole(frame)
         assert session.viewport_size(MOST_SECONDS) == (32, 24)
-        eventually(lambda: session.status.message.version == "1.1", "welcome")
+        assert eventually(lambda: session.status.message.version == "1.1"), "welcome"
     tap.assert_conforming()
 
 
@@ -29,7 +31,7 @@ def test_a_client_of_1_1_falls_back_without_a_timer() -> None:
         assert session.viewport_size(MOST_SECONDS) == (64, 48)
         assert session.camera_pose(0, MOST_SECONDS) == Pose(tuple(POSITION), tuple(ROTATION))
         assert session.status.message.version == "1.0"
-        eventually(lambda: session.status.ipc.version == "1.0", "an init packet of 1.0")
+        assert eventually(lambda: session.status.ipc.version == "1.0"), "an init packet of 1.0"
         session.send_camera(Pose((0.0, 0.0, -2.0), (0.0, 0.0, 0.0, 1.0)))
         session.camera_pose(1, MOST_SECONDS)
     sent = tap.said("client", "msg")
@@ -45,6 +47,6 @@ def test_a_deployed_client_is_served_by_1_1(name: str) -> None:
     with serving(painter()) as (bus, tap):
         replies = replay(f"{name}.jsonl", tap)
         assert all(set(r) in ({"viewport_size"}, {"position", "rotation"}) for r in replies)
-        eventually(lambda: bus.statistics.poses_received, "a pose")
+        assert eventually(lambda: bus.statistics.poses_received), "a pose"
     found = tap.judged()
     assert [f for f in found.of("server") if f.broken] == []

@@ -13,8 +13,9 @@ from splatbus_client import Pose
 from splatbus_client.steering import ServerRefusedError
 
 from tests.pair.painting import is_whole, painter
-from tests.pair.rig import MOST_SECONDS, eventually, serving
+from tests.pair.rig import MOST_SECONDS, serving
 from tests.peers.raw_client import Reader
+from tests.waiting import eventually
 
 SIZES = [(32, 24), (64, 48), (48, 36), (16, 12), (128, 96)]
 
@@ -70,10 +71,9 @@ def test_three_clients_read_while_the_size_changes(poisoned: list[int]) -> None:
         for number, (width, height) in enumerate(SIZES * 3):
             steering.send_camera(Pose((float(number), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
             resize(steering, width, height)
-            eventually(
-                lambda size=(height, width): all(size in w.sizes for w in watchers),
-                f"images of {width} by {height}",
-            )
+            assert eventually(
+                lambda size=(height, width): all(size in w.sizes for w in watchers)
+            ), f"no images of {width} by {height}"
             for watcher in watchers:
                 watcher.sizes.clear()
         for watcher in watchers:
@@ -83,7 +83,7 @@ def test_three_clients_read_while_the_size_changes(poisoned: list[int]) -> None:
         assert [w.broken for w in watchers] == [0, 0, 0]
         for session in sessions:
             session.close()
-        eventually(lambda: len(poisoned) == len(SIZES) * 3 - 1, "all but the newest freed")
+        assert eventually(lambda: len(poisoned) == len(SIZES) * 3 - 1), "all but the newest freed"
         assert poisoned == sorted(poisoned)
     tap.assert_conforming()
 
@@ -99,7 +99,7 @@ def resize(steering: splatbus_client.Session, width: int, height: int) -> None:
                 raise
             return False
 
-    eventually(granted, "another size")
+    assert eventually(granted), "another size"
 
 
 def test_the_readers_control_shows_that_poison_is_seen(poisoned: list[int]) -> None:
@@ -114,5 +114,5 @@ def test_the_readers_control_shows_that_poison_is_seen(poisoned: list[int]) -> N
         resize(steering, 16, 12)
         assert "generation" in (rude.receive() or {})
         rude.send({"type": "closed", "generation": 1})  # and reads on
-        eventually(lambda: 1 in poisoned, "generation 1 freed")
+        assert eventually(lambda: 1 in poisoned), "generation 1 freed"
         assert np.isnan(pixels).all()

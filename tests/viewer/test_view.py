@@ -179,7 +179,7 @@ def test_poses_wait_for_the_images_of_the_former(server, memory):
         ipc.send(frame(0))
         ipc.receive_type("release")
         message.receive_type("camera_pose")
-        for seq in range(1, 9):
+        for seq in (1, 2):
             times = [message.receive_type("camera_pose")["timestamp"] for _ in range(3)]
             ipc.send(frame(seq))
             ipc.receive_type("release")

@@ -2,7 +2,6 @@
 
 import socket
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,8 @@ from splatbus_conformance.observe.relay_process import Endpoint, Relayed, endpoi
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.recording import load
+
+from tests.waiting import eventually
 
 MOST_SECONDS = 20.0
 
@@ -19,11 +20,8 @@ def listening(*, host: str = "127.0.0.1") -> Endpoint:
 
 
 def warned(relay: Relayed) -> str:
-    for _ in range(int(MOST_SECONDS / 0.02)):
-        if relay.warnings:
-            return relay.warnings[0]
-        threading.Event().wait(0.02)
-    raise TimeoutError
+    assert eventually(lambda: bool(relay.warnings))
+    return relay.warnings[0]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import signal
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from splatbus_conformance.run.workers import dealt
 
 from tests.conformance.harness import GOOD, broken, run, start
 from tests.durations import durations
+from tests.waiting import eventually
 
 SOME = "NEG-8,CHN-2"
 POSIX = pytest.mark.skipif(os.name == "nt", reason="signals and process ids as POSIX has them")
@@ -45,10 +45,8 @@ def runs(pid: int) -> bool:
 
 def wait_for(path: Path, count: int) -> list[str]:
     """The names in a folder, once there are so many."""
-    until = time.monotonic() + 60
-    while len(names := [it.name for it in path.iterdir()]) < count and time.monotonic() < until:
-        time.sleep(0.05)
-    return names
+    assert eventually(lambda: len(list(path.iterdir())) >= count, 60)
+    return [it.name for it in path.iterdir()]
 
 
 def noting(tmp_path: Path, what: str) -> tuple[Path, tuple[str, str]]:
@@ -110,7 +108,7 @@ def test_a_worker_that_dies_is_a_harness_error(tmp_path: Path) -> None:
 def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "3")
-    assert len(wait_for(folder, 3)) >= 3
+    wait_for(folder, 3)
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=90)
     assert process.returncode == 130, output
@@ -121,13 +119,10 @@ def test_an_interrupt_ends_every_worker_and_its_testee(tmp_path: Path) -> None:
 def test_testees_end_with_a_controller_that_is_killed(tmp_path: Path) -> None:
     folder, change = noting(tmp_path, "str(os.getpid())")
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "2")
-    assert len(wait_for(folder, 2)) >= 2
+    wait_for(folder, 2)
     process.kill()
     process.communicate()
-    until = time.monotonic() + 60
-    while any(runs(int(it.name)) for it in folder.iterdir()) and time.monotonic() < until:
-        time.sleep(0.1)
-    assert [it.name for it in folder.iterdir() if runs(int(it.name))] == []
+    assert eventually(lambda: not any(runs(int(it.name)) for it in folder.iterdir()), 60)
 
 
 def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:

@@ -1,22 +1,18 @@
 """What a first meeting suggests: of real programs that make the likeliest mistakes."""
 
 import os
-import socket
 import subprocess
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.testbed import set_up
-from splatbus_conformance.wire.messages import encode, init_packet_1_0
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.ports import free_port
 
 from tests.conformance.harness import GOOD, MINIATURE, broken
+from tests.peers.legacy_server import running
 
 SAYS = """
 import os, socket, sys, time
@@ -130,44 +126,11 @@ def test_a_client_that_was_left_over_is_told_by_its_process() -> None:
     assert "left over from before" in told
 
 
-@contextmanager
-def old_server() -> Iterator[tuple[int, int]]:
-    """A server of 1.0, which sends an init packet to all that come to its IPC port; its ports."""
-    listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
-    accepted: list[socket.socket] = []
-
-    def serve(listener: socket.socket, greeting: bytes) -> None:
-        with suppress(OSError):  # once the test is over
-            while True:
-                connection, _ = listener.accept()
-                accepted.append(connection)
-                connection.sendall(greeting)
-
-    greetings = packet(encode(init_packet_1_0())), b""
-    threads = [
-        threading.Thread(target=serve, args=each, daemon=True)
-        for each in zip(listeners, greetings, strict=True)
-    ]
-    for thread in threads:
-        thread.start()
-    try:
-        yield listeners[0].getsockname()[1], listeners[1].getsockname()[1]
-    finally:
-        for listener in listeners:
-            with suppress(OSError):
-                listener.shutdown(socket.SHUT_RDWR)
-            listener.close()
-        for thread in threads:
-            thread.join(20.0)
-        for each in accepted:
-            each.close()
-
-
 def server_advice(ports: tuple[int, int]) -> str:
     return said_of(plan("server", None, ports))
 
 
 def test_a_server_on_swapped_ports_is_found_out() -> None:
-    with old_server() as (ipc, msg):
+    with running() as (ipc, msg):
         assert server_advice((ipc, msg)) == ""
         assert "an init packet came on the message channel" in server_advice((msg, ipc))
