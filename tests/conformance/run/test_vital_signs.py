@@ -10,6 +10,7 @@ import pytest
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.run.vital_signs import BRIEF_SECONDS
+from splatbus_conformance.trials.testee import server_probe
 
 from tests.conformance.harness import run
 
@@ -53,6 +54,13 @@ def written(tmp_path: Path, *lines: str) -> str:
     program = tmp_path / "server.py"
     program.write_text("\n".join(lines), "utf-8")
     return f'"{sys.executable}" "{program}"'
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """These servers answer at once or never."""
+    monkeypatch.setattr(server_probe, "REPLY_SECONDS", 0.5)
+    monkeypatch.setattr(server_probe, "FRAME_SECONDS", 1.5)
 
 
 @contextmanager
@@ -113,6 +121,7 @@ listen("SPLATBUS_MSG_PORT", await_place)
 """
 
 
+@pytest.mark.usefixtures("hasty")
 @pytest.mark.parametrize("waits", [0.5, 60.0])
 def test_a_server_that_has_a_further_client_wait_serves_one(tmp_path: Path, waits: float) -> None:
     """Whether it closes that one in time (CHN-13) or not."""
@@ -120,6 +129,7 @@ def test_a_server_that_has_a_further_client_wait_serves_one(tmp_path: Path, wait
         assert testbed.facts.alone == {"ipc": False, "msg": True}
 
 
+@pytest.mark.usefixtures("hasty")
 def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path) -> None:
     with met(written(tmp_path, f"MOST = {MET}", SERVES, DIES)) as testbed:
         while not testbed.lost(briefly=False):
