@@ -85,7 +85,7 @@ def packets_to_matrices(packets: list[bytes]) -> None:
         decoder.receive(packet)
         payload = decoder.next_packet()
         assert payload is not None
-        message = decode_from_client(payload, "message", said_hello=False)
+        message = decode_from_client(payload, "msg", said_hello=False)
         view_matrix(message.pose)  # type: ignore[union-attr]
 
 

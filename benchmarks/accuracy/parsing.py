@@ -40,7 +40,7 @@ NUMBER = re.compile(rb"(-?)([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
 
 
 def default(payload: bytes) -> list[float]:
-    message = decode_from_client(payload, "message", said_hello=False)
+    message = decode_from_client(payload, "msg", said_hello=False)
     assert isinstance(message, CameraPose)
     return [*message.pose.position, *message.pose.rotation]
 

@@ -75,7 +75,7 @@ def text(at: Numbers, q: Numbers) -> str:
 
 
 def received(payload: str) -> Pose:
-    message: Any = decode_from_client(payload.encode(), "message", said_hello=True)
+    message: Any = decode_from_client(payload.encode(), "msg", said_hello=True)
     pose: Pose = message.pose
     return pose
 

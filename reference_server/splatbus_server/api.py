@@ -118,14 +118,14 @@ def serve(
             Program("splatbus-server", version("splatbus-protocol")),
             {
                 "ipc": tuple(images.kind if c == "host_shm" else c for c in CAPABILITIES),
-                "message": tuple(
+                "msg": tuple(
                     c for c in MESSAGE_CAPABILITIES if c != "time" or time_range is not None
                 ),
             },
             where.token,
         )
         session = Session(exchange, cameras, readers, statistics, scene, readings)
-        service = Service({"ipc": ipc, "message": message}, session, terms, statistics)
+        service = Service({"ipc": ipc, "msg": message}, session, terms, statistics)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
         bus = Bus(address, exchange, session, service, readings, statistics)
         undo.pop_all()

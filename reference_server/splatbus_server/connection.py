@@ -201,7 +201,7 @@ class Connection:
         return (
             self.welcome is not None
             or self.is_of_1_0
-            or (self.channel == "message" and self._terms.token is None)
+            or (self.channel == "msg" and self._terms.token is None)
         )
 
     def understand(self, payload: bytes, now: float) -> Event:
@@ -249,7 +249,7 @@ class Connection:
         if self.welcome is None and not self.is_of_1_0 and kind == "hello":
             self.send(error_message(error.code, str(error), error.pointer))
             self.end("a hello that breaks NEG-2 [NEG-35]", now)
-        is_request = self.channel == "message" and kind in REQUESTS_1_1
+        is_request = self.channel == "msg" and kind in REQUESTS_1_1
         self.send_error(error.code, str(error), error.pointer, request if is_request else None)
         return Refusal(error.code, str(error))
 

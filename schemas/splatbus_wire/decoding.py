@@ -27,7 +27,7 @@ from splatbus_wire.message_types import (
 from splatbus_wire.plain_frames import plain_frame
 from splatbus_wire.plain_poses import plain_pose
 
-Channel = Literal["ipc", "message"]
+Channel = Literal["ipc", "msg"]
 
 _REPLY_TYPES: dict[type[Any], str] = {
     GetViewportSize: "viewport_size",
@@ -52,7 +52,7 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
             `invalid_message`, and `unknown_type` for a message that is to be ignored [REQ-8,
             NEG-9].
     """
-    if channel == "message" and (pose := plain_pose(payload)) is not None:
+    if channel == "msg" and (pose := plain_pose(payload)) is not None:
         if said_hello or isinstance(pose, PointCloudPose) or pose.tag is None:
             return pose
         return pose._replace(tag=None)

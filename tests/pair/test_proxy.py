@@ -8,16 +8,14 @@ import socket
 import subprocess
 import sys
 import threading
-from _thread import interrupt_main
 from pathlib import Path
 
 import pytest
-import splatbus_client
 from splatbus_client import Pose
 from splatbus_conformance.cli import main
 from splatbus_conformance.cli.commands import console
-from splatbus_conformance.observe import proxy
 from splatbus_conformance.observe.audit import audit
+from splatbus_conformance.plan import Usage
 from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.recording import load
 
@@ -28,8 +26,7 @@ from tests.peers.raw_client import packet
 Ports = tuple[int, int]
 
 
-def proxied(listen: Ports, to: Ports, file: Path, *more: str, seconds: float = MOST_SECONDS) -> int:
-    """Its status; whoever is done before the time is over calls `interrupt_main`."""
+def proxied(listen: Ports, to: Ports, file: Path, seconds: float, *more: str) -> int:
     ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
     line = ["--plain", "proxy", "--listen", ends[0], "--to", ends[1], "--record", str(file)]
     arguments = main.parser().parse_args([*line, "--seconds", str(seconds), *more])
@@ -65,6 +62,8 @@ def verdicts(report: Path) -> dict[tuple[str, str], list[tuple[str, str]]]:
 def test_a_session_is_passed_on_written_down_and_judged(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    import splatbus_client
+
     listen = (free_port(), free_port())
     file, report = tmp_path / "session.jsonl", tmp_path / "report.json"
     whole = []
@@ -77,13 +76,12 @@ def test_a_session_is_passed_on_written_down_and_judged(
                 with session.next_frame(MOST_SECONDS) as frame:
                     whole.append(is_whole(frame))
             session.viewport_size(MOST_SECONDS)
-        interrupt_main()
 
     with serving(painter()) as (bus, _):
         to = bus.address.ipc_port, bus.address.message_port
         client = threading.Thread(target=look)
         client.start()
-        code = proxied(listen, to, file, "--json", str(report))
+        code = proxied(listen, to, file, 4.0, "--json", str(report))
         client.join(MOST_SECONDS)
     out = capsys.readouterr().out
     assert code == 0, out
@@ -110,7 +108,7 @@ def test_what_is_broken_is_said_while_the_session_lasts_and_fails_it(
         client.start()
         to = bus.address.ipc_port, bus.address.message_port
         file, report = tmp_path / "session.jsonl", tmp_path / "report.json"
-        code = proxied(listen, to, file, "--json", str(report), seconds=3.0)
+        code = proxied(listen, to, file, 3.0, "--json", str(report))
         client.join(MOST_SECONDS)
     out = capsys.readouterr().out
     assert code == 1
@@ -120,9 +118,10 @@ def test_what_is_broken_is_said_while_the_session_lasts_and_fails_it(
 
 
 def test_a_server_that_comes_later_is_found_by_a_client_that_came_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(proxy, "PLAIN_SECONDS", 0.5)
+    import splatbus_client
+
     listen, to = (free_port(), free_port()), (free_port(), free_port())
     came, shown = threading.Event(), []
 
@@ -133,18 +132,17 @@ def test_a_server_that_comes_later_is_found_by_a_client_that_came_first(
             came.set()
             with session.next_frame(MOST_SECONDS) as frame:
                 shown.append(is_whole(frame))
-        interrupt_main()
 
     def serve() -> None:
         came.wait(MOST_SECONDS)
-        threading.Event().wait(0.6)
+        threading.Event().wait(1.0)
         with serving(painter(), ipc_port=to[0], message_port=to[1]):
             client.join(MOST_SECONDS)
 
     client, server = threading.Thread(target=look), threading.Thread(target=serve)
     client.start()
     server.start()
-    code = proxied(listen, to, tmp_path / "session.jsonl")
+    code = proxied(listen, to, tmp_path / "session.jsonl", 8.0)
     client.join(MOST_SECONDS)
     server.join(MOST_SECONDS)
     out = capsys.readouterr().out
@@ -177,3 +175,15 @@ def test_ctrl_c_ends_the_session_and_judges_it(tmp_path: Path) -> None:
     assert "client: not conforming: POS-1 broken" in out
     assert load(tmp_path / "splatbus-session.jsonl")
     assert "\x1b" not in out
+
+
+def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(Usage, match=f"127.0.0.1:{port}"):
+            proxied((port, 0), (1, 1), tmp_path / "session.jsonl", 1.0)
+
+
+def test_an_address_that_is_none_is_explained() -> None:
+    with pytest.raises(Usage, match="HOST:IPC,MSG"):
+        proxied((1, 2), (0, 0), Path("session.jsonl"), 1.0)

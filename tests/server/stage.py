@@ -23,7 +23,7 @@ OBJECTS = {name: Placement(name, IDENTITY) for name in ("default", "chair")}
 SCENE = Scene(
     tuple(SceneObject(name, name.title(), 7) for name in OBJECTS), (0.0, 2.0), 3, (0.0, 0.0, 0.0)
 )
-TERMS = Terms(Program("s", "1"), {"ipc": CAPABILITIES, "message": MESSAGE_CAPABILITIES})
+TERMS = Terms(Program("s", "1"), {"ipc": CAPABILITIES, "msg": MESSAGE_CAPABILITIES})
 READERS = 2
 
 
@@ -69,7 +69,7 @@ class Stage:
 
     def steerer(self, *capabilities: str) -> Client:
         """A client of 1.1 on the message channel, with all capabilities if none is named."""
-        client = Client(self, Connection("message", TERMS, self.now))
+        client = Client(self, Connection("msg", TERMS, self.now))
         client.say(hello(*(capabilities or MESSAGE_CAPABILITIES)))
         client.hear()
         return client

@@ -76,18 +76,18 @@ def neighbours(bus: splatbus_server.Bus, caplog: pytest.LogCaptureFixture) -> It
     found.close()
 
 
-@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
 @pytest.mark.parametrize("name", HEADERS)
 def test_a_bad_header(
     bus: splatbus_server.Bus,
     neighbours: Neighbours,
     caplog: pytest.LogCaptureFixture,
-    channel: str,
+    port: str,
     name: str,
 ) -> None:
     """[FRM-3, CHN-14]"""
     header, reason = HEADERS[name]
-    with RawClient(getattr(bus.address, f"{channel}_port")) as rude:
+    with RawClient(getattr(bus.address, port)) as rude:
         rude.socket.sendall(header)
         assert rude.receive() is None
     assert neighbours.are_served()
@@ -193,18 +193,18 @@ ENDINGS = [
 ]
 
 
-@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
 @pytest.mark.parametrize("end", ENDINGS)
 def test_a_client_that_ends(
     bus: splatbus_server.Bus,
     neighbours: Neighbours,
     caplog: pytest.LogCaptureFixture,
-    channel: str,
+    port: str,
     end: Callable[[RawClient], None],
 ) -> None:
     """[CHN-14, FRM-6]: more of them than may be open at a time, so that each is seen to end."""
     for _ in range(20):
-        client = RawClient(getattr(bus.address, f"{channel}_port"))
+        client = RawClient(getattr(bus.address, port))
         end(client)
         assert neighbours.mover.viewport() == list(SIZE)
     assert neighbours.are_served()

@@ -20,7 +20,7 @@ from splatbus_wire.messages import (
 
 from tests.peers.raw_client import camera_pose, hello, packet, packets
 
-OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "message": ()})
+OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "msg": ()})
 GUARDED = OPEN._replace(token="secret")
 REQUEST = packet({"type": "get_viewport_size"})
 
@@ -40,7 +40,7 @@ def sent(connection: Connection) -> list[dict[str, object]]:
     return packets(data)
 
 
-def greeted(channel: Channel = "message", *capabilities: str) -> Connection:
+def greeted(channel: Channel = "msg", *capabilities: str) -> Connection:
     connection = Connection(channel, OPEN, 0.0)
     events(connection, packet(hello(*capabilities)))
     sent(connection)
@@ -49,7 +49,7 @@ def greeted(channel: Channel = "message", *capabilities: str) -> Connection:
 
 def test_messages_come_out_however_the_bytes_come_in() -> None:
     """[FRM-4]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     stream = REQUEST + packet(camera_pose(1.0)) + REQUEST
     found = [event for byte in stream for event in events(connection, bytes([byte]))]
     assert [type(event) for event in found] == [GetViewportSize, CameraPose, GetViewportSize]
@@ -71,7 +71,7 @@ def test_no_division_of_the_stream_changes_what_is_understood(data: st.DataObjec
     chosen = data.draw(st.lists(st.sampled_from(messages), max_size=8))
     stream = b"".join(map(packet, chosen))
     cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=8).map(sorted))
-    whole, divided = (Connection("message", OPEN, 0.0) for _ in range(2))
+    whole, divided = (Connection("msg", OPEN, 0.0) for _ in range(2))
     found = []
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
         if start < end:
@@ -112,7 +112,7 @@ def text_of(message: object) -> bytes:
 
 @settings(deadline=None, max_examples=150)
 @given(
-    st.sampled_from(["ipc", "message"]),
+    st.sampled_from(["ipc", "msg"]),
     st.booleans(),
     st.lists(
         objects | st.binary(min_size=1, max_size=40) | json_values.map(text_of),
@@ -148,7 +148,7 @@ def test_hello_is_answered_before_what_follows_it() -> None:
 
 def test_a_server_names_what_it_supports_and_closes() -> None:
     """[NEG-10]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     (refusal,) = events(connection, packet(hello(versions=["9.0"])))
     assert isinstance(refusal, Refusal)
     (error,) = sent(connection)
@@ -157,7 +157,7 @@ def test_a_server_names_what_it_supports_and_closes() -> None:
     assert connection.ending is not None
 
 
-@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("channel", ["ipc", "msg"])
 @pytest.mark.parametrize("token", [{}, {"token": "wrong"}, {"token": "secret "}])
 def test_a_wrong_token_is_refused(channel: Channel, token: dict[str, str]) -> None:
     """[NEG-18]"""
@@ -172,7 +172,7 @@ def test_a_wrong_token_is_refused(channel: Channel, token: dict[str, str]) -> No
 
 def test_without_its_hello_a_guarded_server_is_deaf() -> None:
     """[NEG-19]"""
-    connection = Connection("message", GUARDED, 0.0)
+    connection = Connection("msg", GUARDED, 0.0)
     stream = REQUEST + packet(camera_pose()) + packet(b"[") + packet({"type": "nope"})
     assert all(isinstance(event, Refusal) for event in events(connection, stream))
     assert not connection.unsent
@@ -202,7 +202,7 @@ def test_the_ipc_channel_is_never_closed_for_what_it_says_before_hello() -> None
     assert connection.ending is None
 
 
-@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("channel", ["ipc", "msg"])
 def test_a_hello_that_cannot_be_read_is_answered_and_the_last_word(channel: Channel) -> None:
     """[NEG-35, NEG-22]"""
     connection = Connection(channel, OPEN, 0.0)
@@ -226,7 +226,7 @@ def test_a_second_hello_that_cannot_be_read_is_no_reason_to_close() -> None:
 @pytest.mark.parametrize("terms", [OPEN, GUARDED])
 def test_who_agrees_upon_1_0_has_what_1_0_has(terms: Terms) -> None:
     """[NEG-33, NEG-31]"""
-    connection = Connection("message", terms, 0.0)
+    connection = Connection("msg", terms, 0.0)
     first = hello("frames", versions=["1.0", "1.1"], token="secret")
     greeting, *later = events(connection, packet(first) + packet({"type": "nope"}) + REQUEST)
     assert isinstance(greeting, Hello)
@@ -254,7 +254,7 @@ def test_who_agrees_upon_1_0_has_what_1_0_has(terms: Terms) -> None:
 )
 def test_a_client_that_awaits_a_reply_in_vain_is_told_by_a_close(payload: bytes) -> None:
     """[REQ-9]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     (refusal,) = events(connection, packet(payload) + REQUEST)
     assert isinstance(refusal, Refusal)
     assert not connection.unsent
@@ -284,7 +284,7 @@ def test_what_is_no_id_is_not_sent_back(identifier: object) -> None:
     assert "id" not in error
 
 
-@pytest.mark.parametrize("channel", ["message", "ipc"])
+@pytest.mark.parametrize("channel", ["msg", "ipc"])
 @pytest.mark.parametrize("kind", ["camera_pose", "set_time", "weather", None, ["ping"]])
 def test_an_error_about_no_request_has_no_id(channel: Channel, kind: object) -> None:
     """[NEG-23]: a client would take it for the answer to its request."""
@@ -340,7 +340,7 @@ def test_a_bad_header_ends_the_connection_after_what_came_before(header: int, co
 
 def test_an_incomplete_packet_has_ten_seconds_from_its_first_byte() -> None:
     """[FRM-5]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     events(connection, REQUEST, 1.0)
     assert connection.deadline == math.inf
     events(connection, REQUEST + REQUEST[:2], 5.0)
@@ -354,7 +354,7 @@ def test_an_incomplete_packet_has_ten_seconds_from_its_first_byte() -> None:
 
 def test_what_came_whole_before_the_end_of_the_stream_is_handled() -> None:
     """[CHN-16, FRM-6]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     connection.receive(REQUEST + REQUEST[:5], 0.0)
     assert events(connection, b"") == [GetViewportSize()]
     connection.send(ViewportSize(1, 1))
@@ -366,7 +366,7 @@ def test_what_came_whole_before_the_end_of_the_stream_is_handled() -> None:
 
 def test_a_client_that_does_not_read_is_given_five_seconds() -> None:
     """[LIM-2]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     connection.send(ViewportSize(1, 1))
     assert connection.deadline == math.inf
     connection.sent(0, 1.0)
@@ -381,7 +381,7 @@ def test_a_client_that_does_not_read_is_given_five_seconds() -> None:
 
 def test_a_client_that_does_not_read_is_given_a_megabyte() -> None:
     """[LIM-2]"""
-    connection = Connection("message", OPEN, 0.0)
+    connection = Connection("msg", OPEN, 0.0)
     while len(connection.unsent) <= LIMITS["max_unsent_bytes"]:
         assert not connection.over
         connection.send(ViewportSize(1, 1))

@@ -88,7 +88,7 @@ def test_with_a_token_it_is_sent_after_hello_only(stage: DeviceStage) -> None:
 
 
 def test_nothing_of_images_is_said_on_the_message_channel(stage: DeviceStage) -> None:
-    client = Client(stage, Connection("message", TERMS, 0.0))
+    client = Client(stage, Connection("msg", TERMS, 0.0))
     client.say(hello())
     assert [message["type"] for message in client.hear()] == ["welcome"]
     assert stage.view() is None

@@ -82,22 +82,22 @@ def test_several_clients_are_served_at_once(bus: splatbus_server.Bus) -> None:
             assert reader.frame()["camera"]["position"][0] == 0.25
 
 
-@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
 def test_one_connection_too_many_is_closed(
-    bus: splatbus_server.Bus, channel: str, caplog: pytest.LogCaptureFixture
+    bus: splatbus_server.Bus, port: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """[LIM-1, CHN-13]"""
-    port = getattr(bus.address, f"{channel}_port")
+    number = getattr(bus.address, port)
     with ExitStack() as stack:
-        clients = [stack.enter_context(RawClient(port)) for _ in range(MOST_CONNECTIONS)]
+        clients = [stack.enter_context(RawClient(number)) for _ in range(MOST_CONNECTIONS)]
         for _ in range(3):
-            with RawClient(port) as surplus:
+            with RawClient(number) as surplus:
                 assert surplus.receive() is None
         assert "LIM-1" in caplog.text
         clients.pop().close()
 
         def is_served_again() -> bool:
-            with RawClient(port) as client:
+            with RawClient(number) as client:
                 client.send(hello())
                 return client.receive() is not None
 
@@ -317,7 +317,7 @@ def test_a_connection_that_the_system_will_not_accept_is_tried_again_later(
     bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0)
     bus.close()
     ipc, message = (socket.create_server(("127.0.0.1", 0)) for _ in range(2))
-    listeners: dict[Channel, socket.socket] = {"ipc": ipc, "message": message}
+    listeners: dict[Channel, socket.socket] = {"ipc": ipc, "msg": message}
     with ipc, message:
         service = Service(listeners, bus._service._session, bus._service._terms, Statistics())
         service.accept("ipc", Exhausted())  # type: ignore[arg-type]
@@ -345,7 +345,7 @@ def test_nobody_is_kept_busy_by_a_client_that_ended_its_stream_and_does_not_read
     bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An ended stream is always readable; only when it can be written to is it looked at again."""
-    bus._service._listeners["message"].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    bus._service._listeners["msg"].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
     looked_at: list[Peer] = []
     serve = Service._serve
 

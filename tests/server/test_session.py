@@ -106,7 +106,7 @@ def test_equal_poses_change_nothing(stage: Stage) -> None:
     """[IMG-10]"""
     stage.reader()
     stage.publish()
-    mover = Client(stage, Connection("message", TERMS, 0.0))
+    mover = Client(stage, Connection("msg", TERMS, 0.0))
     mover.say(camera_pose(0.0), camera_pose(0.0))
     assert stage.view() is None
     mover.say(camera_pose(2.0), camera_pose(1.0))
@@ -127,7 +127,7 @@ def test_a_view_that_is_not_published_is_due_still(stage: Stage) -> None:
 
 def test_who_has_no_control_is_told_once(stage: Stage) -> None:
     """[POS-10, POS-11]"""
-    first, second = (Client(stage, Connection("message", TERMS, 0.0)) for _ in range(2))
+    first, second = (Client(stage, Connection("msg", TERMS, 0.0)) for _ in range(2))
     second.say(hello())
     second.hear()
     assert first.say(camera_pose(1.0)) == []
@@ -144,7 +144,7 @@ def test_who_has_no_control_is_told_once(stage: Stage) -> None:
 @pytest.mark.parametrize(("index", "x"), [(0, 0.0), (5, 2.0), (-1, 2.0), (3, 0.0)])
 def test_cameras_are_counted_round(stage: Stage, index: int, x: float) -> None:
     """[REQ-6]"""
-    client = Client(stage, Connection("message", TERMS, 0.0))
+    client = Client(stage, Connection("msg", TERMS, 0.0))
     client.say({"type": "get_camera_pose", "cam_idx": index})
     assert client.hear() == [{"position": [x, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}]
 

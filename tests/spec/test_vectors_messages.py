@@ -87,7 +87,7 @@ def read(case):
         f'{{"type":"camera_pose","timestamp":{timestamp},"position":{{"x":{x},"y":0,"z":0}},'
         '"rotation":{"x":0,"y":0,"z":0,"w":1}}'
     )
-    message = decode_from_client(payload.encode(), "message", said_hello=False)
+    message = decode_from_client(payload.encode(), "msg", said_hello=False)
     assert isinstance(message, CameraPose)
     return message.pose.position[0] if is_text else message.timestamp
 
@@ -152,7 +152,7 @@ def message(pose):
 @cases("poses", verdict="accepted")
 def test_the_wire_takes_the_pose_and_makes_the_matrices(case):
     pose = pose_of(case["pose"])
-    assert decode_from_client(message(pose), "message", said_hello=False).pose == pose
+    assert decode_from_client(message(pose), "msg", said_hello=False).pose == pose
     assert plain_pose(message(pose)).pose == pose
     expected = {quantity: doubles(value) for quantity, value in case["expected"].items()}
     R = np.reshape(rotation_matrix(pose.rotation), (3, 3))
@@ -181,7 +181,7 @@ def test_the_wire_rejects_the_pose(case):
     pose = pose_of(case["pose"])
     assert plain_pose(message(pose)) is None
     with pytest.raises(ProtocolError) as caught:
-        decode_from_client(message(pose), "message", said_hello=False)
+        decode_from_client(message(pose), "msg", said_hello=False)
     assert caught.value.requirement == case["requirement"]
 
 

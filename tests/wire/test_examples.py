@@ -43,7 +43,7 @@ def decode_example(name: str, message: object, *, said_hello: bool) -> Message:
     if name in FROM_SERVER_MESSAGE:
         identifier = message.get("id") if isinstance(message, dict) else None
         return decode_from_server_message(payload, REPLIES.get(name, GetScene)(identifier))
-    channel: Channel = "ipc" if name in IPC_MESSAGES else "message"
+    channel: Channel = "ipc" if name in IPC_MESSAGES else "msg"
     return decode_from_client(payload, channel, said_hello=said_hello)
 
 

@@ -25,7 +25,7 @@ LENS = {
 
 
 def after_welcome(message: object):
-    return decode_from_client(payload(message), "message", said_hello=True)
+    return decode_from_client(payload(message), "msg", said_hello=True)
 
 
 def refused(message: object) -> tuple[str, str, str | None]:
@@ -56,7 +56,7 @@ def test_a_lens_that_cannot_be_is_refused(change, code, pointer):
 
 def test_before_hello_a_camera_has_neither_tag_nor_intrinsics():
     message = POSE | {"tag": 1, "intrinsics": {"fx": "wide"}}
-    found = decode_from_client(payload(message), "message", said_hello=False)
+    found = decode_from_client(payload(message), "msg", said_hello=False)
     assert found == CameraPose(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
     assert refused(message) == ("invalid_message", "CAM-1", "/tag")
 
@@ -118,5 +118,5 @@ def test_all_series_are_not_the_same_as_none():
 )
 def test_before_hello_the_new_types_are_unknown(name):
     for example in examples(name, "1.1")[0]:
-        error = refusal(decode_from_client, payload(example.message), "message", said_hello=False)
+        error = refusal(decode_from_client, payload(example.message), "msg", said_hello=False)
         assert (error.code, error.requirement) == ("unknown_type", "REQ-8")

@@ -45,9 +45,7 @@ REQUESTS = {
 SCHEMAS = {CameraReply: "camera", ErrorMessage: "error"}
 
 
-def from_client(
-    message: object, channel: Channel = "message", *, said_hello: bool = True
-) -> Message:
+def from_client(message: object, channel: Channel = "msg", *, said_hello: bool = True) -> Message:
     return decode_from_client(payload(message), channel, said_hello=said_hello)
 
 
@@ -69,14 +67,14 @@ def assert_valid(message: Message, version: str = "1.1") -> None:
 def test_poses_of_1_0_survive_the_wire(message):
     for said_hello in (False, True):
         sent = payload_of(encode(message))
-        assert decode_from_client(sent, "message", said_hello=said_hello) == message
+        assert decode_from_client(sent, "msg", said_hello=said_hello) == message
     assert_valid(message, "1.0")
 
 
 @given(strategies.steerings | strategies.requests | strategies.subscriptions)
 def test_what_a_client_sends_on_the_message_channel_survives_the_wire(message):
     sent = payload_of(encode(message))
-    assert decode_from_client(sent, "message", said_hello=True) == message
+    assert decode_from_client(sent, "msg", said_hello=True) == message
     assert_valid(message)
 
 
@@ -84,7 +82,7 @@ def test_what_a_client_sends_on_the_message_channel_survives_the_wire(message):
 def test_before_hello_a_request_has_no_id(message):
     sent = payload_of(encode(message))
     without_id = message._replace(id=None)
-    assert decode_from_client(sent, "message", said_hello=False) == without_id
+    assert decode_from_client(sent, "msg", said_hello=False) == without_id
 
 
 @given(strategies.replies)
@@ -111,7 +109,7 @@ def test_telemetry_survives_the_wire(message):
     assert_valid(message)
 
 
-@given(strategies.hellos, st.sampled_from(["ipc", "message"]), st.booleans())
+@given(strategies.hellos, st.sampled_from(["ipc", "msg"]), st.booleans())
 def test_hello_survives_the_wire(message, channel, said_hello):
     sent = payload_of(encode(message))
     assert decode_from_client(sent, channel, said_hello=said_hello) == message
@@ -223,17 +221,17 @@ def test_integers_may_have_a_fraction_of_zero():
 @pytest.mark.parametrize(
     ("channel", "kind", "said_hello", "requirement"),
     [
-        ("message", "opened", True, "NEG-9"),
-        ("message", "wave", False, "REQ-8"),
-        ("message", "wave", True, "NEG-9"),
-        ("message", 1, False, "REQ-8"),
-        ("message", None, False, "REQ-8"),
-        ("message", "object_pose", False, "REQ-8"),
-        ("message", "ping", False, "REQ-8"),
-        ("message", "telemetry", True, "NEG-9"),
+        ("msg", "opened", True, "NEG-9"),
+        ("msg", "wave", False, "REQ-8"),
+        ("msg", "wave", True, "NEG-9"),
+        ("msg", 1, False, "REQ-8"),
+        ("msg", None, False, "REQ-8"),
+        ("msg", "object_pose", False, "REQ-8"),
+        ("msg", "ping", False, "REQ-8"),
+        ("msg", "telemetry", True, "NEG-9"),
         ("ipc", "set_time", True, "NEG-9"),
-        ("message", ["hello"], False, "REQ-8"),
-        ("message", "x" * 100_000, False, "REQ-8"),
+        ("msg", ["hello"], False, "REQ-8"),
+        ("msg", "x" * 100_000, False, "REQ-8"),
         ("ipc", "camera_pose", True, "NEG-9"),
         ("ipc", "get_viewport_size", False, "NEG-9"),
     ],
@@ -245,7 +243,7 @@ def test_a_type_that_the_channel_does_not_know_is_unknown(channel, kind, said_he
     assert len(str(error)) < 200
 
 
-@pytest.mark.parametrize("channel", ["ipc", "message"])
+@pytest.mark.parametrize("channel", ["ipc", "msg"])
 @pytest.mark.parametrize("said_hello", [False, True])
 def test_a_message_without_type_is_unknown(channel, said_hello):
     assert refusal(from_client, {}, channel, said_hello=said_hello).code == "unknown_type"
@@ -275,7 +273,7 @@ templates = st.sampled_from(
 def test_whatever_comes_is_a_message_or_a_refusal(sent, said_hello):
     decoders = [
         lambda: decode_from_client(sent, "ipc", said_hello=said_hello),
-        lambda: decode_from_client(sent, "message", said_hello=said_hello),
+        lambda: decode_from_client(sent, "msg", said_hello=said_hello),
         lambda: decode_from_server_ipc(sent),
         lambda: decode_from_server_message(sent, None),
         lambda: decode_from_server_message(sent, GetViewportSize(3)),

@@ -132,8 +132,8 @@ def test_a_tag_is_taken_and_before_hello_is_none():
     found = plain_pose(tagged)
     assert isinstance(found, CameraPose)
     assert found.tag == "7c1f-41"
-    assert decode_from_client(tagged, "message", said_hello=True) == found
-    untagged = decode_from_client(tagged, "message", said_hello=False)
+    assert decode_from_client(tagged, "msg", said_hello=True) == found
+    untagged = decode_from_client(tagged, "msg", said_hello=False)
     assert untagged == found._replace(tag=None) == plain_pose(PLAIN)
 
 
@@ -156,7 +156,7 @@ def test_any_other_tag_is_left_to_the_careful_way(tag):
 def test_a_bad_tag_is_refused_after_hello_and_ignored_before(tag):
     tagged = with_tag(tag)
     assert careful_pose(tagged) is None
-    assert decode_from_client(tagged, "message", said_hello=False) == plain_pose(PLAIN)
+    assert decode_from_client(tagged, "msg", said_hello=False) == plain_pose(PLAIN)
 
 
 @given(edited(PLAIN, PLAIN.replace(b'"timestamp":1.5,', b""), with_tag(b'"7c1f-41"')))

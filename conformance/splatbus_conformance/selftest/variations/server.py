@@ -79,7 +79,7 @@ def server_closes_on_what_is_broken(patch: Patch) -> None:
     """Closes a message connection of 1.0 on broken text and broken poses."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.welcome is None and self.channel == "message" and error.code != "unknown_type":
+        if self.welcome is None and self.channel == "msg" and error.code != "unknown_type":
             self.end("it is broken", now)
         return original(self, error, payload, now)
 
@@ -245,7 +245,7 @@ def _keeps_the_newest(patch: Patch, count: int) -> None:
 
 def _knows_no_hello(patch: Patch) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        if b"hello" in payload and self.channel == "message":
+        if b"hello" in payload and self.channel == "msg":
             payload = payload.replace(b"hello", b"aloha")
         if self.channel == "ipc":
             return Refusal("unknown_type", "this channel speaks, and does not listen")

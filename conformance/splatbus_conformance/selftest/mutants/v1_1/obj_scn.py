@@ -184,6 +184,6 @@ def server_grants_time_of_a_still_scene(patch: Patch) -> None:
     Seam(api, "Terms").wrap(
         patch,
         lambda original, server, offered, token: original(
-            server, offered | {"message": MESSAGE_CAPABILITIES}, token
+            server, offered | {"msg": MESSAGE_CAPABILITIES}, token
         ),
     )

@@ -149,7 +149,7 @@ def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
     server_makes_the_same_memory_again(patch)
 
     def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
-        former = [peer for peer in self.peers if peer.connection.channel == channel == "message"]
+        former = [peer for peer in self.peers if peer.connection.channel == channel == "msg"]
         original(self, channel, listener)
         for peer in former:
             self.drop(peer)

@@ -91,7 +91,7 @@ def server_announces_its_memory_twice(patch: Patch) -> None:
 @mutant("CHN-11", code="unasked-packet")
 def server_speaks_unasked(patch: Patch) -> None:
     """Tells every message client the news."""
-    announces_at_once(patch, NEWS, channel="message")
+    announces_at_once(patch, NEWS, channel="msg")
 
 
 @mutant(
@@ -104,7 +104,7 @@ def server_serves_one_channel_at_a_time(patch: Patch) -> None:
 
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
         original(self, channel, listener)
-        if channel == "message":
+        if channel == "msg":
             for peer in [p for p in self.peers if p.connection.channel == "ipc"]:
                 self.drop(peer)
 
@@ -118,7 +118,7 @@ def server_serves_one_channel_at_a_time(patch: Patch) -> None:
 )
 def server_lets_the_fourth_wait(patch: Patch) -> None:
     """Leaves message connections beyond three in the backlog."""
-    _leaves_waiting(patch, "message", 3)
+    _leaves_waiting(patch, "msg", 3)
 
 
 @mutant(
@@ -200,12 +200,12 @@ def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
     """Accepts no message connection any more once a client has left before its reply came."""
 
     def drop(original: Any, self: Service, peer: Peer) -> None:
-        if peer.connection.channel == "message" and not peer.connection.input_ended:
+        if peer.connection.channel == "msg" and not peer.connection.input_ended:
             lost.append(peer)
         original(self, peer)
 
     def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
-        if lost and channel == "message":
+        if lost and channel == "msg":
             self.selector.unregister(listener)
         else:
             original(self, channel, listener)
@@ -236,14 +236,14 @@ def server_ends_everybody_for_one(patch: Patch) -> None:
 
     def end(original: Any, self: Connection, reason: str, now: float) -> None:
         original(self, reason, now)
-        if "[FRM-3]" in reason and self.channel == "message":
+        if "[FRM-3]" in reason and self.channel == "msg":
             for other in there:
                 original(other, reason, now)
             there.clear()
 
     def init(original: Any, self: Connection, channel: str, *arguments: Any) -> None:
         original(self, channel, *arguments)
-        if channel == "message":
+        if channel == "msg":
             there.append(self)
 
     there: list[Connection] = []

@@ -32,7 +32,7 @@ def server_ends_within_a_packet(patch: Patch) -> None:
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
 def server_waits_on_after_a_bad_length(patch: Patch) -> None:
     """Reads nothing more after a bad header, and keeps the connection."""
-    _waits_after_a_bad_length(patch, math.inf, "ipc", "message")
+    _waits_after_a_bad_length(patch, math.inf, "ipc", "msg")
 
 
 def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> None:
@@ -60,7 +60,7 @@ def server_waits_for_any_length(patch: Patch) -> None:
     """
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        most = 1 << 33 if self.channel == "message" else LONGEST
+        most = 1 << 33 if self.channel == "msg" else LONGEST
         wire.MOST_PAYLOAD_BYTES.replace(patch, most)
         original(self, data, now)
 
@@ -73,7 +73,7 @@ def server_answers_behind_a_bad_length(patch: Patch) -> None:
 
     def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
         length = int.from_bytes(data[:4], "little")
-        bad = self.channel == "message" and len(data) > 4 and not 1 <= length <= LONGEST
+        bad = self.channel == "msg" and len(data) > 4 and not 1 <= length <= LONGEST
         if bad and not self.reader.incomplete:
             original(self, data[4:], now)
             data = data[:4]
@@ -136,7 +136,7 @@ def server_answers_twice_what_was_cut(patch: Patch) -> None:
         was_cut = len(self.reader.decoder.unfinished) > 4
         original(self, data, now)
         waiting = self.reader.decoder.payloads
-        if was_cut and self.channel == "message" and waiting:
+        if was_cut and self.channel == "msg" and waiting:
             waiting.appendleft(waiting[0])
 
     server.RECEIVES.wrap(patch, receive)
@@ -145,7 +145,7 @@ def server_answers_twice_what_was_cut(patch: Patch) -> None:
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
 def server_takes_each_read_for_a_packet(patch: Patch) -> None:
     """Takes what one read returns for whole packets, and drops what is left over."""
-    _forget_what_is_left_over(patch, "message")
+    _forget_what_is_left_over(patch, "msg")
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
@@ -157,7 +157,7 @@ def server_takes_each_read_for_a_packet_on_ipc(patch: Patch) -> None:
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def server_goes_on_with_half_a_packet(patch: Patch) -> None:
     """Continues the packet of one connection with the bytes of the next."""
-    _continues(patch, "message")
+    _continues(patch, "msg")
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
@@ -171,8 +171,8 @@ def server_goes_on_after_a_reset(patch: Patch) -> None:
     """The same on the message channel, where the former connection was reset."""
 
     def drop(original: Any, self: Service, peer: Peer) -> None:
-        if peer.connection.channel == "message" and not peer.connection.input_ended:
-            left["message"] = bytes(peer.connection.reader.decoder.unfinished)
+        if peer.connection.channel == "msg" and not peer.connection.input_ended:
+            left["msg"] = bytes(peer.connection.reader.decoder.unfinished)
         original(self, peer)
 
     left = _left_over(patch)

@@ -75,13 +75,13 @@ def server_nests_too_deep(patch: Patch) -> None:
 @mutant("JSN-6", check="check_takes_any_spelling", code="closes")
 def server_wants_no_space_before_a_request(patch: Patch) -> None:
     """Refuses requests that do not begin with a brace."""
-    _refuses(patch, "message", lambda text: text[:1] != b"{", "get_")
+    _refuses(patch, "msg", lambda text: text[:1] != b"{", "get_")
 
 
 @mutant("JSN-6", check="check_takes_any_spelling_of_poses", code="ignores")
 def server_wants_no_space_before_a_pose(patch: Patch) -> None:
     """Refuses poses that do not begin with a brace."""
-    _refuses(patch, "message", lambda text: text[:1] != b"{", "camera_pose")
+    _refuses(patch, "msg", lambda text: text[:1] != b"{", "camera_pose")
 
 
 @mutant("JSN-6", check="check_takes_any_spelling", code="closes")
@@ -93,13 +93,13 @@ def server_wants_no_escapes_on_ipc(patch: Patch) -> None:
 @mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
 def server_knows_all_members_of_requests(patch: Patch) -> None:
     """Refuses requests with members that it does not know."""
-    _refuses(patch, "message", _has_unknown_members, "get_")
+    _refuses(patch, "msg", _has_unknown_members, "get_")
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_of_poses", code="ignores")
 def server_knows_all_members_of_poses(patch: Patch) -> None:
     """Refuses poses with members that it does not know."""
-    _refuses(patch, "message", _has_unknown_members, "camera_pose")
+    _refuses(patch, "msg", _has_unknown_members, "camera_pose")
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
@@ -123,7 +123,7 @@ def server_takes_poses_in_an_array(patch: Patch) -> None:
 @mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
 def server_skips_the_packet_after_a_broken_one(patch: Patch) -> None:
     """Ignores the next packet too."""
-    _skips_the_next_packet(patch, "message")
+    _skips_the_next_packet(patch, "msg")
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet", code="ignores")
@@ -135,7 +135,7 @@ def server_skips_the_packet_after_a_broken_one_on_ipc(patch: Patch) -> None:
 @mutant("JSN-10", check="check_survives_broken_payloads", code="dies")
 def server_dies_of_deep_text(patch: Patch) -> None:
     """Overflows its stack on deep text."""
-    _dies(patch, "message", lambda payload: payload.count(b"[") > 50_000)
+    _dies(patch, "msg", lambda payload: payload.count(b"[") > 50_000)
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")

@@ -142,7 +142,7 @@ def server_obeys_closed_on_the_message_channel(patch: Patch) -> None:
     """Closes a message connection that says `closed`, which belongs to the other channel."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        if self.channel == "message" and payload.startswith(b'{"type":"closed"'):
+        if self.channel == "msg" and payload.startswith(b'{"type":"closed"'):
             self.end("it said so", now)
         return original(self, payload, now)
 
