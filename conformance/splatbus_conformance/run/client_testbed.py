@@ -18,7 +18,6 @@ from splatbus_conformance.trials.testee.adapter_smoke import smoke
 from splatbus_conformance.trials.testee.client_probe import ClientFacts, introduce
 from splatbus_conformance.trials.testee.device_probe import device_for, stand_in_for, why_unseen
 from splatbus_conformance.trials.testee.process import (
-    WORDS,
     Awaited,
     Launched,
     Say,
@@ -27,6 +26,7 @@ from splatbus_conformance.trials.testee.process import (
 )
 from splatbus_conformance.trials.trial import Stand
 from splatbus_conformance.wire.messages import init_packet_1_1
+from splatbus_conformance.wire.recording import WORDS
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
 
 SLOTS = (5, 3, 2, 4)

@@ -11,12 +11,12 @@ from splatbus_conformance.rules.guilty import of_the_last_connections
 from splatbus_conformance.trials.scripted_client import ScriptedClient
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
-from splatbus_conformance.trials.testee.probe_advice import NAMES, does_not_come
+from splatbus_conformance.trials.testee.probe_advice import does_not_come
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS, ServerFacts, reach
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.conversation import conversations
-from splatbus_conformance.wire.recording import Channel, Entry
+from splatbus_conformance.wire.recording import WORDS, Channel, Entry
 from splatbus_conformance.wire.sockets import Connection, Peer
 
 BRIEF_SECONDS = 1.5
@@ -82,7 +82,7 @@ def _lost_on(
         nonlocal failed
         connection = reach(peer, testee, channel, patience)
         if connection is None:
-            failed = f"it accepts no connection on the {NAMES[channel]} channel any more"
+            failed = f"it accepts no connection on the {WORDS[channel]} channel any more"
         else:
             failed = _silent_on(connection, peer, viewer, facts, seconds)
             connection.close()
@@ -101,7 +101,7 @@ def _silent_on(
 ) -> str:
     """What a server fails to do on a connection that it did when it was met."""
     channel, dealings = connection.channel, viewer.with_(connection)
-    where = f"on the {NAMES[channel]} channel any more"
+    where = f"on the {WORDS[channel]} channel any more"
 
     def comes(what: str) -> bool:
         peer.until(lambda: getattr(dealings, what) or connection.ended, seconds)
@@ -153,7 +153,7 @@ def lost_by_client(
         if facts.speaks_1_1(channel):
             peer.until(lambda: _said_hello(peer, role, channel), facts.effect_seconds)
             if not _said_hello(peer, role, channel):
-                return f"it says no hello on the {NAMES[channel]} channel any more"
+                return f"it says no hello on the {WORDS[channel]} channel any more"
         return ""
 
     return next(filter(None, map(lost, sorted(facts.returns))), "")

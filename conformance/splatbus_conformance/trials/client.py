@@ -17,7 +17,7 @@ from splatbus_conformance.trials.returning import (
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import Adapted, ClientCrashed, Greeting
 from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
-from splatbus_conformance.trials.testee.probe_advice import NAMES, does_not_come
+from splatbus_conformance.trials.testee.probe_advice import does_not_come
 from splatbus_conformance.trials.trial import (
     EFFECT_SECONDS,
     REACTION_SECONDS,
@@ -27,7 +27,7 @@ from splatbus_conformance.trials.trial import (
 )
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import Connection
 
 MANY_CONNECTIONS = 6
@@ -144,7 +144,7 @@ class ClientTrial(Trial):
         self._answers(lambda: self.role.with_(connection).welcome)
         if self.role.with_(connection).welcome is None:
             if self.facts.speaks_1_1(channel) and not connection.ended:
-                self._note_loss(f"it says no hello on the {NAMES[channel]} channel any more")
+                self._note_loss(f"it says no hello on the {WORDS[channel]} channel any more")
                 self.renew()
             self.not_observable("the testee said no hello on this connection")
         return connection

@@ -9,6 +9,8 @@ from typing import Any, Literal, NamedTuple, TypeGuard
 from splatbus_schemas import LIMITS
 
 Channel = Literal["ipc", "msg"]
+WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
+"""For people."""
 Direction = Literal["c2s", "s2c"]
 Event = Literal["open", "eof", "reset"]
 _HEX = re.compile("([0-9a-fA-F]{2})*")

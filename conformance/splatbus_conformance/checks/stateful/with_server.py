@@ -12,7 +12,7 @@ from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import Packet, packet
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
 RESEND_SECONDS = 0.1
@@ -21,7 +21,6 @@ END_SECONDS = 1.0
 """How long a half-closed connection is kept for its end."""
 ENDS = ("close", "reset", "end")
 PAUSES = (0.001, 0.01)
-CHANNEL_WORDS = {"ipc": "IPC", "msg": "message"}
 POSES = ("camera_pose", "point_cloud_pose")
 WANTED = (("color",), ("depth",), ("color", "depth"))
 HALF = len(packet(encode(VIEWPORT_REQUEST))) // 2
@@ -172,7 +171,7 @@ class WithServer:
             if time.monotonic() > deadline:
                 # What has ended still takes a place, or the server greets nobody any more.
                 lost = channel == "ipc" and self.knowledge.frames
-                text = f"a new client on the {CHANNEL_WORDS[channel]} channel was not served"
+                text = f"a new client on the {WORDS[channel]} channel was not served"
                 raise SessionBreach("IMG-17" if lost else "CHN-14", "not-served", text)
             connection.close()
             self.trial.rest(0.02)

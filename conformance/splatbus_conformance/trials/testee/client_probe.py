@@ -19,7 +19,7 @@ from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import texts, within
 from splatbus_conformance.wire.message_kinds import POSES, REQUESTS, REQUESTS_1_0
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection, Peer
 
 SETTLE_SECONDS = 1.0
@@ -122,8 +122,8 @@ class ClientFacts:
         """What it did when it was left alone, for those who know what it should have done."""
         if not self.connects:
             return "it connects to neither channel"
-        where = " and ".join(probe_advice.NAMES[it] for it in CHANNELS if it in self.connects)
-        back = [probe_advice.NAMES[it] for it in CHANNELS if it in self.returns]
+        where = " and ".join(WORDS[it] for it in CHANNELS if it in self.connects)
+        back = [WORDS[it] for it in CHANNELS if it in self.returns]
         parts = [
             f"it speaks {self.version()}",
             f"connects to {where}",

@@ -11,9 +11,7 @@ from splatbus_conformance.wire.first_bytes import cut_short, misread, recognised
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.recording import Channel
-
-NAMES: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
+from splatbus_conformance.wire.recording import WORDS, Channel
 
 
 class ObservedConnection(NamedTuple):
@@ -77,7 +75,7 @@ def _foreign(met: Sequence[ObservedConnection]) -> list[str]:
             told = f"a payload of which more was announced: {it.unfinished[:12]!r}"
         else:
             continue
-        text = f"On the {NAMES[it.channel]} channel came {told}"
+        text = f"On the {WORDS[it.channel]} channel came {told}"
         found.setdefault(it.channel, f"{text}; {known} (FRM-1)." if known else f"{text} (FRM-1).")
     return list(found.values())
 
@@ -90,7 +88,7 @@ def _swapped_client(met: Sequence[ObservedConnection]) -> list[str]:
             return [_swapped(f"{astray[0]} came on the IPC channel, port {it.port}")]
         hello = next((message for message in it.heard if message.get("type") == "hello"), None)
         if hello and (of := _others(it.channel, hello)):
-            return [_swapped(f"the hello on the {NAMES[it.channel]} channel, port {it.port}, {of}")]
+            return [_swapped(f"the hello on the {WORDS[it.channel]} channel, port {it.port}, {of}")]
     return []
 
 
@@ -100,7 +98,7 @@ def _swapped_server(met: Sequence[ObservedConnection]) -> list[str]:
             return [_swapped(f"an init packet came on the message channel, port {it.port}")]
         welcome = next((message for message in it.heard if message.get("type") == "welcome"), None)
         if welcome and (of := _others(it.channel, welcome)):
-            what = f"the welcome on the {NAMES[it.channel]} channel, port {it.port},"
+            what = f"the welcome on the {WORDS[it.channel]} channel, port {it.port},"
             return [_swapped(f"{what} {of}")]
     return []
 
@@ -124,7 +122,7 @@ def _others(channel: Channel, message: Json) -> str:
 def _one_channel(met: Sequence[ObservedConnection], wanted: dict[Channel, int]) -> list[str]:
     seen = {it.channel for it in met}
     return [
-        f"Nothing connected to the {NAMES[channel]} channel, port {port}: what is said there is "
+        f"Nothing connected to the {WORDS[channel]} channel, port {port}: what is said there is "
         "not judged. If your client uses it, look at its port"
         for channel, port in wanted.items()
         if channel not in seen
@@ -139,7 +137,7 @@ def _size(met: Sequence[ObservedConnection]) -> list[str]:
             return [f"Your client could not open the memory of {it.offered}: it says {it.failed!r}"]
         if it.ended and it.offered and it.channel not in stayed:
             return [
-                f"Your client closed its {NAMES[it.channel]} connection when it was told of "
+                f"Your client closed its {WORDS[it.channel]} connection when it was told of "
                 f"{it.offered}. If it insists on the size of its own view, give that: "
                 "--viewport 1920x1080"
             ]
@@ -148,12 +146,12 @@ def _size(met: Sequence[ObservedConnection]) -> list[str]:
 
 def _several(met: Sequence[ObservedConnection], launched: int | None) -> list[str]:
     """Who else connects, such as a client that was left over from before."""
-    for channel in NAMES:
+    for channel in WORDS:
         here = [it.process for it in met if it.channel == channel and it.process is not None]
         if len(set(here)) > 1:
             which = " and ".join(map(str, dict.fromkeys(here)))
             return [
-                f"Several processes connect to the {NAMES[channel]} channel: {which}. Is one left "
+                f"Several processes connect to the {WORDS[channel]} channel: {which}. Is one left "
                 "over from before? End it: the harness takes all of them for one client"
             ]
     strange = [it.process for it in met if it.process not in (None, launched)]
@@ -169,4 +167,4 @@ def does_not_come(channel: Channel, testee: Testee) -> str:
     """In words, that a client which came back when it was met does so no more."""
     if ended := testee.ended():
         return f"its process {ended}"
-    return f"it does not connect to the {NAMES[channel]} channel any more"
+    return f"it does not connect to the {WORDS[channel]} channel any more"

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.trials.testee import diagnostics
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.recording import WORDS, Channel
 
 Say = Callable[[str], None]
 
@@ -24,7 +24,6 @@ STOP_SECONDS = 5.0
 MOST_STARTS = 4
 """How often somebody is asked to start a client by hand that never comes back by itself."""
 LEAVING_SECONDS = 1.0
-WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 WINDOWS_CRASH = 0xC0000000
 
 

@@ -19,7 +19,7 @@ from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import finite, finites, texts, within
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import CHANNELS, DIAL_SECONDS, Connection, Peer
 
 REPLY_SECONDS = 2.0
@@ -77,7 +77,7 @@ class ServerFacts:
 
     def __str__(self) -> str:
         """What it did when friendly clients came."""
-        where = " and ".join(probe_advice.NAMES[it] for it in CHANNELS if self.listens[it])
+        where = " and ".join(WORDS[it] for it in CHANNELS if self.listens[it])
         parts = [f"it speaks {self.version()}", f"listens on {where}"]
         if self.unauthorized:
             parts.append("asks for a token that it was not given: put it into SPLATBUS_TOKEN")
