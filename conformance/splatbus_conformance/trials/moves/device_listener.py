@@ -54,9 +54,18 @@ class DeviceListener:
         self._further = None
         return self._trial.connection("ipc")
 
-    def opens(self, connection: Connection, image: DeviceImage, payload: bytes = b"") -> bool:
-        """Whether the testee opens an image whose packet is sent here, spelled so if so it is."""
-        connection.send(packet(payload or encode(image.init_packet())))
+    def opens(
+        self,
+        connection: Connection,
+        image: DeviceImage,
+        payload: bytes = b"",
+        *,
+        behind: bytes = b"",
+    ) -> bool:
+        """Whether the testee opens an image whose packet is sent here, spelled so if so it is,
+        and in one write behind others.
+        """
+        connection.send(behind + packet(payload or encode(image.init_packet())))
         return self.comes_to_open(connection, image)
 
     def takes(self, connection: Connection, image: DeviceImage, payload: bytes) -> bool:

@@ -158,8 +158,7 @@ def check_opens_what_follows_broken_text(trial: ClientTrial) -> None:
         listening = DeviceListener(trial, held)
         for row in trial.each(ALONE, kind=lambda row: row[0].requirement, spare=5):
             connection, good = listening.fresh(), listening.image()
-            connection.send(packet(row[0].payload))
-            opened = listening.opens(connection, good)
+            opened = listening.opens(connection, good, behind=packet(row[0].payload))
             if not opened:  # a parser that has gone too deep may take its time to end
                 trial.ends(connection, trial.patience)
                 trial.wait(trial.fate, ENDING_SECONDS)
@@ -187,8 +186,8 @@ def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
         rows = [typed, [*OTHERS], *([it] for it in (*typed, *OTHERS))]
         for row in trial.each(rows, kind=lambda row: (len(row), row[0] in typed)):
             connection, good = listening.fresh(), listening.image()
-            connection.send(b"".join(packet(encode(other)) for other in row))
-            opened = listening.opens(connection, good)
+            others = b"".join(packet(encode(other)) for other in row)
+            opened = listening.opens(connection, good, behind=others)
             outcome = "ignores" if opened else trial.fate() or "hangs"
             if connection.ended and not opened and not trial.fate():
                 outcome = "closes"
