@@ -127,7 +127,8 @@ def unhurried(
     if len(rows) == 1 or len(wrong) > MOST_UNHURRIED:
         return
     for name in wrong:
-        out.print(f"{name}: {rows[name].fate}; again, by itself", markup=False)
+        seen = rows[name].seen or "nothing"
+        out.print(f"{name}: {rows[name].fate} ({seen}); again, by itself", markup=False)
         for row in run({name: trials_[name]}, out):
             yield replace(row, again=True)
 

@@ -43,7 +43,7 @@ class FrameCapture:
         insist, the Gaussians are moved a little, so that an image is due.
 
         Where no frame names that camera, it is the last one that came; the requirement is violated
-        if there is none.
+        if there is none, or the server ends the connection.
         """
         if self._last and named(self._last.camera.pose, camera) is AS_SPECIFIED:
             self.take(aside(camera), scene)
@@ -64,9 +64,11 @@ class FrameCapture:
                     return last
                 patience = EFFECT_SECONDS if meant is None else MISTAKEN_SECONDS
                 until = min(until, clock() + patience)
-        if last is None:
-            what = "the server sent no frame after the camera had been moved"
-            fell_silent(self.trial, self.reader, what)
+        if last is None or self.reader.ended:
+            did = "closed its reader's connection" if self.reader.ended else "sent no frame"
+            fell_silent(
+                self.trial, self.reader, f"the server {did} after the camera had been moved"
+            )
         return last
 
     @property
