@@ -1,5 +1,6 @@
 """Ports that stay free while nobody listens there."""
 
+import collections
 import contextlib
 import secrets
 import socket
@@ -8,6 +9,10 @@ FIRST, LAST = 10_000, 32_000
 """Below those that systems give to outgoing connections: one of these, of any program, would else
 take the port of a server between its end and its next start."""
 TRIES = 100
+MOST_TAKEN = 200
+_taken: collections.deque[socket.socket] = collections.deque()
+"""Sockets of another protocol, bound to the numbers that this process has given out lately: so no
+other harness on the machine gives out the same while nobody listens there."""
 
 
 def listen_somewhere(host: str) -> socket.socket:
@@ -19,7 +24,18 @@ def listen_somewhere(host: str) -> socket.socket:
 
 
 def _listen_at_random(host: str) -> socket.socket:
-    return socket.create_server((host, FIRST + secrets.randbelow(LAST - FIRST)), backlog=16)
+    port = FIRST + secrets.randbelow(LAST - FIRST)
+    taken = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        taken.bind((host, port))
+        listener = socket.create_server((host, port), backlog=16)
+    except OSError:
+        taken.close()
+        raise
+    _taken.append(taken)
+    if len(_taken) > MOST_TAKEN:
+        _taken.popleft().close()
+    return listener
 
 
 def free_port(host: str = "127.0.0.1") -> int:
