@@ -33,7 +33,7 @@ def _listen_at_random(host: str) -> socket.socket:
         taken.close()
         raise
     _taken.append(taken)
-    if len(_taken) > MOST_TAKEN:
+    while len(_taken) > MOST_TAKEN:
         _taken.popleft().close()
     return listener
 
