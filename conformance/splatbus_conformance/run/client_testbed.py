@@ -17,13 +17,7 @@ from splatbus_conformance.trials.testee.adapter import Adapted
 from splatbus_conformance.trials.testee.adapter_smoke import smoke
 from splatbus_conformance.trials.testee.client_probe import ClientFacts, introduce
 from splatbus_conformance.trials.testee.device_probe import device_for, stand_in_for, why_unseen
-from splatbus_conformance.trials.testee.process import (
-    Awaited,
-    Launched,
-    Say,
-    Testee,
-    not_met,
-)
+from splatbus_conformance.trials.testee.process import Awaited, Launched, Say, Testee, not_met
 from splatbus_conformance.trials.trial import Stand
 from splatbus_conformance.wire.messages import init_packet_1_1
 from splatbus_conformance.wire.recording import WORDS

@@ -102,6 +102,7 @@ EXITS = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
             id="nothing connects",
         ),
         pytest.param(["--launch", EXITS], 3, "ooo", id="it exits at once"),
+        (["--wait", "--ports", "0,0", "--patience", "1"], 3, "nothing connected"),
         (["--launch", GOOD, "--wait"], 2, "not allowed with"),
         ([], 2, "required"),
         (["--launch", GOOD, "--select", "FRM-999"], 2, "FRM-999"),

@@ -7,6 +7,7 @@ they are told.
 import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from itertools import cycle
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -101,7 +102,7 @@ def test_what_is_not_seen_again_was_tried_so_often_and_stays_a_failure(
     assert (script.tried, script.again, script.seen) == (3, 0, "first")
 
 
-NOW_AND_THEN = iter([True, False, True])
+NOW_AND_THEN = cycle([True, False, True])
 
 
 @pytest.mark.parametrize("desk", [lambda *_: next(NOW_AND_THEN)], indirect=True)

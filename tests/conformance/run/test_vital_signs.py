@@ -79,13 +79,8 @@ def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
 ) -> None:
     path = tmp_path / "report.json"
     code, output = run(
-        *(
-            "server",
-            "--launch",
-            written(tmp_path, f"MOST = {MET}", SERVES, DIES),
-            "--select",
-            "CHN-1",
-        ),
+        *("server", "--launch", written(tmp_path, f"MOST = {MET}", SERVES, DIES)),
+        *("--select", "CHN-1"),
         *("--json", str(path), "--patience", "2", "--shrink", "0"),
         *("--scripts", str(tmp_path / "scripts")),
     )

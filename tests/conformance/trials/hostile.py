@@ -31,18 +31,23 @@ VALUES = {
     "null": "null",
     "true": "true",
     "zero": "0",
+    "five": "5",
     "negative": "-1",
     "huge": "9" * 299,
+    "the largest": "1e308",
     "beyond single precision": "4e38",
     "1e400": "1e400",
+    "-1e400": "-1e400",
     "NaN": "NaN",
     "5,000 digits": "9" * 5000,
     "no text": '""',
     "NUL": '"\\u0000"',
     "half a pair": '"\\ud800"',
+    "digits": '"' + "9" * 400 + '"',
     "no items": "[]",
     "lists in lists": "[[[[[0]]]]]",
     "strange items": '[null,{},1e400,"\\ud800",true,[]]',
+    "no members": "{}",
     "an object": '{"x":{"type":[]}}',
 }
 """By what it is: its text; None to leave the member out."""
@@ -103,7 +108,7 @@ def _paths(value: Any) -> Iterator[tuple[str | int, ...]]:
     if isinstance(value, dict):
         names = list(value)
     elif isinstance(value, list):
-        names = list(range(len(value) if len(value) <= 2 else 1))
+        names = list(range(min(len(value), 2)))
     for name in names:
         yield (name,)
         yield from ((name, *path) for path in _paths(value[name]))

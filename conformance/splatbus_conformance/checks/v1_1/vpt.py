@@ -23,7 +23,7 @@ from splatbus_conformance.trials.moves.resizing import (
     readers,
     resizing,
     size_of,
-    told,
+    wait_until_told,
 )
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
@@ -145,7 +145,7 @@ def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
                 "still-refused",
                 f"once the reader without reinit had gone, set_viewport was answered by {code}",
             )
-            told(trial, size, reader)
+            wait_until_told(trial, size, reader)
             trial.delivered += 1
 
 

@@ -87,7 +87,7 @@ def lent(trial: ServerTrial, connection: Connection) -> bool:
     return bool(dealings.frames)
 
 
-def has_done(trial: ServerTrial, reader: Connection, generation: object, kind: str) -> None:
+def answer_and_leave(trial: ServerTrial, reader: Connection, generation: object, kind: str) -> None:
     """A reader answers an init packet once more, and goes."""
     trial.viewer.say(reader, says_of(generation, kind))
     trial.rest(DONE_SECONDS)

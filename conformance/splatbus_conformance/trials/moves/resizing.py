@@ -87,10 +87,10 @@ def changed(trial: ServerTrial, client: Connection, size: Size, *readers: Connec
     answer = asked_again(trial, client, size, "busy")
     if answer != "viewport_size":
         trial.not_observable(f"set_viewport to {size[0]}×{size[1]} was answered by {answer}")
-    told(trial, size, *readers)
+    wait_until_told(trial, size, *readers)
 
 
-def told(trial: ServerTrial, size: Size, *readers: Connection) -> None:
+def wait_until_told(trial: ServerTrial, size: Size, *readers: Connection) -> None:
     """Wait until these readers have been told of the size that images have."""
     newest = [dealings_of(trial, reader).init_packets for reader in readers]
     trial.wait(lambda: all(size_of(it[-1]) == size for it in newest), REINIT_SECONDS)

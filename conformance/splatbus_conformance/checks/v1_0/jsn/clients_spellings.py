@@ -40,15 +40,18 @@ def of_announcements(trial: ClientTrial) -> Iterator[Judge]:
     row: list[Writer] = []
     rows = itertools.count()
 
+    def judge_row() -> None:
+        _judge_row(trial, row, anew=next(rows) % ROWS_ON_A_CONNECTION == 0)
+        row.clear()
+
     def judge(writer: Writer) -> None:
         row.append(writer)
         if len(row) == most:
-            _judge_row(trial, row, anew=next(rows) % ROWS_ON_A_CONNECTION == 0)
-            row.clear()
+            judge_row()
 
     yield judge
     if row:
-        _judge_row(trial, row, anew=False)
+        judge_row()
 
 
 def _judge_row(trial: ClientTrial, row: list[Writer], *, anew: bool) -> None:

@@ -165,7 +165,9 @@ def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     trial.judge("ignores" if served else trial.fate() or "hangs", "broken payloads in a row")
     connection.close()
     if trial.facts.welcome["ipc"] is not None:
-        trial.greeted("ipc")
+        _, answer = trial.answered("ipc")
+        welcomed = answer is not None and answer["type"] == "welcome"
+        trial.expect(welcomed, "no-welcome", "the next IPC client has no welcome")
 
 
 def _expect_alive(trial: ServerTrial, payload: bytes) -> None:

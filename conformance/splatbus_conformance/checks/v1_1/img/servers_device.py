@@ -9,7 +9,7 @@ from splatbus_conformance.checks.v1_0.cud.servers import (
 )
 from splatbus_conformance.images.memory.cuda_stand_in import publishing
 from splatbus_conformance.images.memory.cuda_stand_in.session import SLOW_RECORDS
-from splatbus_conformance.trials.moves.frame_readers import has_done
+from splatbus_conformance.trials.moves.frame_readers import answer_and_leave
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import whole
@@ -60,7 +60,7 @@ def check_keeps_the_ring_while_somebody_has_it(trial: ServerTrial) -> None:
     """One reader has opened the ring. Others open it, close it, fail to, and leave."""
     shown = announced(trial, trial.reading())
     for answer in trial.each(("closed", "open_failed", "opened")):
-        has_done(trial, trial.reading(), shown.packet.get("generation"), answer)
+        answer_and_leave(trial, trial.reading(), shown.packet.get("generation"), answer)
         ring = [place for place in shown.names if place.startswith(("memory", "ring"))]
         expect_kept(trial, shown, ring)
         trial.delivered += 1

@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER
-from splatbus_conformance.trials.moves.frame_readers import LENDS, beside, has_done, holding
+from splatbus_conformance.trials.moves.frame_readers import LENDS, answer_and_leave, beside, holding
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.os_evidence import owner
 from splatbus_conformance.trials.testee.process import FORCE, Ended
@@ -29,7 +29,7 @@ def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
     slot, size = int(frame["slot"]), memory.size()
     color, depth = memory.color(slot).tobytes(), memory.depth(slot).tobytes()
     for answer in trial.each(("closed", "open_failed", "opened")):
-        has_done(trial, beside(trial, holder), memory.generation, answer)
+        answer_and_leave(trial, beside(trial, holder), memory.generation, answer)
         told = f"after another reader's {answer}"
         trial.expect(
             not holder.ended, "another-closed", f"{told} the connection of the first was closed"
