@@ -1,5 +1,6 @@
 """Ports that stay free while nobody listens there."""
 
+import atexit
 import collections
 import contextlib
 import secrets
@@ -33,9 +34,16 @@ def _listen_at_random(host: str) -> socket.socket:
         taken.close()
         raise
     _taken.append(taken)
-    while len(_taken) > MOST_TAKEN:
-        _taken.popleft().close()
+    _keep(MOST_TAKEN)
     return listener
+
+
+def _keep(most: int) -> None:
+    while len(_taken) > most:
+        _taken.popleft().close()
+
+
+atexit.register(_keep, 0)
 
 
 def free_port(host: str = "127.0.0.1") -> int:

@@ -42,18 +42,18 @@ def run(
     environment: dict[str, str],
     main: Callable[[list[str]], int] = judge,
 ) -> tuple[int | None, str]:
-    """Run a harness, or another program, with this command line, and these variables besides; its
-    exit status, and what it printed.
+    """Run a harness, or another program, with this command line, and these variables besides those
+    of this process as they are now; its exit status, and what it printed.
 
     The status is None if it had to be ended after so many seconds; then the text says so.
     """
     with tempfile.TemporaryDirectory(prefix="splatbus-harness-") as folder:
         output = Path(folder, "output.txt")
-        given = (line, str(output), environment, main)
-        process = _context.Process(target=_apart, args=given)  # type: ignore[attr-defined]
         with _starting:
             # NumPy starts twice as fast without threads that no specimen needs.
             os.environ["OPENBLAS_NUM_THREADS"] = "1"
+            given = (line, str(output), {**os.environ, **environment}, main)
+            process = _context.Process(target=_apart, args=given)  # type: ignore[attr-defined]
             if isinstance(_context, ForkServerContext):
                 _context.set_forkserver_preload(PRELOADED)
             process.start()
@@ -77,7 +77,11 @@ def stop_all() -> None:
 def _apart(
     line: list[str], output: str, environment: dict[str, str], main: Callable[[list[str]], int]
 ) -> None:
-    """Runs in the process of its own, in a group of its own, so that it ends with its children."""
+    """Runs in the process of its own, in a group of its own, so that it ends with its children.
+
+    What it is forked from may have begun with other variables (`run.workers.prepare`).
+    """
+    os.environ.clear()
     os.environ.update(environment)
     if os.name == "posix":
         os.setsid()
