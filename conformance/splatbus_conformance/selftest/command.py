@@ -22,9 +22,6 @@ from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, 
 
 WORKERS = 10
 """Most of a run is waiting: ten do not disturb each other on two cores yet."""
-
-MOST_UNHURRIED = 5
-
 Trial = Callable[[], SpecimenResult]
 
 
@@ -48,7 +45,6 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     for group in groups():
         if row := rows.pop(group.name, None):
             rows |= {row.name: row for row in members(group, row, trials_, out)}
-    rows |= {row.name: row for row in unhurried(trials_, rows, out)}
     in_order = [rows[name] for name in trials_ if name in rows]
     if arguments.json:
         kill_matrix.save(in_order, Path(arguments.json))
@@ -114,23 +110,6 @@ def members(
     yield from alone
     if all(it.fate in GOOD for it in alone):
         yield row
-
-
-def unhurried(
-    trials_: dict[str, Trial], rows: dict[str, SpecimenResult], out: Console
-) -> Iterator[SpecimenResult]:
-    """Judge by itself what was not as it must be while others ran: it may have been short of time.
-
-    Nothing of that is hidden: the summary names them. Many at once are no accident.
-    """
-    wrong = [name for name, row in rows.items() if row.fate not in GOOD]
-    if len(rows) == 1 or len(wrong) > MOST_UNHURRIED:
-        return
-    for name in wrong:
-        seen = rows[name].seen or "nothing"
-        out.print(f"{name}: {rows[name].fate} ({seen}); again, by itself", markup=False)
-        for row in run({name: trials_[name]}, out):
-            yield replace(row, again=True)
 
 
 def progress(row: SpecimenResult, done: int, total: int) -> Text:

@@ -90,8 +90,6 @@ class SpecimenResult:
     code: str = ""
     """That a mutant has to fail with."""
     note: str = ""
-    again: bool = False
-    """It was not as it must be while others ran, and this is what came of it by itself."""
 
     @property
     def seen(self) -> str:

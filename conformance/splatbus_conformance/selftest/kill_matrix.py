@@ -25,11 +25,10 @@ def sentence(rows: Sequence[SpecimenResult]) -> str:
     killed = sum(row.fate is Fate.KILLED for row in mutants)
     passed = sum(row.fate in GOOD for row in others)
     broken = len({row.requirement for row in mutants if row.fate is Fate.KILLED})
-    again = ", ".join(row.name for row in rows if row.again)
     return (
         f"{killed} of {len(mutants)} mutants killed, by the check and with the code that they "
         f"name, over {broken} requirements; {passed} of {len(others)} conforming programs passed"
-    ) + (f"; judged a second time, by itself: {again}" if again else "")
+    )
 
 
 def save(rows: Sequence[SpecimenResult], path: Path) -> None:
