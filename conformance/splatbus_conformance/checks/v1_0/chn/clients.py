@@ -96,7 +96,7 @@ def check_either_channel_first(trial: ClientTrial) -> None:
             trial.peer.listen(second)
             what = f"{second} {said} its connection, and accepts it now, as {first} did before"
             for channel in (second, first):
-                outcome = "accepts" if _goes_on(trial, channel) else trial.fate() or "hangs"
+                outcome = "accepts" if _goes_on(trial, channel) else "hangs"
                 trial.judge(outcome, f"{what}: on the {channel} channel")
             trial.delivered += in_order
 

@@ -71,7 +71,7 @@ def check_half_packet_is_discarded(trial: ClientTrial) -> None:
         trial.rest(APART_SECONDS)
         getattr(connection, end)()
         tries, came = tries_to_go_on(trial, "ipc")
-        outcome = "reconnects" if came else trial.fate() or "hangs"
+        outcome = "reconnects" if came else "hangs"
         what = f"a connection that ends after {kept} bytes of a packet, by {end}"
         trial.judge(outcome if tries <= usual else "closes", what)
 

@@ -188,7 +188,7 @@ def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
             connection, good = listening.fresh(), listening.image()
             others = b"".join(packet(encode(other)) for other in row)
             opened = listening.opens(connection, good, behind=others)
-            outcome = "ignores" if opened else trial.fate() or "hangs"
+            outcome = "ignores" if opened else "hangs"
             if connection.ended and not opened and not trial.fate():
                 outcome = "closes"
             if bait.opened(trial.calls()):
@@ -210,7 +210,7 @@ def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
             data = b"".join(map(in_utf_8, (STRANGER, good.init_packet(), STRANGER)))
             send_cut(trial, connection, data, Cuts(*cuts))
             opened = listening.comes_to_open(connection, good)
-            outcome = "accepts" if opened else trial.fate() or "hangs"
+            outcome = "accepts" if opened else "hangs"
             trial.judge(outcome, f"an init packet of {len(data)} bytes, cut {cuts}")
             trial.delivered += 1
 
@@ -232,7 +232,7 @@ def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
             getattr(connection, end)()
             again = trial.next_connection("ipc")
             opened = again is not None and listening.opens(again, good)
-            outcome = "reconnects" if opened else trial.fate() or "hangs"
+            outcome = "reconnects" if opened else "hangs"
             trial.judge(outcome, f"a whole packet after {kept} bytes of another")
             trial.delivered += 1
 

@@ -161,7 +161,7 @@ def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
     if not returns:
         return outcome_of_reading(trial, connection)
     outcome = "closes" if connection.ended else "ignores"
-    return outcome if trial.comes_back("msg") else trial.fate() or "hangs"
+    return outcome if trial.comes_back("msg") else "hangs"
 
 
 def _odd_messages() -> list[BrokenText]:

@@ -346,8 +346,8 @@ def outcome_of_closing(trial: ClientTrial, connection: Connection, code: str) ->
     """What the testee does after an `error` and the end that follows it (NEG-25)."""
     lose(trial, connection, code)
     if not connection.ended:
-        return trial.fate() or "hangs"
-    return "closes" if trial.comes_back(connection.channel) else trial.fate() or "hangs"
+        return "hangs"
+    return "closes" if trial.comes_back(connection.channel) else "hangs"
 
 
 @check(

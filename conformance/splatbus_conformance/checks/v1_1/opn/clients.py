@@ -267,7 +267,7 @@ def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
             alive = trial.releases(connection, seq)
         else:
             alive = not trial.ends(connection, REACTION_SECONDS)
-        outcome = "ignores" if alive else trial.fate() or "hangs"
+        outcome = "ignores" if alive else "hangs"
         if connection.ended and not trial.fate():
             outcome = "closes"
         if further in dealings.failed:
