@@ -22,6 +22,8 @@ from splatbus_schemas import complete
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEVELS = ("MUST NOT", "MUST", "SHOULD NOT", "SHOULD", "MAY")
 PEERS = ("client", "server")
+CONFORMS = "conforms"
+"""What is acceptable where a requirement names nothing else."""
 OUTCOMES = {
     "1.0": frozenset("conforms accepts closes ignores keeps reconnects waits exits absent".split()),
     "1.1": frozenset("declines reports".split()),
@@ -29,7 +31,7 @@ OUTCOMES = {
 
 _REQUIREMENT = re.compile(
     r"^\*\*\[(?P<id>[A-Z]{3}-\d+)\]\*\* (?P<sentence>.+)\n\n"
-    r"> Binds: (?P<binds>[a-z, ]+)\. Acceptable: (?P<acceptable>[a-z, ]+)\.\n"
+    r"> Binds: (?P<binds>[a-z, ]+)\.(?: Acceptable: (?P<acceptable>[a-z, ]+)\.)?\n"
     r"(?:> Why: (?P<why>.+)\n)?",
     re.MULTILINE,
 )
@@ -63,8 +65,8 @@ def packet_hex(payload: bytes) -> str:
 def requirements_in(text: str, source: str) -> Iterator[dict[str, Any]]:
     """Yield each requirement of one chapter as the object that `requirements.json` holds.
 
-    Raises ProseError where a paragraph with an id lacks its Binds and Acceptable line, or does not
-    hold exactly one key word.
+    Raises ProseError where a paragraph with an id lacks its Binds line, or does not hold exactly
+    one key word.
     """
     found = 0
     for match in _REQUIREMENT.finditer(text):
@@ -79,7 +81,7 @@ def requirements_in(text: str, source: str) -> Iterator[dict[str, Any]]:
             "id": match["id"],
             "level": keywords.pop(),
             "binds": binds,
-            "acceptable": match["acceptable"].split(", "),
+            "acceptable": (match["acceptable"] or CONFORMS).split(", "),
             "sentence": match["sentence"],
             **({"why": match["why"]} if match["why"] else {}),
             "chapter": source,
