@@ -46,8 +46,9 @@ class Reader:
 
     def open(self, generation: int) -> None:
         """Notes that it has opened a generation, and waits for an image of that."""
-        self.opened.add(generation)
-        self.due = self.wants
+        if generation not in self.opened:  # to say it again changes nothing
+            self.opened.add(generation)
+            self.due = self.wants
 
     def give_back(self) -> None:
         """Notes that it holds no image any more, and waits for the next."""

@@ -233,7 +233,7 @@ class Session:
         else:
             self.free_replaced(now)  # of what the messages before this one let go of
             refusal = self.hindrance(connection)
-            if refusal is not None:
+            if refusal is not None and not self.viewport.is_as(request):
                 return connection.complain(refusal._replace(id=request.id))
             self.has_news = True
             self.viewport.set(connection, request)

@@ -64,13 +64,17 @@ class Viewport:
         """Whether there is one."""
         return self.change is not None
 
+    def is_as(self, request: SetViewport) -> bool:
+        """Whether images have the size that is asked for."""
+        memory = self.exchange.memory
+        return (memory.width, memory.height) == (request.width, request.height)
+
     def set(self, asker: Connection, request: SetViewport) -> None:
         """Begins what nothing hinders; replies at once where nothing changes [VPT-6]."""
-        memory = self.exchange.memory
-        if (memory.width, memory.height) == (request.width, request.height):
+        if self.is_as(request):
             asker.send(ViewportSize(*request))
             return
-        self.change = Change(asker, request, memory)
+        self.change = Change(asker, request, self.exchange.memory)
         self.chores.append(self.change.allocate)
         asker.hold()
 

@@ -1,6 +1,5 @@
 """Allowed variations: servers that are unusual, and conform. The harness must pass them."""
 
-import socket
 from typing import Any
 
 from splatbus_server.connection import REQUESTS, Connection, Refusal, type_and_id
@@ -12,6 +11,7 @@ from splatbus_wire.messages import GetViewportSize, Placement, ViewportSize
 from splatbus_wire.poses import IDENTITY, Pose
 
 from splatbus_conformance.selftest.faults.legacy import announces_at_once
+from splatbus_conformance.selftest.faults.newest import keeps_the_newest
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.respelling import (
     add_members,
@@ -111,13 +111,13 @@ def server_takes_no_strings_for_numbers(patch: Patch) -> None:
 @variation()
 def server_keeps_the_newest_client(patch: Patch) -> None:
     """Serves one client on each channel, and closes it when the next comes."""
-    _keeps_the_newest(patch, 1)
+    keeps_the_newest(patch, 1)
 
 
-@variation()
+@variation(warns=("CHN-25",))
 def server_keeps_two_connections(patch: Patch) -> None:
     """Serves two clients on each channel, and closes the older when a third comes."""
-    _keeps_the_newest(patch, 2)
+    keeps_the_newest(patch, 2)
 
 
 @variation()
@@ -231,16 +231,6 @@ def server_spaces_its_ring(patch: Patch) -> None:
         return moved, begin + slots * color + 20
 
     server.LAYS_OUT_RING.wrap(patch, spaced)
-
-
-def _keeps_the_newest(patch: Patch, count: int) -> None:
-    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
-        served = [peer for peer in self.peers if peer.connection.channel == channel]
-        for peer in served[: max(0, len(served) + 1 - count)]:
-            self.drop(peer)
-        original(self, channel, listener)
-
-    server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
 def _knows_no_hello(patch: Patch) -> None:

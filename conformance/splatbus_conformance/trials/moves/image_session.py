@@ -37,14 +37,18 @@ _looks = itertools.count(1)
 class ImageSession:
     """A client in control of the camera, and a reader of the images.
 
+    Args:
+        trial: of a server.
+        changes: members of the client's `hello` that are other than usual.
+
     Attributes:
         poser: the client's message connection.
         capture: of the images, by poses that go over that connection.
     """
 
-    def __init__(self, trial: ServerTrial) -> None:
+    def __init__(self, trial: ServerTrial, **changes: object) -> None:
         self.trial = trial
-        self.poser = trial.commanding()
+        self.poser = trial.commanding(**changes)
         self.capture = FrameCapture(trial)
         self._looked = False
         self._nudges = Nudging(trial, self.frames, self.capture.new)

@@ -175,6 +175,26 @@ def _hears(trial: ServerTrial, connection: Connection) -> bool:
     return trial.wait(lambda: trial.viewer.with_(connection).heard or connection.ended)
 
 
+@check("CHN-25", observable="which client of a full channel is closed for a further one")
+def check_keeps_who_has_spoken(trial: ServerTrial) -> None:
+    """One client has been answered; others come that say nothing, and none of which goes."""
+    asking = trial.served("msg")
+    if asking is None or trial.ask(asking, VIEWPORT_REQUEST) is None:
+        trial.not_observable("no request is answered")
+    silent: list[Connection] = []
+    while not (asking.ended or any(it.ended for it in silent)) and len(silent) < CROWD:
+        silent.append(trial.before_hello("msg"))
+        trial.ask(asking, VIEWPORT_REQUEST)
+    older = silent[:-1]
+    trial.expect(
+        not (asking.ended and older) or any(it.ended for it in older),
+        "ends-a-speaker",
+        f"a client that was answered is ended in favour of the last of {len(silent)} that have"
+        " said nothing, none of which is",
+    )
+    trial.delivered += 1
+
+
 @check(
     "CHN-14",
     observable="another client is answered and sees a new image; the next client is served",

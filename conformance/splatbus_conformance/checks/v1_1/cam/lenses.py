@@ -196,7 +196,7 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
         told = f"intrinsics for {width}×{height}, of images of {size[0]}×{size[1]}"
         before, known = len(session.heard), len(session.frames)
         bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
-        session.capture.go(_elsewhere(trial), intrinsics=bad, tag="refused")
+        session.capture.go(turned_elsewhere(trial), intrinsics=bad, tag="refused")
         trial.expect(session.answers(), "no-reply", f"{told}: the next request was not answered")
         errors = [it for it in session.heard[before:] if it.get("type") == "error"]
         codes = [(it.get("code"), it.get("pointer")) for it in errors]
@@ -206,7 +206,7 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
             f"{told}, were answered by {show(codes) if codes else 'no error'}",
         )
         former, *frames = session.nudged(known - 1)
-        applied = _applied(former, frames)
+        applied = what_was_applied(former, frames)
         trial.expect(
             not applied, "applies", f"{told}, were refused, and the pose was applied: {applied}"
         )
@@ -328,7 +328,7 @@ def check_keeps_the_former_camera(trial: ServerTrial) -> None:
         session.look(intrinsics=good)
     for name, value in trial.each(broken):
         known = len(session.frames)
-        session.capture.go(_elsewhere(trial), **{name: value})
+        session.capture.go(turned_elsewhere(trial), **{name: value})
         what = f"a pose with the {name} {show(value)}"
         if not session.answers():
             trial.judge(session.end(), what)
@@ -337,20 +337,20 @@ def check_keeps_the_former_camera(trial: ServerTrial) -> None:
             session.look(**({"intrinsics": good} if has_lens else {}))
             continue
         former, *frames = session.nudged(known - 1)
-        applied = _applied(former, frames)
+        applied = what_was_applied(former, frames)
         if has_lens:
             applied = applied or in_force(frames[-1], scaled(good, size))
         trial.judge("applies" if applied else "keeps", f"{what}; {applied}" if applied else what)
         trial.delivered += 1
 
 
-def _elsewhere(trial: ServerTrial) -> Pose:
+def turned_elsewhere(trial: ServerTrial) -> Pose:
     """A camera that is moved and turned, so that a part of it alone is seen."""
     position, rotation = elsewhere(trial)
     return Pose(position, turned_about(rotation, (1, -2, 3), 0.25))
 
 
-def _applied(former: Json, frames: list[Json]) -> str:
+def what_was_applied(former: Json, frames: list[Json]) -> str:
     """What was applied of a pose that was refused, by the frames since; nothing if nothing was."""
     camera = camera_in(former)
     for frame in frames:

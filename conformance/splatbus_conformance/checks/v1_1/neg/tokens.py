@@ -181,3 +181,17 @@ def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
                 "no-frame",
                 "after a pose without hello, that of a client with the token failed",
             )
+
+
+@check("NEG-33", observable="replies to who said the token and speaks 1.0", needs=("1.1",))
+def check_the_token_lets_1_0_in(trial: ServerTrial) -> None:
+    """A hello with the token that lists 1.0 alone, to a server that requires one; then requests."""
+    with with_token(trial):
+        connection, answer = trial.answered("msg", versions=["1.0"])
+        if (answer or {}).get("version") != "1.0":
+            trial.not_observable("the server does not agree on 1.0")
+        for request in trial.each([VIEWPORT_REQUEST, {"type": "get_camera_pose", "cam_idx": 0}]):
+            reply = trial.ask(connection, request)
+            what = f"{request['type']} on a connection that said the token and agreed on 1.0"
+            trial.expect(reply is not None, "no-reply", f"{what} was not answered")
+            trial.delivered += 1

@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 from hypothesis import strategies as st
+from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset, read_clock
@@ -18,6 +19,7 @@ from splatbus_conformance.wire.sockets import Connection
 TELLS = ("1.1", "capability:telemetry")
 MOVE_SECONDS = 0.05
 """Between moves of the camera, so that there is something to tell."""
+TELEMETRY_SECONDS: float = LIMITS["telemetry_seconds"]
 UNKNOWN = "splatbus-conformance: no such series"
 
 
@@ -155,3 +157,25 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
         "not-granted",
         "a telemetry came to who had not agreed on telemetry",
     )
+
+
+@check("TEL-7", observable="when a series is told to each who wants it", needs=TELLS)
+def check_tells_everyone_who_subscribed(trial: ServerTrial) -> None:
+    """One client wants everything, another only the series that the first is told, each in turn:
+    whenever the first is told it, so is the second, within 5 seconds.
+    """
+    witness, listener = TelemetryReader(trial), TelemetryReader(trial, trial.greeted("msg"))
+    trial.require_all(witness.connection, listener.connection)
+    for name in trial.each(witness.names()):
+        before, known = listener.subscribe([name]), len(witness.told())
+        witness.hear()
+        if not any(name in names_in(it) for it in witness.told()[known:]):
+            continue
+
+        def is_told(name: str = name, before: int = before) -> bool:
+            return any(name in names_in(it) for it in listener.told()[before:])
+
+        told = trial.peer.until(is_told, TELEMETRY_SECONDS + EFFECT_SECONDS)
+        what = f"{name!r} was told to who wants everything, and not to who wants that alone"
+        trial.expect(told, "not-told", f"{what}, within {TELEMETRY_SECONDS:g} s")
+        trial.delivered += 1

@@ -180,3 +180,13 @@ def server_takes_no_list_of_series(patch: Patch) -> None:
             original(self, connection, names)
 
     server.TAKES_TELEMETRY_SUBSCRIPTION.wrap(patch, subscribe)
+
+
+@mutant("TEL-7", check="check_tells_everyone_who_subscribed", code="not-told")
+def server_tells_only_who_wants_everything(patch: Patch) -> None:
+    """Forgets a subscription that names its series."""
+
+    def subscribe(original: Any, self: Readings, connection: Any, names: Any) -> None:
+        original(self, connection, names and frozenset())
+
+    server.TAKES_TELEMETRY_SUBSCRIPTION.wrap(patch, subscribe)

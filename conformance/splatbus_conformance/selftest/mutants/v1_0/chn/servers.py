@@ -12,6 +12,7 @@ from splatbus_server.service import Peer, Service
 from splatbus_server.session import Session
 
 from splatbus_conformance.selftest.faults.legacy import announces_at_once
+from splatbus_conformance.selftest.faults.newest import keeps_the_newest
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.faults.surgery import crash
@@ -350,3 +351,9 @@ def _leaves_waiting(patch: Patch, channel: str, most: int) -> None:
 def _taken(waiting: list[tuple[Any, socket.socket]]) -> Iterator[tuple[Any, socket.socket]]:
     while waiting:
         yield waiting.pop()
+
+
+@mutant("CHN-25", check="check_keeps_who_has_spoken", code="ends-a-speaker")
+def server_ends_its_oldest_client(patch: Patch) -> None:
+    """Keeps the four newest clients of a channel, whatever the others have said."""
+    keeps_the_newest(patch, 4)

@@ -1,0 +1,92 @@
+"""Mutants that break NEG: what they look at first, and a `hello` that comes again."""
+
+from typing import Any
+
+from splatbus_server.connection import Connection, Refusal, type_and_id
+from splatbus_server.session import Session
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.messages import Hello
+
+from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.mutant import mutant
+
+NEEDS = {
+    "object_pose": "objects",
+    "get_scene": "scene",
+    "set_viewport": "viewport",
+    "set_time": "time",
+    "ping": "ping",
+}
+AGAIN = "check_answers_no_further_hello"
+
+
+@mutant("NEG-36", check="check_looks_at_the_form_before_the_capability", code="later-fault")
+def server_asks_for_the_capability_first(patch: Patch) -> None:
+    """Says that a message belongs to no capability before it looks whether it is one."""
+
+    def refuse(
+        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
+    ) -> Any:
+        needed = NEEDS.get(str(type_and_id(payload)[0]))
+        if needed and not self.has(needed):
+            return self.complain(Refusal("unsupported", "it was not agreed upon"))
+        return original(self, error, payload, now)
+
+    server.REFUSES_PACKET.wrap(patch, refuse)
+
+
+@mutant("NEG-36", check="check_looks_at_control_last", code="later-fault")
+def server_asks_who_has_control_first(patch: Patch) -> None:
+    """Says `busy` to whoever has no control, before it looks at the pose."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if self.control.holder not in (None, connection):
+            return connection.complain(Refusal("busy", "another client has control"))
+        return original(self, connection, message)
+
+    server.TAKES_POSE.wrap(patch, move)
+
+
+@mutant("NEG-36", check="check_looks_at_a_hello_in_order", code="later-fault")
+def server_asks_for_the_token_last(patch: Patch) -> None:
+    """Tells who has no token which versions it speaks."""
+
+    def answer(original: Any, hello: Hello, **settings: Any) -> Any:
+        if not set(hello.versions) & set(settings["versions"]):
+            settings["token"] = hello.token
+        return original(hello, **settings)
+
+    server.ANSWERS_HELLO.wrap(patch, answer)
+
+
+@mutant("NEG-38", check=AGAIN, code="ignores")
+def server_ignores_a_second_hello(patch: Patch) -> None:
+    """Does nothing when a client says hello again."""
+
+    def greet(original: Any, self: Connection, hello: Hello, now: float) -> Any:
+        if self.welcome is not None:
+            return Refusal("invalid_message", "hello was said before")
+        return original(self, hello, now)
+
+    server.GREETS.wrap(patch, greet)
+
+
+@mutant("NEG-38", check=AGAIN, code="agreed-anew")
+def server_goes_by_a_second_hello(patch: Patch) -> None:
+    """Complains of a second hello, and grants what that lists from then on."""
+
+    def greet(original: Any, self: Connection, hello: Hello, now: float) -> Any:
+        if self.welcome is not None:
+            listed = tuple(it for it in self.welcome.capabilities if it in hello.capabilities)
+            self.welcome = self.welcome._replace(capabilities=listed)
+        return original(self, hello, now)
+
+    server.GREETS.wrap(patch, greet)
+
+
+@mutant("NEG-33", check="check_the_token_lets_1_0_in", code="no-reply")
+def server_wants_1_1_of_who_has_the_token(patch: Patch) -> None:
+    """Serves nobody who said the token and agreed on 1.0."""
+
+    server.HEARS_CLIENT.replace(patch, property(lambda self: not self.is_of_1_0))
