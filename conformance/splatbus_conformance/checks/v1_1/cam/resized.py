@@ -8,12 +8,17 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from splatbus_conformance.checks import Cases, check
-from splatbus_conformance.checks.v1_1.cam.lenses import lens_of, same_shape
-from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, same_shape, scaled
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST, shows
 from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
 from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import fell_silent, frames_of
-from splatbus_conformance.trials.moves.image_session import elsewhere, errors_after, further
+from splatbus_conformance.trials.moves.image_session import (
+    answers,
+    elsewhere,
+    errors_after,
+    further,
+)
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
@@ -89,6 +94,35 @@ def check_compares_shapes_with_the_size_now(
             f" answered by {show(codes) if codes else 'no error'}",
         )
     trial.delivered += 1
+
+
+@check(
+    "CTL-5",
+    observable="the lens of the frames after control passed on",
+    needs=(*RESIZES, "capability:intrinsics"),
+    cases=of_another_shape,
+)
+def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
+    """A client that waits for control sends intrinsics, and then another camera without; meanwhile
+    images become of another shape. Then control passes to it.
+    """
+    with sitting(trial) as (client, capture):
+        capture.take(elsewhere(trial), None)
+        waiting, camera = further(trial, client), camera_pose((0.5 + size[0], 0.5, -3.0))
+        lens = lens_of(first_view(trial, 0.0), *trial.facts.size, 1.25, 1.5, 0.0, 0.0)
+        for pose in (camera_pose(*elsewhere(trial)) | {"intrinsics": lens}, camera):
+            trial.viewer.say(waiting, pose)
+            answered = answers(trial, waiting)
+            trial.expect(answered, "no-reply", "who waits for control was not answered")
+        changed(trial, client, size, capture.reader)
+        client.close()
+        trial.wait(lambda: capture.new() and shows(frames_of(trial, capture.reader)[-1], camera))
+        frame = trial.sees(capture.reader, camera, 0.0)
+        what = f"images became {size[0]}×{size[1]}, and control passed on to who had sent a lens"
+        trial.expect(frame, "no-frame", f"{what} before: no frame shows its camera")
+        wrong = in_force(frame or {}, scaled(lens, size))
+        trial.expect(not wrong, "other-intrinsics", f"{what} for the former size; {wrong}")
+        trial.delivered += 1
 
 
 @check(

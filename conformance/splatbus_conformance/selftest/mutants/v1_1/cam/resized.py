@@ -106,3 +106,13 @@ def server_begins_another_size_at_the_origin(patch: Patch) -> None:
         return replace(view, poses=view.poses._replace(camera=IDENTITY))
 
     server.NEXT_VIEW.wrap(patch, next_view)
+
+
+@mutant("CTL-5", check="check_scales_a_lens_that_waited", code="other-intrinsics")
+def server_scales_lenses_by_the_height(patch: Patch) -> None:
+    """Scales every lens as much across as down, whatever shape it is of."""
+
+    def scaled(original: Any, lens: Any, width: int, height: int) -> Any:
+        return original(lens, round(lens.width * height / lens.height), height)
+
+    server.SCALES_LENS.wrap(patch, scaled)
