@@ -29,6 +29,8 @@ from splatbus_wire.messages import (
 from splatbus_wire.negotiation import answer_hello
 from splatbus_wire.packet_reader import COMPLETION_SECONDS, PacketReader
 
+from splatbus_server.states import OPEN, TURNS, State, Turn
+
 REQUESTS = ("get_viewport_size", "get_camera_pose")
 REQUESTS_1_1 = (*REQUESTS, "get_scene", "set_viewport", "ping")
 """What an `error` answers that has an `id`: one about a pose, say, answers no request [NEG-23]."""
@@ -77,7 +79,7 @@ class Connection:
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
-        is_of_1_0: `hello` has agreed on 1.0, which knows none [NEG-33].
+        state: in which of its states it is.
         reader: what was received, as packets.
         hello_by: when `hello` has to have come; infinity if it need not [NEG-12].
         linger_until: when the rest of a connection that ends is not waited for any more.
@@ -89,11 +91,10 @@ class Connection:
         self.welcome: Welcome | None = None
         self.ending: str | None = None
         self.is_held = False
-        self.is_of_1_0 = False
+        self.state = State.NEW
         self._terms = terms
         self.reader = PacketReader()
         self.input_ended = False
-        self._aborted = False
         self.hello_by = math.inf if terms.token is None else now + LIMITS["hello_seconds"]
         self._send_by = math.inf
         self.linger_until = math.inf
@@ -101,12 +102,22 @@ class Connection:
     @property
     def over(self) -> bool:
         """Whether nothing is left to send or to wait for: the socket can be closed."""
-        return self._aborted or (self.ending is not None and not self.unsent and self.input_ended)
+        is_through = self.state is State.CLOSING and not self.unsent and self.input_ended
+        return self.state is State.CLOSED or is_through
 
     @property
     def deadline(self) -> float:
         """The moment at which to call `expire`; infinity if there is none."""
         return min(self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is served."""
+        return self.state in OPEN
+
+    def turn(self, turn: Turn) -> None:
+        """Goes to the next state."""
+        self.state = TURNS.get((self.state, turn), self.state)
 
     def has(self, capability: str) -> bool:
         """Whether both sides declared the capability on this connection [NEG-7]."""
@@ -116,7 +127,7 @@ class Connection:
         """Takes what a read returned, nothing meaning the end of the stream [CHN-16]."""
         if not data:
             self.input_ended = True
-        elif self.ending is None:
+        elif self.is_open:
             self.reader.receive(data, now)
 
     def next_event(self, now: float) -> Event | None:
@@ -124,7 +135,7 @@ class Connection:
 
         A `hello` has been answered when it is returned.
         """
-        if self.ending is not None or self.is_held:
+        if self.is_held or not self.is_open:
             return None
         try:
             payload = self.reader.next_packet(now)
@@ -158,7 +169,7 @@ class Connection:
         del self.unsent[:count]
         if not self.unsent:
             self._send_by = math.inf
-            if self.ending is not None:
+            if not self.is_open:
                 self.linger_until = min(self.linger_until, now + LINGER_SECONDS)
         elif len(self.unsent) > LIMITS["max_unsent_bytes"]:
             self.abort(f"it left {len(self.unsent)} bytes unread [LIM-2]")
@@ -167,7 +178,8 @@ class Connection:
 
     def end(self, reason: str, now: float) -> None:
         """Takes no more events; what is unsent still goes out."""
-        if self.ending is None:
+        if self.is_open:
+            self.turn(Turn.END)
             self.ending = reason
             self.hello_by = math.inf
             self.reader.hold()
@@ -182,7 +194,7 @@ class Connection:
     def expire(self, now: float) -> None:
         """Does what is due once `deadline` has passed."""
         if now >= self.linger_until:
-            self._aborted = True
+            self.turn(Turn.LOSS)
         elif now >= self._send_by:
             self.abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
         elif now >= self.reader.deadline:
@@ -192,16 +204,14 @@ class Connection:
 
     def abort(self, reason: str) -> None:
         """Ends without waiting for what is unsent."""
+        self.turn(Turn.LOSS)
         self.ending = self.ending or reason
-        self._aborted = True
 
     @property
     def is_heard(self) -> bool:
         """Whether anything but `hello` counts: without one, on the message channel, to all."""
-        return (
-            self.welcome is not None
-            or self.is_of_1_0
-            or (self.channel == "msg" and self._terms.token is None)
+        return self.state in (State.SPEAKS_1_1, State.AGREED_ON_1_0) or (
+            self.channel == "msg" and self._terms.token is None
         )
 
     def understand(self, payload: bytes, now: float) -> Event:
@@ -209,7 +219,7 @@ class Connection:
         try:
             decode = read_short_message if len(payload) <= SHORT_BYTES else read_message
             message = decode(payload, self.channel, self.welcome is not None)
-            if isinstance(message, Hello) and not self.is_of_1_0:
+            if isinstance(message, Hello) and self.state is not State.AGREED_ON_1_0:
                 return self.greet(message, now)
         except ProtocolError as error:
             return self.refuse_packet(error, payload, now)
@@ -236,8 +246,9 @@ class Connection:
             return Refusal(answer.code, answer.message)
         self.hello_by = math.inf
         if answer.version == "1.0":
-            self.is_of_1_0 = True  # NEG-33
+            self.turn(Turn.WELCOME_TO_1_0)  # NEG-33
         else:
+            self.turn(Turn.WELCOME_TO_1_1)
             self.welcome = answer
         return hello
 
@@ -246,7 +257,7 @@ class Connection:
         kind, request = type_and_id(payload)
         if self.welcome is None and self.is_heard and kind in REQUESTS:
             self.end("a client that awaits the reply to a bad request learns so [REQ-9]", now)
-        if self.welcome is None and not self.is_of_1_0 and kind == "hello":
+        if self.state is State.NEW and kind == "hello":
             self.send(error_message(error.code, str(error), error.pointer))
             self.end("a hello that breaks NEG-2 [NEG-35]", now)
         is_request = self.channel == "msg" and kind in REQUESTS_1_1

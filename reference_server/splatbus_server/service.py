@@ -274,14 +274,14 @@ class Service:
                 self.drop(peer)
                 return
             connection.sent(count, now)
-        if connection.ending is not None and not peer.is_ending:
+        if not connection.is_open and not peer.is_ending:
             peer.is_ending = True
             level = logging.INFO if connection.input_ended else logging.WARNING
             log.log(level, "%s: ends: %s", peer.name, connection.ending)
         if connection.over:
             self.drop(peer)
             return
-        if connection.ending is not None and not connection.unsent and not peer.is_shut:
+        if not connection.is_open and not connection.unsent and not peer.is_shut:
             peer.is_shut = True
             with suppress(OSError):
                 peer.socket.shutdown(socket.SHUT_WR)

@@ -172,7 +172,7 @@ class Session:
             self._statistics.refused[refusal.code] += 1
         memory = self.exchange.memory
         for connection, reader in self.readers.items():
-            if reader.told < memory.generation and connection.ending is None:
+            if reader.told < memory.generation and connection.is_open:
                 self.announce(connection, reader, memory, now)
         ready = {
             connection: reader
@@ -180,7 +180,7 @@ class Session:
             if memory.generation in reader.opened and reader.is_let_in
         }
         for connection, reader in ready.items():
-            if reader.lease is None and connection.ending is None:
+            if reader.lease is None and connection.is_open:
                 self.lend(connection, reader, memory)
         wanted: frozenset[str] = frozenset().union(*(r.needs for r in ready.values()))
         self.exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
@@ -193,9 +193,7 @@ class Session:
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
         """Whether a client without `frames` is there, of 1.0 or later: it copies when it likes."""
         return memory.kind == "cuda_ipc" and any(
-            reader.told == memory.generation
-            and connection.ending is None
-            and not connection.has("frames")
+            reader.told == memory.generation and connection.is_open and not connection.has("frames")
             for connection, reader in self.readers.items()
         )
 
@@ -242,7 +240,7 @@ class Session:
     def hindrance(self, asker: Connection) -> Refusal | None:
         """Why images cannot have another size now, if a client asks for it."""
         for connection, reader in self.readers.items():
-            if reader.told and connection.ending is None and not connection.has("reinit"):
+            if reader.told and connection.is_open and not connection.has("reinit"):
                 return Refusal("unsupported", "a client that reads takes no reinit [VPT-3]")
         if self.control.holder not in (None, asker):
             return Refusal("busy", "another client steers the scene [VPT-4]")
@@ -327,7 +325,7 @@ class Session:
         """Disconnects who has had former memory for too long [VPT-8]."""
         for connection, reader in self.readers.items():
             late_at = reader.late_at
-            if late_at is None or connection.ending is not None:
+            if late_at is None or not connection.is_open:
                 continue
             if now >= late_at:
                 connection.end("it did not let go of former memory in time [VPT-8]", now)

@@ -88,7 +88,7 @@ class Readings:
         for connection, subscriber in self.subscribers.items():
             names, due = subscriber.names, subscriber.due
             due.update((n, each) for n, each in given.items() if names is None or n in names)
-            if due and not connection.unsent and connection.ending is None:
+            if due and not connection.unsent and connection.is_open:
                 self._send(connection, due, moment)
 
     def _send(self, connection: Connection, due: dict[str, Series], moment: float) -> None:

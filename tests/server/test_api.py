@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -81,15 +81,24 @@ def test_inverse_depth_is_divided_by_alpha(bus: splatbus_server.Bus, reader: Rea
     np.testing.assert_allclose(depth, DEPTH, rtol=1e-6)
 
 
-def wants_only(bus: splatbus_server.Bus, reader: Reader, channel: str) -> None:
-    """Subscribes to one channel, and begins to wait for an image anew [IMG-20]."""
-    reader.send({"type": "subscribe", "channels": [channel]})
-    reader.send({"type": "opened", "generation": reader.init["generation"]})
+@pytest.fixture
+def reader_of(bus: splatbus_server.Bus) -> Iterator[Callable[[str], Reader]]:
+    """Makes a client that wants one channel from the beginning [IMG-20]."""
+    with Reader(bus.address.ipc_port) as client:
+
+        def wants_only(channel: str) -> Reader:
+            client.send({"type": "subscribe", "channels": [channel]})
+            client.open()
+            return client
+
+        yield wants_only
 
 
-def test_depth_that_nobody_reads_is_not_converted(bus: splatbus_server.Bus, reader: Reader) -> None:
+def test_depth_that_nobody_reads_is_not_converted(
+    bus: splatbus_server.Bus, reader_of: Callable[[str], Reader]
+) -> None:
     """[IMG-21]"""
-    wants_only(bus, reader, "color")
+    reader = reader_of("color")
     assert eventually(lambda: not next_view(bus).wants_depth)
     bus.publish(next_view(bus), RGB, DEPTH)
     reader.release(reader.frame())
@@ -100,10 +109,10 @@ def test_depth_that_nobody_reads_is_not_converted(bus: splatbus_server.Bus, read
 
 
 def test_colour_that_nobody_reads_is_not_converted(
-    bus: splatbus_server.Bus, reader: Reader
+    bus: splatbus_server.Bus, reader_of: Callable[[str], Reader]
 ) -> None:
     """[IMG-21]"""
-    wants_only(bus, reader, "depth")
+    reader = reader_of("depth")
     assert eventually(lambda: next_view(bus).wants == {"depth"})
     bus.publish(next_view(bus), RGB, DEPTH)
     frame = reader.frame()

@@ -76,7 +76,7 @@ def server_awaits_more_after_a_packet(patch: Patch) -> None:
     def next_event(original: Any, self: Connection, now: float) -> Any:
         due = self.reader.deadline
         event = original(self, now)
-        if event is None and self.ending is None:
+        if event is None and self.is_open:
             self.reader.deadline = due
         return event
 
@@ -142,7 +142,7 @@ def server_reads_packets_to_their_end(patch: Patch) -> None:
 
     def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
         original(self, peer, data)
-        while peer.connection.reader.incomplete and peer.connection.ending is None:
+        while peer.connection.reader.incomplete and peer.connection.is_open:
             peer.socket.setblocking(True)
             data = peer.socket.recv(65536)
             peer.socket.setblocking(False)

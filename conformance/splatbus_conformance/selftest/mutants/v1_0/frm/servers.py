@@ -6,6 +6,7 @@ from typing import Any
 
 from splatbus_server.connection import Connection
 from splatbus_server.service import Peer, Service
+from splatbus_server.states import OPEN
 from splatbus_wire import framing
 from splatbus_wire.errors import FramingError, ProtocolError
 
@@ -22,7 +23,7 @@ def server_ends_within_a_packet(patch: Patch) -> None:
     """Begins one more packet when it ends a connection."""
 
     def end(original: Any, self: Connection, reason: str, now: float) -> None:
-        if self.ending is None:
+        if self.is_open:
             self.unsent += b"\x1c\x00\x00\x00{"
         original(self, reason, now)
 
@@ -37,15 +38,15 @@ def server_waits_on_after_a_bad_length(patch: Patch) -> None:
 
 def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> None:
     def next_event(original: Any, self: Connection, now: float) -> Any:
-        ending = self.ending
+        state = self.state
         event = original(self, now)
         try:
             self.reader.next_packet(now)
         except FramingError:
             if self.channel not in channels:
                 return event
-            if ending is None:
-                self.ending = None
+            if state in OPEN:
+                self.state, self.ending = state, None
                 self.reader.deadline = min(self.reader.deadline, now + seconds)
             return None
         return event

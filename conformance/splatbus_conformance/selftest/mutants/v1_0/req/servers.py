@@ -109,9 +109,10 @@ def server_answers_broken_requests(patch: Patch) -> None:
     """Takes camera 0 for an index that it cannot read."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        state = self.state
         event = original(self, payload, now)
         if isinstance(event, Refusal) and b"get_camera_pose" in payload:
-            self.ending = None
+            self.state, self.ending = state, None
             self.linger_until = float("inf")
             return GetCameraPose(0, None, None)
         return event
@@ -220,9 +221,10 @@ def server_answers_broken_requests_by_the_size(patch: Patch) -> None:
     """Answers a request for a camera whose index it cannot read by the size of the image."""
 
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+        state = self.state
         event = original(self, payload, now)
         if isinstance(event, Refusal) and b"get_camera_pose" in payload:
-            self.ending = None
+            self.state, self.ending = state, None
             self.linger_until = float("inf")
             return GetViewportSize(None, None)
         return event

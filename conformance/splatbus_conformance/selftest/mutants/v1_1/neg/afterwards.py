@@ -67,7 +67,7 @@ def server_discards_replies_when_it_closes(patch: Patch) -> None:
 
     def refuse(original: Any, self: Connection, *arguments: Any) -> Any:
         refusal = original(self, *arguments)
-        if self.ending is not None:
+        if not self.is_open:
             self.unsent.clear()
         return refusal
 

@@ -200,7 +200,7 @@ def server_listens_to_last_words_for_ever(patch: Patch) -> None:
 def server_closes_with_bytes_unread(patch: Patch) -> None:
     """Closes a connection as soon as the error is on its way."""
     Seam(Connection, "over").replace(
-        patch, property(lambda self: self.ending is not None and not self.unsent)
+        patch, property(lambda self: not self.is_open and not self.unsent)
     )
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 from splatbus_server.connection import Connection, Refusal, type_and_id
 from splatbus_server.session import Session
+from splatbus_server.states import State
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import Hello
 
@@ -89,4 +90,4 @@ def server_goes_by_a_second_hello(patch: Patch) -> None:
 def server_wants_1_1_of_who_has_the_token(patch: Patch) -> None:
     """Serves nobody who said the token and agreed on 1.0."""
 
-    server.HEARS_CLIENT.replace(patch, property(lambda self: not self.is_of_1_0))
+    server.HEARS_CLIENT.replace(patch, property(lambda self: self.state is not State.AGREED_ON_1_0))

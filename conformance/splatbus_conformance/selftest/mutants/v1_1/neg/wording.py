@@ -7,6 +7,7 @@ from typing import Any
 
 from splatbus_server import connection as connections
 from splatbus_server.connection import Connection
+from splatbus_server.states import State
 from splatbus_wire import fields, from_client, json_text
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import ViewportSize
@@ -161,7 +162,7 @@ def server_says_busy_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Says `busy` to a client that agreed on 1.0."""
 
     def complain(original: Any, self: Connection, refusal: Any) -> Any:
-        if self.is_of_1_0:
+        if self.state is State.AGREED_ON_1_0:
             self.send(connections.error_message(refusal.code, refusal.reason))
         return original(self, refusal)
 
@@ -173,7 +174,7 @@ def server_reports_poses_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Tells a client that agreed on 1.0 what is wrong with its pose."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.is_of_1_0 and b'"camera_pose"' in payload:
+        if self.state is State.AGREED_ON_1_0 and b'"camera_pose"' in payload:
             self.send(connections.error_message(error.code, str(error)))
         return original(self, error, payload, now)
 
