@@ -117,6 +117,7 @@ def test_who_has_no_control_is_told_busy(stage: Stage) -> None:
     error = second.ask(set_viewport())
     assert (error["code"], error["id"]) == ("busy", 12)
     assert second.ask(set_viewport())["code"] == "busy", "each request has an answer"
+    assert second.ask(set_viewport(4, 2))["viewport_size"] == [4, 2], "nothing changes"
     assert change(stage, first)["viewport_size"] == [8, 6]
 
 
@@ -135,6 +136,7 @@ def test_a_reader_without_reinit_forbids_it(stage: Stage) -> None:
     """[VPT-3, VPT-6]"""
     reader, asker = stage.reader("host_shm", "frames"), stage.steerer()
     assert asker.ask(set_viewport())["code"] == "unsupported"
+    assert asker.ask(set_viewport(4, 2))["viewport_size"] == [4, 2], "nothing changes"
     assert reader.hear() == []
     assert reader.connection.ending is None
     reader.leave()
