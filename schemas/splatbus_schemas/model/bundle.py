@@ -70,27 +70,26 @@ def _define(
     if unread := {keyword for part in holding for keyword in part.node} - _OF_OBJECTS:
         raise ValueError(f"{name}: what do {sorted(unread)} mean for a type?")
     properties: dict[str, Schema] = {}
-    constraints: list[Schema] = []
+    forbidden: list[Schema] = []
     for member, schemas in members(holding).items():
         if is_forbidden(schemas[0], known):
             said = own_description(schemas[0], known)
-            constraints.append({"description": said, "not": {"required": [member]}})
+            forbidden.append({"description": said, "required": [member]})
         else:
             properties[member] = _value(member, schemas, chosen, found, known)
     required = {member for part in holding for member in part.node.get("required", ())}
-    if not kinds:
-        constraints += [
-            {keyword: part.node[keyword] for keyword in ("if", "then", "else")}
-            for part in holding
-            if "if" in part.node
-        ]
     whole: Schema = {
         **about,
         "type": "object",
         "required": [member for member in properties if member in required],
         "properties": properties,
     }
-    return _added(name, {**whole, "allOf": constraints} if constraints else whole, found)
+    if forbidden:
+        whole["not"] = {"anyOf": forbidden}
+    for part in holding:
+        if "if" in part.node and not kinds:
+            whole.update({keyword: part.node[keyword] for keyword in ("if", "then", "else")})
+    return _added(name, whole, found)
 
 
 def _value(
@@ -100,7 +99,10 @@ def _value(
     found: dict[str, Schema],
     known: Documents,
 ) -> Schema:
-    """The schema of a member, or of an item of it, objects by reference."""
+    """The schema of a member, or of an item of it; of an object nothing but the reference to it.
+
+    Where a description stands beside a reference, some generators make a further type of it.
+    """
     parts = all_unfolded(sources, "", known)
     if any("properties" in part.node for part in parts):
         name, inner = record_name(sources[0], member, known), None
@@ -109,11 +111,9 @@ def _value(
             inner = chosen._replace(path=chosen.path[1:])
         if chosen and (inner or len(sources) > 1):
             name = camel(chosen.value) + name
-        about = {"description": own_description(sources[0], known)}
         reference = _define(name, sources, inner, found, known)
-        if any("null" in part.node.get("type", ()) for part in parts):
-            return {**about, "anyOf": [reference, {"type": "null"}]}
-        return {**about, **reference}
+        nullable = any("null" in part.node.get("type", ()) for part in parts)
+        return {"anyOf": [reference, {"type": "null"}]} if nullable else reference
     value: Schema = {"description": ""}
     for part in parts:
         value.update(part.node)
