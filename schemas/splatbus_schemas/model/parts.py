@@ -63,21 +63,30 @@ def condition(test: Schema, owner: str) -> Condition:
 
 
 def unfolded(part: Part, owner: str, known: Documents) -> Iterator[Part]:
-    """The parts of a schema, what it refers to first, none with a reference of its own."""
+    """The parts of a schema, what it refers to first, none with a reference of its own.
+
+    A description beside a reference stands in place of what is described there.
+    """
     node, home, when = part
     if "$ref" in node:
         target = resolved(node["$ref"], home, known)
-        yield from unfolded(target._replace(when=when), owner, known)
-    conditional = [inner for inner in node.get("allOf", ()) if "if" in inner]
-    for inner in node.get("allOf", ()):
-        if inner not in conditional:
-            yield from unfolded(Part(inner, home, when), owner, known)
+        for inner in unfolded(target._replace(when=when), owner, known):
+            yield _undescribed(inner) if "description" in node else inner
+    pieces = node.get("allOf", ())
+    for piece in pieces:
+        if "if" not in piece:
+            yield from unfolded(Part(piece, home, when), owner, known)
     if own := {keyword: value for keyword, value in node.items() if keyword not in _ABOUT}:
         yield Part(own, home, when)
-    for inner in conditional:
-        yield from unfolded(Part(inner, home, when), owner, known)
+    for piece in pieces:
+        if "if" in piece:
+            yield from unfolded(Part(piece, home, when), owner, known)
     if "if" in node:
         yield from unfolded(Part(node["then"], home, condition(node["if"], owner)), owner, known)
+
+
+def _undescribed(part: Part) -> Part:
+    return part._replace(node={k: v for k, v in part.node.items() if k != "description"})
 
 
 def all_unfolded(sources: Iterable[Part], owner: str, known: Documents) -> list[Part]:
