@@ -165,6 +165,28 @@ MOMENTS = (1.7e12, 5.0, None, -3, 0, 1e308, 12.5, -1e308, 3.0, 5e-324)
 
 
 @check(
+    "POS-14",
+    observable="a frame shows all of such a pose, or none of it, or the connection is closed",
+    needs=("frames",),
+    may_crash=True,
+)
+def check_takes_poses_of_no_time_or_not(trial: ServerTrial) -> None:
+    """A pose of a 1.0 client, whose timestamp is no number; and then a good one."""
+    steering, poser = CameraControl(trial), trial.dial("msg")
+    trial.expect(steering.shows(poser, camera_pose()), "not-applied", "no frame shows a good pose")
+    for number, moment in enumerate(trial.each(NO_MOMENTS)):
+        poser = trial.dial("msg") if poser.ended else poser
+        pose = camera_pose((3.0 + number, 0.5, -3.0), ROTATION) | {"timestamp": moment}
+        outcome = steering.outcome_of(poser, encode(pose))
+        if outcome == "applies" and steering.shows_now(pose):
+            outcome = "accepts"
+        trial.judge(outcome, f"a pose with the timestamp {show(moment)}")
+
+
+NO_MOMENTS = ("now", None, True, [1.0], {"seconds": 1.0})
+
+
+@check(
     "POS-7", observable="the camera that frames name after poses in one piece", needs=("frames",)
 )
 def check_the_last_of_one_piece_is_shown(trial: ServerTrial) -> None:

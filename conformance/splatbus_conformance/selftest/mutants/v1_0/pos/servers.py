@@ -14,8 +14,9 @@ from splatbus_wire.poses import IDENTITY
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import server, wire
-from splatbus_conformance.selftest.faults.surgery import Json
+from splatbus_conformance.selftest.faults.surgery import Json, crash
 from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.wire.messages import camera_pose, encode
 
 
 @mutant("POS-5", check="check_takes_members_by_name", code="ignores")
@@ -185,3 +186,30 @@ def server_takes_no_half_turns(patch: Patch) -> None:
         return original(self, connection, message)
 
     server.TAKES_POSE.wrap(patch, move)
+
+
+@mutant("POS-14", check="check_takes_poses_of_no_time_or_not", code="dies")
+def server_dies_of_what_is_no_time(patch: Patch) -> None:
+    """Takes whatever stands for the timestamp for a number."""
+
+    def timestamp(original: Any, message: Any, **named: Any) -> Any:
+        if isinstance(message.value.get("timestamp"), str | list | dict):
+            crash()
+        return original(message, **named)
+
+    Seam(from_client, "timestamp").wrap(patch, timestamp)
+
+
+@mutant("POS-14", check="check_takes_poses_of_no_time_or_not", code="applies")
+def server_turns_by_poses_of_no_time(patch: Patch) -> None:
+    """Applies the rotation alone of a pose whose timestamp is no number."""
+
+    def handle(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
+        if error.pointer == "/timestamp":
+            return self.understand(TURNED, now)
+        return original(self, error, payload, now)
+
+    server.REFUSES_PACKET.wrap(patch, handle)
+
+
+TURNED = encode(camera_pose((0.0, 0.0, 0.0), (0.6, 0.0, 0.0, 0.8)))
