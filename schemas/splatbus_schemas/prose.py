@@ -1,8 +1,8 @@
 """Read the requirements and the byte-level examples out of the specification's prose.
 
 The prose is the only source of requirements (spec/README.md, "Ids"). This module turns it into the
-`requirements.json` that programs read, makes the packet of each JSON example, and keeps the
-document that holds all of 1.1.
+`requirements.json` that programs read, makes the packet of each JSON example, draws the axes, and
+keeps the document that holds all of 1.1.
 
 Run `python -m splatbus_schemas.prose` in a checkout to compare, with `--write` to write.
 """
@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from splatbus_schemas import complete
+from splatbus_schemas import complete, pictures
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEVELS = ("MUST NOT", "MUST", "SHOULD NOT", "SHOULD", "MAY")
@@ -202,7 +202,11 @@ def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
     spec = root / "spec"
     texts = {path.relative_to(spec).as_posix(): text for path, text in filled.items()}
     registries = {registry_path(v, root): rendered_registry(v, root) for v in OUTCOMES}
-    generated = {PACKETS: rendered_packets(root), complete.PLACE: complete.document(texts)}
+    generated = {
+        PACKETS: rendered_packets(root),
+        pictures.PLACE: pictures.axes(texts[pictures.TABLE]),
+        complete.PLACE: complete.document(texts),
+    }
     return filled | registries | {spec / place: text for place, text in generated.items()}
 
 
