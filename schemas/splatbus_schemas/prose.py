@@ -2,7 +2,7 @@
 
 The prose is the only source of requirements (spec/README.md, "Ids"). This module turns it into the
 `requirements.json` that programs read, makes the packet of each JSON example, draws the axes, and
-keeps the document that holds all of 1.1.
+keeps the editions, which are made of the same chapters.
 
 Run `python -m splatbus_schemas.prose` in a checkout to compare, with `--write` to write.
 """
@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from splatbus_schemas import complete, pictures
+from splatbus_schemas import editions, pictures
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEVELS = ("MUST NOT", "MUST", "SHOULD NOT", "SHOULD", "MAY")
@@ -200,12 +200,13 @@ def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
         p: fill_in_packets(p.read_text("utf-8"), v) for v in OUTCOMES for p in chapters(v, root)
     }
     spec = root / "spec"
-    texts = {path.relative_to(spec).as_posix(): text for path, text in filled.items()}
+    parts = {path: path.read_text("utf-8") for path in (spec / editions.PARTS).glob("*.md")}
+    texts = {p.relative_to(spec).as_posix(): text for p, text in (filled | parts).items()}
     registries = {registry_path(v, root): rendered_registry(v, root) for v in OUTCOMES}
     generated = {
         PACKETS: rendered_packets(root),
         pictures.PLACE: pictures.axes(texts[pictures.TABLE]),
-        complete.PLACE: complete.document(texts),
+        **editions.documents(texts),
     }
     return filled | registries | {spec / place: text for place, text in generated.items()}
 
