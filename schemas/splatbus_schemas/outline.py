@@ -65,6 +65,8 @@ CUDA_BLOCK = re.compile(r"`cuda_ipc`|example=\w+_cuda$|^With CUDA memory the", r
 _PACKETS = "its packet is in [`packets.json`](../vectors/packets.json)."
 REWORDED = (
     (re.compile(r"To those of 1\.0 \(section [\d.]+ there\) 1\.1 adds:"), "Besides:"),
+    (re.compile(r" Everything that chapter \d+ of 1\.0 says of poses holds here too\."), ""),
+    (re.compile(r"speaks 1\.1 adds members to the init packet"), "speaks 1.1 says more there"),
     (re.compile(r"Words added to those of 1\.0: "), "More words: "),
     (re.compile(r"Every hexadecimal example .+; every (JSON .+)\."), rf"Every \1; {_PACKETS}"),
     (

@@ -11,7 +11,7 @@ def pages(root: Path) -> dict[str, str]:
     found = layout.prose(root)
     matrix = found[judged.KILL_MATRIX]
     found[specification.WHOLE["1.0"]] = specification.in_one_piece("1.0", found)
-    for source in specification.WHOLE.values():
+    for source in specification.REPEATING:
         found[source] = specification.NOT_SEARCHED + found[source]
     return found | {
         specification.INDEX: specification.index(found),
