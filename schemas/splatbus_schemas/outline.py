@@ -59,14 +59,20 @@ LEFT_OUT = {
 left out. A dot at the end stands for all sections of a chapter."""
 
 CUDA_SECTIONS = ("1.0 5.4", "1.0 5.5")
-CUDA_BLOCK = re.compile(r"`cuda_ipc`|example=\w+_cuda$|^With CUDA memory the", re.MULTILINE)
+CUDA_BLOCK = re.compile(
+    r"`cuda_ipc`|example=(?:\w+_cuda|init_packet)$|^With CUDA memory the", re.MULTILINE
+)
 """What a client needs for memory on a GPU alone: an annex of its edition."""
 
 _PACKETS = "its packet is in [`packets.json`](../vectors/packets.json)."
 REWORDED = (
     (re.compile(r"To those of 1\.0 \(section [\d.]+ there\) 1\.1 adds:"), "Besides:"),
     (re.compile(r" Everything that chapter \d+ of 1\.0 says of poses holds here too\."), ""),
-    (re.compile(r"speaks 1\.1 adds members to the init packet"), "speaks 1.1 says more there"),
+    (
+        re.compile(r"A server that speaks 1\.1 adds members to the init packet\. .+"),
+        "The init packet of a server that speaks 1.1 has more members:",
+    ),
+    (re.compile(r"A peer conforms to 1\.0 when"), "A peer conforms when"),
     (re.compile(r"Words added to those of 1\.0: "), "More words: "),
     (re.compile(r"Every hexadecimal example .+; every (JSON .+)\."), rf"Every \1; {_PACKETS}"),
     (
@@ -100,7 +106,7 @@ OTHERS = {
         r"|The usual 1 −|Turning Gaussians|Cameras far from the origin"
         r"|A pose (?:that arrives|crosses)|For the pixel in the top-left corner"
         r"|\| \| t₀|A restart, as the client"
-        r"|```\n +client +server\n +\|(?:=|<--- end)"
+        r"|```\n +client +server\n +\|(?:=|<--- end)|Each client holds"
     ),
     "server": re.compile(r"(?:A|An|The|Two|Every|No) (?:client|viewer)s?\b(?![\s\S]*\b[Ss]erver)"),
 }
