@@ -77,7 +77,18 @@ def documents(texts: Mapping[str, str]) -> dict[str, str]:
     ids = {b.name for found in known.values() for each in found for b in each.blocks if b.name}
     if unknown := notes.keys() - ids - {each[:3] for each in ids}:
         raise ValueError(f"{ANNEX_B}: {sorted(unknown)} stand in no chapter")
-    return {place: _edition(reader, known, notes) for reader, place in PLACES.items()}
+    return {
+        place: _edition(reader, known, _concerning(reader, notes))
+        for reader, place in PLACES.items()
+    }
+
+
+def _concerning(reader: str, notes: Notes) -> Notes:
+    others = outline.NOTES_FOR_OTHERS.get(reader)
+    return {
+        name: [note for note in found if not (others and others.match(note.text))]
+        for name, found in notes.items()
+    }
 
 
 def _edition(reader: str, known: Mapping[str, Sequence[Section]], notes: Notes) -> str:

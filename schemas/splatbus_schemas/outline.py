@@ -25,6 +25,7 @@ CHAPTERS = (
     ("1.0/07-conventions.md",),
     ("1.0/08-accuracy.md",),
     ("1.0/09-limits-security.md",),
+    ("1.1/10-evolution.md",),
     ("1.1/annex-a-telemetry.md",),
     ("1.1/annex-b-compatibility.md",),
     ("1.0/10-interoperability.md",),
@@ -49,6 +50,7 @@ CONTINUES = {"1.1 1.2": "1.0 1.2", "1.1 1.4": "1.0 9.1"}
 
 LEFT_OUT = {
     "client": (
+        *("1.0 3.4", "1.1 2.7", "1.1 2.8", "1.1 4.1", "1.1 6.4", "1.1 10", "1.1 10."),
         *("1.0 1", "1.0 1.3", "1.0 3", "1.0 6", "1.0 7.3", "1.0 7.4", "1.0 9.1", "1.0 9.2"),
         *("1.0 10", "1.0 10.", "1.1 1.4", "1.1 B", "1.1 B."),
     ),
@@ -56,7 +58,8 @@ LEFT_OUT = {
     "": ("1.1 B.3",),
 }
 """Sections, and beginnings of chapters, whose explanations a reader does not need: no sentence is
-left out. A dot at the end stands for all sections of a chapter."""
+left out. A dot at the end stands for all sections of a chapter. The states of connections and of
+what they share are in the first chapter of a client's edition, all of them."""
 
 CUDA_SECTIONS = ("1.0 5.4", "1.0 5.5")
 CUDA_BLOCK = re.compile(
@@ -111,6 +114,9 @@ OTHERS = {
     "server": re.compile(r"(?:A|An|The|Two|Every|No) (?:client|viewer)s?\b(?![\s\S]*\b[Ss]erver)"),
 }
 """How blocks begin that explain to the other peer alone, or what the reader's part tells, too."""
+
+NOTES_FOR_OTHERS = {"client": re.compile(r"> In 1\.1 \((?:a server may|every client is served)")}
+"""How notes begin on what only the other peer may do, of sentences that bind both or are quoted."""
 
 CUDA_TITLE = "Memory on a GPU (CUDA)"
 HEADS = {
