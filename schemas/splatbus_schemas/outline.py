@@ -51,10 +51,10 @@ CONTINUES = {"1.1 1.2": "1.0 1.2", "1.1 1.4": "1.0 9.1"}
 LEFT_OUT = {
     "client": (
         *("1.0 3.4", "1.1 2.7", "1.1 2.8", "1.1 4.1", "1.1 6.4", "1.1 10", "1.1 10."),
-        *("1.0 1", "1.0 1.3", "1.0 3", "1.0 6", "1.0 7.3", "1.0 7.4", "1.0 9.1", "1.0 9.2"),
+        *("1.0 1", "1.0 1.3", "1.0 3", "1.0 7.3", "1.0 7.4", "1.0 9.1", "1.0 9.2"),
         *("1.0 10", "1.0 10.", "1.1 1.4", "1.1 B", "1.1 B."),
     ),
-    "server": ("1.0 1", "1.0 1.3", "1.0 3", "1.0 6", "1.0 10", "1.0 10.", "1.1 B.2", "1.1 B.3"),
+    "server": ("1.0 1", "1.0 1.3", "1.0 3", "1.0 10", "1.0 10.", "1.1 B.2", "1.1 B.3"),
     "": ("1.1 B.3",),
 }
 """Sections, and beginnings of chapters, whose explanations a reader does not need: no sentence is
@@ -82,6 +82,7 @@ REWORDED = (
         re.compile(r"[Cc]hapters \d+ to \d+ speak (.+), they mean"),
         r"this document speaks \1, it means",
     ),
+    (re.compile(r"(`error`s by) (\d+\.\d+)"), r"\1 section \2"),
     (
         re.compile(r"is about (\d+\.\d+), (.+) about (\d+\.\d+)\."),
         r"is about section \1, \2 about section \3.",
