@@ -100,8 +100,10 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
                 judged.append((name, audit_capture(capture.load(Path(name), *ports))))
             else:
                 judged.append((name, judge_recording(recording.load(Path(name)))))
-        except (OSError, recording.RecordingError, capture.CaptureError) as error:
+        except (OSError, recording.RecordingError) as error:
             raise Usage(f"{name}: {error}") from error
+        except capture.CaptureError as error:
+            raise Usage(str(error)) from error
     return opinion(judged, peers_of(arguments), files, out, strict=arguments.strict)
 
 

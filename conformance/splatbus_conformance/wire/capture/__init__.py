@@ -157,7 +157,7 @@ def _in_words(each: _Numbered, zero: int, messages: int, others: int) -> str:
 
 
 def _nothing_found(reader: _Reader, ipc_port: int, message_port: int) -> str:
-    text = f"{reader.path.name}: no connection to TCP port {ipc_port} (IPC) or {message_port}"
+    text = f"{reader.path}: no connection to TCP port {ipc_port} (IPC) or {message_port}"
     text += " (messages) in it"
     if reader.accepting:
         most = [str(port) for port, _ in reader.accepting.most_common(MOST_PORTS)]

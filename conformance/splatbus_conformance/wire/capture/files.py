@@ -56,9 +56,9 @@ def frames(path: Path) -> Iterator[Frame]:
         size = os.fstat(file.fileno()).st_size
         first = file.read(4)
         if first in PCAP:
-            yield from _pcap(file, size, path.name, *PCAP[first])
+            yield from _pcap(file, size, str(path), *PCAP[first])
         else:
-            yield from _pcapng(file, size, path.name)
+            yield from _pcapng(file, size, str(path))
 
 
 def _pcap(file: BinaryIO, size: int, name: str, order: str, unit: int) -> Iterator[Frame]:
