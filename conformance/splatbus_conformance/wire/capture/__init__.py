@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from splatbus_conformance.wire.capture.files import SECOND, CaptureError, frames, is_capture
 from splatbus_conformance.wire.capture.headers import LINKS, Endpoint, Segment, segment
-from splatbus_conformance.wire.capture.streams import Followed, followed, parted, whole_packets
+from splatbus_conformance.wire.capture.loose import whole_packets
+from splatbus_conformance.wire.capture.streams import Followed, followed, parted
 from splatbus_conformance.wire.recording import Channel, Entry
 
 __all__ = ["Capture", "CaptureError", "is_capture", "load"]

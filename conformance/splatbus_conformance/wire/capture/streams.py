@@ -1,22 +1,16 @@
 """TCP put together again: from the segments of a connection to what its ends sent."""
 
-import re
-from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
-from itertools import accumulate
 from typing import NamedTuple
 
-from splatbus_schemas import LIMITS
-
 from splatbus_conformance.wire.capture.headers import Endpoint, Segment
-from splatbus_conformance.wire.packets import HEADER
 from splatbus_conformance.wire.recording import Direction, Event
 
 HALF, ALL = 1 << 31, 1 << 32
-_HEADER_AND_OBJECT = re.compile(rb"..[\x00-\x10]\x00[ \t\r\n]*\{", re.DOTALL)
-"""No text of JSON has a byte of 0, so that this is no part of one."""
+OTHER: dict[Direction, Direction] = {"c2s": "s2c", "s2c": "c2s"}
 
 
 class Piece(NamedTuple):
@@ -62,8 +56,9 @@ class _Stream:
     last: int = 0
     """The segment with which bytes in order came last."""
     is_ended: bool = False
-    waiting: list[tuple[int, int, int, bytes]] = field(default_factory=list)
-    """What came too early: place, segment, time and bytes."""
+    waiting: list[tuple[int, int, int, int, bytes]] = field(default_factory=list)
+    """What came too early: its place, its segment, how much of the other direction its sender had
+    by then, its time, its bytes."""
 
     def place(self, seq: int) -> int:
         """Where a sequence number is, which begins again after 4 GiB."""
@@ -71,19 +66,21 @@ class _Stream:
             self.first = seq
         return (seq - self.first - self.next + HALF) % ALL - HALF + self.next
 
-    def in_order(self) -> Iterable[bytes]:
-        """What can be read now."""
-        while self.waiting and self.waiting[0][0] <= self.next:
+    def in_order(self, other: "_Stream") -> Iterator[bytes]:
+        """What can be read now: no answer before its question, whichever was captured first."""
+        heard = math.inf if other.next == other.fin else other.next
+        while self.waiting and self.waiting[0][0] <= self.next and self.waiting[0][2] <= heard:
             place, *_, data = heappop(self.waiting)
             if new := data[self.next - place :]:
                 self.next += len(new)
                 yield new
 
     @property
-    def lacks_something(self) -> bool:
-        """Whether bytes were sent that were not captured."""
-        sent = self.proven if self.fin is None else min(self.proven, self.fin)
-        return bool(self.waiting) or sent > self.next
+    def has_a_gap(self) -> bool:
+        """Whether what comes next was sent and not captured."""
+        if self.waiting:
+            return self.waiting[0][0] > self.next
+        return self.next < (self.proven if self.fin is None else min(self.proven, self.fin))
 
 
 def parted(segments: Iterable[Segment]) -> list[list[Segment]]:
@@ -110,25 +107,26 @@ def followed(segments: Sequence[Segment], server: Endpoint) -> Followed | None:
     is_begun = False
     for number, it in enumerate(segments):
         direction: Direction = "c2s" if it.target == server else "s2c"
-        stream, other = streams[direction], streams["s2c" if direction == "c2s" else "c2s"]
+        stream, other = streams[direction], streams[OTHER[direction]]
         place = stream.place((it.seq + it.syn) % ALL)
+        heard = 0
         if it.ack is not None and not it.rst:
             is_begun = is_begun or (it.syn and direction == "s2c")
-            other.proven = max(other.proven, other.place(it.ack))
+            heard = other.place(it.ack)
+            other.proven = max(other.proven, heard)
         stream.proven = max(stream.proven, place + it.length)
         if it.fin:
             stream.fin = place + it.length
         if it.data and not it.rst:
-            heappush(stream.waiting, (place, number, it.ns, it.data))
-        for data in stream.in_order():
-            came.append((number, Piece(it.ns, direction, data)))
-            stream.last = number
-        if not stream.is_ended and (it.rst or stream.fin == stream.next):
-            came.append((number, Piece(it.ns, direction, event="reset" if it.rst else "eof")))
+            heappush(stream.waiting, (place, number, heard, it.ns, it.data))
+        came += ((number, each) for each in _read(streams, number, it.ns))
+        if it.rst and not stream.is_ended:
+            came.append((number, Piece(it.ns, direction, event="reset")))
             stream.is_ended = True
     if not (is_begun or any(stream.proven > 0 for stream in streams.values())):
         return None
-    lacking = [stream.last for stream in streams.values() if stream.lacks_something]
+    lacking = [stream.last for stream in streams.values() if stream.has_a_gap]
+    lacking = lacking or [stream.last for stream in streams.values() if stream.waiting]
     # What answers something that is missing may have come at once behind what is not.
     until = min(lacking, default=len(segments)) if is_begun else -1
     client = next(it.source if it.target == server else it.target for it in segments)
@@ -151,37 +149,28 @@ def followed(segments: Sequence[Segment], server: Endpoint) -> Followed | None:
     )
 
 
+def _read(streams: dict[Direction, _Stream], number: int, ns: int) -> Iterator[Piece]:
+    """What has arrived with a segment: what it was that lacked, in either direction."""
+    before = -1
+    while before != (before := sum(stream.next for stream in streams.values())):
+        for direction, other in OTHER.items():
+            stream = streams[direction]
+            for data in stream.in_order(streams[other]):
+                yield Piece(ns, direction, data)
+                stream.last = number
+            if stream.fin == stream.next and not stream.is_ended:
+                yield Piece(ns, direction, event="eof")
+                stream.is_ended = True
+
+
 def _runs(direction: Direction, late: list[Piece], stream: _Stream) -> list[Run]:
     """What came in order too late, and what lies behind gaps."""
     runs = [[each for each in late if each.data]]
     end = stream.next
-    for place, _, ns, data in sorted(stream.waiting):
+    for place, _, _, ns, data in sorted(stream.waiting):
         if place > end:
             runs.append([])
         if new := data[max(0, end - place) :]:
             runs[-1].append(Piece(ns, direction, new))
         end = max(end, place + len(data))
     return [run for run in runs if run]
-
-
-def whole_packets(run: Run) -> tuple[list[Piece], int]:
-    """The packets that can be told in a run that may begin and end within one, and how many other
-    bytes it has.
-    """
-    data = b"".join(piece.data or b"" for piece in run)
-    ends = list(accumulate(len(piece.data or b"") for piece in run))
-    found: list[Piece] = []
-    at = others = 0
-    while match := _HEADER_AND_OBJECT.search(data, at):
-        begin = match.start()
-        length = int.from_bytes(data[begin : begin + HEADER], "little")
-        end = begin + HEADER + length
-        if not 1 <= length <= LIMITS["max_payload_bytes"] or end > len(data):
-            end = begin + 1
-            others += end - at
-        else:
-            others += begin - at
-            arrived = run[bisect_right(ends, end - 1)]
-            found.append(arrived._replace(data=data[begin:end]))
-        at = end
-    return found, others + len(data) - at

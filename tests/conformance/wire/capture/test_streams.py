@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.wire.capture.files import Frame
 from splatbus_conformance.wire.capture.headers import Segment, segment
-from splatbus_conformance.wire.capture.streams import Followed, followed, whole_packets
+from splatbus_conformance.wire.capture.loose import whole_packets
+from splatbus_conformance.wire.capture.streams import Followed, followed
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Entry
 
@@ -137,6 +138,16 @@ def test_a_loss_shows_by_what_acknowledges_it() -> None:
     assert found.pieces == []
     ((run),) = found.runs
     assert whole_packets(run) == ([run[0]], 0)
+
+
+def test_an_answer_that_was_captured_before_its_question() -> None:
+    """As where a network card has several queues."""
+    whole = sent(TALK)
+    question, answer = with_data(whole)[-2:]
+    whole.insert(question, whole.pop(answer))
+    found = seen(whole)
+    assert_whole(found)
+    assert [it.direction for it in found.pieces if it.data] == ["c2s"] * 5 + ["s2c"]
 
 
 def test_the_end_of_a_capture_is_no_loss() -> None:
