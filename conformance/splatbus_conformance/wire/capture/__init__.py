@@ -15,8 +15,9 @@ from splatbus_conformance.wire.recording import Channel, Entry
 
 __all__ = ["Capture", "CaptureError", "is_capture", "load"]
 
-MOST_BYTES = 1 << 28
-"""On both channels together: a capture of days must not fill the memory."""
+MOST_SEGMENTS, MOST_BYTES = 500_000, 1 << 26
+"""On both channels together: a capture of days must not fill the memory. So many messages take
+about a gigabyte to judge."""
 MOST_PORTS = 12
 
 
@@ -65,7 +66,10 @@ def load(path: Path, ipc_port: int, message_port: int) -> Capture:
             left_over.append(_in_words(each, reader.zero, len(pieces), others))
     if reader.stopped is not None:
         t = (reader.stopped - reader.zero) / SECOND
-        left_over.append(f"what came after {t:.4f} s, behind {MOST_BYTES:,} bytes on the channels")
+        left_over.append(
+            f"what came after {t:.4f} s, when the channels had {MOST_SEGMENTS:,} segments or "
+            f"{MOST_BYTES:,} bytes: part the capture with `editcap -i SECONDS`, or ask for less of it"
+        )
     in_order = [sorted(entries, key=_time) for entries in sessions.values()]
     return Capture(in_order, sorted(messages, key=_time), tuple(left_over))
 
@@ -97,7 +101,7 @@ class _Reader:
     def segments(self) -> Iterator[Segment]:
         """Those of the ports, up to so many bytes; their clock never goes back."""
         now: int | None = None
-        size = 0
+        size = count = 0
         for frame in frames(self.path):
             if now is None:
                 now = self.zero = frame.ns
@@ -111,7 +115,8 @@ class _Reader:
             if not self._ports.keys() & ends:
                 continue
             size += len(it.data)
-            if size > MOST_BYTES:
+            count += 1
+            if size > MOST_BYTES or count > MOST_SEGMENTS:
                 self.stopped = now
                 return
             yield it

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from splatbus_conformance.wire import capture
 from splatbus_conformance.wire.capture import Capture, CaptureError, is_capture, load
 from splatbus_conformance.wire.recording import Entry
 
@@ -181,6 +182,16 @@ def test_nothing_at_all(read: Read) -> None:
         read(pcap([]))
     with pytest.raises(CaptureError, match="links of type 147 are not read"):
         read(pcap(sent(TALK), 147))
+
+
+@pytest.mark.parametrize(("limit", "most"), [("MOST_SEGMENTS", 8), ("MOST_BYTES", 40)])
+def test_what_is_too_much_is_left_over(
+    read: Read, monkeypatch: pytest.MonkeyPatch, limit: str, most: int
+) -> None:
+    monkeypatch.setattr(capture, limit, most)
+    (session,), _, (line,) = read(pcap(sent(TALK)))
+    assert session == [entry for entry in session if entry.t < 0.02]
+    assert line.startswith("what came after 0.0")
 
 
 def test_a_refused_connection_is_none(read: Read) -> None:
