@@ -67,8 +67,8 @@ def load(path: Path, ipc_port: int, message_port: int) -> Capture:
     if reader.stopped is not None:
         t = (reader.stopped - reader.zero) / SECOND
         left_over.append(
-            f"what came after {t:.4f} s, when the channels had {MOST_SEGMENTS:,} segments or "
-            f"{MOST_BYTES:,} bytes: part the capture with `editcap -i SECONDS`, or ask for less of it"
+            f"what came after {t:.4f} s, when the channels had {MOST_SEGMENTS:,} segments, or "
+            f"{MOST_BYTES:,} bytes; `editcap -i SECONDS` parts a capture"
         )
     in_order = [sorted(entries, key=_time) for entries in sessions.values()]
     return Capture(in_order, sorted(messages, key=_time), tuple(left_over))
