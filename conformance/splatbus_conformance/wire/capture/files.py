@@ -44,7 +44,12 @@ class _Interface(NamedTuple):
 
 
 def is_capture(path: Path) -> bool:
-    """Whether the first bytes of a file are those of a capture. Raises OSError."""
+    """Whether the first bytes of a file are those of a capture. Raises OSError.
+
+    Of what can be read but once, a pipe, nothing is read: it is none.
+    """
+    if not path.is_file():
+        return False
     with path.open("rb") as file:
         first = file.read(4)
     return first in PCAP or first == PCAPNG

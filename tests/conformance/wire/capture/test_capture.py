@@ -92,6 +92,8 @@ def test_a_file_is_told_by_its_first_bytes(tmp_path: Path) -> None:
     for text in (b"", b"{", b'{"t": 0}', b"\xa1\xb2"):
         path.write_bytes(text)
         assert not is_capture(path)
+    assert not is_capture(tmp_path)
+    assert not is_capture(tmp_path / "missing")
 
 
 def test_frames_with_a_vlan_and_others(read: Read) -> None:
