@@ -165,6 +165,17 @@ def test_frames_that_were_captured_in_part() -> None:
     assert len(said(seen, "c2s")) == 100 - 14 - 20 - 24
 
 
+@pytest.mark.parametrize(("v6", "at", "mark"), [(False, 20, 0x20), (False, 21, 1), (True, 54, 44)])
+def test_fragments_are_not_put_together(v6: bool, at: int, mark: int) -> None:
+    data = bytearray(framed(sent(TALK)[3], v6=v6))
+    assert segment(Frame(0, 1, bytes(data)))
+    if v6:  # its options become the header of a fragment that is not the first
+        data[20], data[at + 2] = mark, 1
+    else:
+        data[at] = mark
+    assert segment(Frame(0, 1, bytes(data))) is None
+
+
 def test_numbers_begin_again_after_4_gib() -> None:
     steps: list[Step] = [client({**POSE, "timestamp": n}) for n in range(20)]
     entries = talk("msg", *steps)
