@@ -153,8 +153,11 @@ def _required(
     only = {"when": _when(when)} if when else {}
     if when in requiring or _always(requiring, kinds):
         return {"required": True, **only}
-    conditions = [_when(each) for each in requiring if each]
-    return {"required": False, **({"requiredWhen": conditions[0]} if conditions else {}), **only}
+    needed = {}
+    if requiring:
+        (condition,) = filter(None, requiring)
+        needed = {"requiredWhen": _when(condition)}
+    return {"required": False, **needed, **only}
 
 
 def _always(conditions: list[Condition | None], kinds: list[Condition]) -> bool:
