@@ -26,7 +26,7 @@ SOURCES = {
     *("spec", "tests"),
 }
 """What may lie at the top of the repository, and so of the sdist."""
-KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2"}
+KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2", ".lua"}
 """The kinds of files in a wheel, beside `py.typed`."""
 
 
