@@ -8,11 +8,12 @@ from typing import Any
 
 from splatbus_server import api, ring, shared_memory
 from splatbus_server import connection as connections
-from splatbus_server.connection import Connection
+from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import BOTH, Exchange
 from splatbus_server.memory import Memory
 from splatbus_server.session import Session
 from splatbus_wire.init_packet import Slots
+from splatbus_wire.messages import CameraPose, Hello
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
@@ -159,3 +160,27 @@ def server_republishes_for_each_reader(patch: Patch) -> None:
 def server_writes_colour_and_depth_always(patch: Patch) -> None:
     """Writes both, whatever readers want."""
     Seam(Exchange, "want").wrap(patch, lambda original, self, c, m: original(self, c and BOTH, m))
+
+
+@variation()
+def server_leaves_out_a_lens_that_was_not_granted(patch: Patch) -> None:
+    """Takes a pose whose lens was not granted without that."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if isinstance(message, CameraPose) and not connection.has("intrinsics"):
+            message = message._replace(intrinsics=None)
+        return original(self, connection, message)
+
+    server.TAKES_POSE.wrap(patch, move)
+
+
+@variation()
+def server_ignores_a_second_hello(patch: Patch) -> None:
+    """Does nothing when a client says hello again."""
+
+    def greet(original: Any, self: Connection, hello: Hello, now: float) -> Any:
+        if self.welcome is not None:
+            return Refusal("invalid_message", "hello was said before")
+        return original(self, hello, now)
+
+    server.GREETS.wrap(patch, greet)

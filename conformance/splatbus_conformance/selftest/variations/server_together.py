@@ -52,6 +52,8 @@ def server_bears_nothing(patch: Patch) -> None:
 @together(
     server.server_ignores_broken_requests,
     server_1_1.server_reports_nothing_that_it_need_not,
+    server_1_1.server_leaves_out_a_lens_that_was_not_granted,
+    server_1_1.server_ignores_a_second_hello,
     server.server_tells_no_size_at_first,
     server.server_spaces_its_ring,
     server_images.server_that_renders_slowly,

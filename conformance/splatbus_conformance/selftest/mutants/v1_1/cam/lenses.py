@@ -242,29 +242,11 @@ def read_again(patch: Patch, reader: Seam, repair: Callable[[Json], Json]) -> No
     reader.wrap(patch, read)
 
 
-UNGRANTED = "check_refuses_a_lens_that_was_not_granted"
+@mutant("CAM-10", check="check_uses_no_lens_that_was_not_granted", code="lens-in-force")
+def server_uses_a_lens_that_was_not_granted(patch: Patch) -> None:
+    """Takes intrinsics from everybody, whatever was agreed upon."""
 
+    def has(original: Any, self: Connection, capability: str) -> bool:
+        return capability == "intrinsics" or bool(original(self, capability))
 
-@mutant("CAM-10", check=UNGRANTED, code="applied")
-def server_leaves_out_a_lens_that_was_not_granted(patch: Patch) -> None:
-    """Takes a pose whose lens was not granted without that."""
-
-    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        if isinstance(message, CameraPose) and not connection.has("intrinsics"):
-            message = message._replace(intrinsics=None)
-        return original(self, connection, message)
-
-    server.TAKES_POSE.wrap(patch, move)
-
-
-@mutant("CAM-10", check=UNGRANTED, code="ignores")
-def server_refuses_ungranted_lenses_without_a_word(patch: Patch) -> None:
-    """Does not say that a lens was not granted."""
-
-    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        lens = isinstance(message, CameraPose) and message.intrinsics is not None
-        if lens and not connection.has("intrinsics"):
-            return None
-        return original(self, connection, message)
-
-    server.TAKES_POSE.wrap(patch, move)
+    Seam(Connection, "has").wrap(patch, has)

@@ -61,13 +61,14 @@ def server_asks_for_the_token_last(patch: Patch) -> None:
     server.ANSWERS_HELLO.wrap(patch, answer)
 
 
-@mutant("NEG-38", check=AGAIN, code="ignores")
-def server_ignores_a_second_hello(patch: Patch) -> None:
-    """Does nothing when a client says hello again."""
+@mutant("NEG-38", check=AGAIN, code="another-answer")
+def server_welcomes_again(patch: Patch) -> None:
+    """Answers a second hello as it answered the first."""
 
     def greet(original: Any, self: Connection, hello: Hello, now: float) -> Any:
         if self.welcome is not None:
-            return Refusal("invalid_message", "hello was said before")
+            self.send(self.welcome)
+            return hello
         return original(self, hello, now)
 
     server.GREETS.wrap(patch, greet)
