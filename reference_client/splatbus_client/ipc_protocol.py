@@ -196,11 +196,11 @@ class IpcProtocol:
             self.give_back(generation, seq)
 
     def on_welcome(self, welcome: Welcome) -> Iterator[IpcEvent]:
-        """Settle the version, and take the init packets that came before [NEG-14, NEG-16]."""
-        if welcome.version not in self.hello.versions:
+        """Settle the version, and take the init packets that came before [NEG-16, NEG-40]."""
+        if self.version != "1.0" and welcome.version not in self.hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
-            yield Ignored("welcome came when the version was settled [NEG-14]")
+            yield Ignored("welcome came when the version was settled [NEG-40]")
         else:
             agreed = negotiated(self.hello, welcome)
             self.version, self.capabilities = agreed.version, agreed.capabilities

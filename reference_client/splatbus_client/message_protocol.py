@@ -225,12 +225,11 @@ class MessageProtocol:
             yield from self.on_reply(message, now)
 
     def on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
-        """Settle the version, unless a reply has settled it [NEG-13, NEG-16]."""
-        # Once a reply has shown that the server speaks 1.0, it may name whatever version it likes.
+        """Settle the version, unless a reply has settled it [NEG-16, NEG-40]."""
         if self.version != "1.0" and welcome.version not in self.hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
-            yield Ignored("welcome came when the version was settled [NEG-13]")
+            yield Ignored("welcome came when the version was settled [NEG-40]")
         else:
             yield from self._settle(negotiated(self.hello, welcome))
 

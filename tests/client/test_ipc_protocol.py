@@ -43,7 +43,10 @@ def test_an_init_packet_without_version_means_1_0_and_silence():
     negotiated, announced = receive(machine, cuda_init_packet())
     assert negotiated == Negotiated("1.0", None, frozenset())
     machine.open_failed(announced.packet, "no CUDA support")
-    assert receive(machine, welcome(*IPC_CAPABILITIES))[0].__class__ is Ignored
+    for version in ("1.1", "9.9"):
+        (event,) = receive(machine, welcome(*IPC_CAPABILITIES, version=version))
+        assert "NEG-40" in event.reason
+        assert isinstance(event, Ignored)
     receive(machine, init_packet(), frame(1))
     assert sent(machine) == []
 

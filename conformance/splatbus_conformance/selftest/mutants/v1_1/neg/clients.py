@@ -210,13 +210,13 @@ def declines_to_a_1_0_server(patch: Patch) -> None:
     client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
 
 
-@mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
+@mutant("NEG-40", check="check_ignores_a_late_welcome", code="newer-version")
 def takes_a_late_welcome_on_the_message_channel(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the reply of a server of 1.0."""
     _goes_over(patch, client.TAKES_WELCOME)
 
 
-@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", code="newer-version")
+@mutant("NEG-40", check="check_ignores_a_late_welcome", code="newer-version")
 def takes_a_late_welcome_on_ipc(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the init packet of a server of 1.0."""
     _goes_over(patch, client.TAKES_WELCOME_ON_IPC)
