@@ -125,10 +125,32 @@ def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_any_version_that_begins_with_1(patch: Patch) -> None:
-    """Takes an init packet of a version that it does not know."""
+    """Takes an init packet of any version that begins with 1."""
 
+    _takes_versions(patch, r"1\..*")
+
+
+@mutant("MEM-18", check="check_takes_later_versions", code="not-opened")
+def takes_its_own_version_alone(patch: Patch) -> None:
+    """Takes an init packet of no version but its own."""
+    Seam(init_packet, "VERSIONS").replace(patch, re.compile(r"1\.1"))
+
+
+@mutant("MEM-18", check="check_takes_later_versions", code="not-opened")
+def takes_minor_versions_of_one_digit(patch: Patch) -> None:
+    """Takes no minor version beyond 9."""
+    Seam(init_packet, "VERSIONS").replace(patch, re.compile(r"1\.[1-9]"))
+
+
+@mutant("MEM-11", check=MEMBERS, code="accepts")
+def takes_minor_versions_with_leading_zeros(patch: Patch) -> None:
+    """Takes "1.01" for a later version."""
+    _takes_versions(patch, r"1\.0[0-9]+")
+
+
+def _takes_versions(patch: Patch, pattern: str) -> None:
     def later(packet: Json) -> None:
-        if packet["version"].startswith("1.2"):
+        if re.fullmatch(pattern, packet["version"]):
             packet["version"] = "1.1"
 
     init_packets(patch, later)
