@@ -191,7 +191,7 @@ class IpcProtocol:
             return
         generation, _, seq = lent
         if (generation, seq) not in self._leases:
-            # It is lent all the same, and without a `release` it would be the last frame [IMG-12].
+            # It is lent all the same, and without a `release` it would be the last frame [IMG-24].
             self._leases.add((generation, seq))
             self.give_back(generation, seq)
 
@@ -285,7 +285,7 @@ def _readable(payload: bytes) -> dict[str, Any]:
 
 
 def _refused_frame(message: dict[str, Any]) -> _Lent | None:
-    """Return what was lent by a frame that is malformed otherwise, if it can be read [IMG-12]."""
+    """Return what was lent by a frame that is malformed otherwise, if it can be read [IMG-24]."""
     try:
         frame = Field(message, "", "IMG-1")
         if frame.value.get("type") != "frame":
