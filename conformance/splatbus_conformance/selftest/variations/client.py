@@ -241,6 +241,20 @@ def requests_without_id(patch: Patch) -> None:
 
 
 @variation()
+def the_same_id_in_every_request(patch: Patch) -> None:
+    """Gives each request the id of the one before, which has been answered."""
+
+    def decode(original: Any, payload: bytes, request: Any) -> Any:
+        numbered = request is not None and request.id is not None
+        message = original(payload, request._replace(id=7) if numbered else request)
+        answers = numbered and getattr(message, "id", None) == 7
+        return message._replace(id=request.id) if answers else message
+
+    messages(patch, lambda message: message | {"id": 7} if "id" in message else message)
+    client.READS_MESSAGE.wrap(patch, decode)
+
+
+@variation()
 def asks_once_a_process(patch: Patch) -> None:
     """Makes requests on its first connection only."""
     asks_once(patch)

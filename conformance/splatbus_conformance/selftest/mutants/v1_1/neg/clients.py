@@ -19,7 +19,7 @@ from splatbus_wire.messages import (
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import client
-from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type
+from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type, packets
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -304,3 +304,9 @@ def releases_without_the_capability(patch: Patch) -> None:
         self.unsent += encode(Release(packet.generation, 1))
 
     client.SAYS_OPENED.wrap(patch, opened)
+
+
+@mutant("NEG-37", code="id-in-use")
+def asks_again_with_the_same_id(patch: Patch) -> None:
+    """Sends each request twice, to be sure, with the same id."""
+    packets(patch, lambda packet: packet * (1 + (b'"id":' in packet)))
