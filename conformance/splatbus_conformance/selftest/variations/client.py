@@ -32,7 +32,7 @@ from splatbus_conformance.selftest.mutants.v1_0.frm.clients import in_two_writes
 from splatbus_conformance.selftest.mutants.v1_0.req.clients import asks_once
 from splatbus_conformance.selftest.mutants.v1_1.img.clients import subscribes
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
-from splatbus_conformance.selftest.mutants.v1_1.neg.granted import says
+from splatbus_conformance.selftest.mutants.v1_1.neg.granted import asks_for_a_size_again, says
 
 
 @variation()
@@ -202,6 +202,12 @@ def declares_nothing_on_the_message_channel(patch: Patch) -> None:
 def says_all_of_1_1(patch: Patch) -> None:
     """Sends every message of 1.1 on each connection of the message channel."""
     says(patch)
+
+
+@variation()
+def insists_on_another_size(patch: Patch) -> None:
+    """Asks for images of another size until it has them, as often as it may."""
+    asks_for_a_size_again(patch)
 
 
 @variation(axes="opencv")
