@@ -79,7 +79,7 @@ class MessageProtocol:
 
     Args:
         hello: sent first [NEG-1]; a request for the viewport's size follows it, because its reply
-            tells a server of 1.0, which ignores `hello`, from a later one [NEG-13].
+            tells a server of 1.0, which ignores `hello`, from a later one [NEG-13, NEG-39].
     """
 
     def __init__(self, hello: Hello) -> None:

@@ -120,3 +120,26 @@ def check_ignores_a_late_welcome(trial: ClientTrial, channel: Channel, version: 
     trial.expect(not more, "newer-version", told)
     trial.judge(trial.end_of(connection) if connection.ended else "ignores", what)
     trial.delivered += 1
+
+
+@check(
+    "NEG-39",
+    observable="whether get_viewport_size follows hello where no welcome comes",
+    needs=("hello:msg", "returns:msg"),
+)
+def check_asks_for_the_size_after_hello(trial: ClientTrial) -> None:
+    """A server that says nothing to `hello` is listened to by a testee that declares capabilities
+    of the message channel.
+    """
+    if not declared(trial):
+        trial.not_observable("the testee wants no more than 1.0 defines, by what it declares")
+    trial.role.speaks, trial.role.replies = "1.0", False
+    connection = trial.connection("msg")
+    dealings = trial.role.with_(connection)
+    if not trial.says_hello(connection):
+        trial.not_observable("the testee said no hello on the message channel")
+    asked = trial.wait(lambda: dealings.count("get_viewport_size") or connection.ended)
+    if connection.ended and not dealings.count("get_viewport_size"):
+        trial.not_observable("the testee closed the connection")
+    trial.expect(asked, "not-asked", "no get_viewport_size followed its hello")
+    trial.delivered += 1

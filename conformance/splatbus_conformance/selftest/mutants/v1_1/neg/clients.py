@@ -310,3 +310,18 @@ def releases_without_the_capability(patch: Patch) -> None:
 def asks_again_with_the_same_id(patch: Patch) -> None:
     """Sends each request twice, to be sure, with the same id."""
     packets(patch, lambda packet: packet * (1 + (b'"id":' in packet)))
+
+
+@mutant("NEG-39", check="check_asks_for_the_size_after_hello", code="not-asked")
+def asks_when_it_is_welcome(patch: Patch) -> None:
+    """Says nothing behind its hello on the message channel until `welcome` has come."""
+
+    def data_to_send(original: Any, self: MessageProtocol, now: float) -> bytes:
+        if self.version is not None:
+            sent: bytes = original(self, now)
+            return sent
+        hello = bytes(self.unsent)
+        self.unsent.clear()
+        return hello
+
+    Seam(MessageProtocol, "data_to_send").wrap(patch, data_to_send)
