@@ -191,16 +191,16 @@ class IpcProtocol:
             return
         generation, _, seq = lent
         if (generation, seq) not in self._leases:
-            # It is lent all the same, and without a `release` it would be the last frame [IMG-12].
+            # It is lent all the same, and without a `release` it would be the last frame [IMG-24].
             self._leases.add((generation, seq))
             self.give_back(generation, seq)
 
     def on_welcome(self, welcome: Welcome) -> Iterator[IpcEvent]:
-        """Settle the version, and take the init packets that came before [NEG-14, NEG-16]."""
-        if welcome.version not in self.hello.versions:
+        """Settle the version, and take the init packets that came before [NEG-16, NEG-40]."""
+        if self.version != "1.0" and welcome.version not in self.hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
-            yield Ignored("welcome came when the version was settled [NEG-14]")
+            yield Ignored("welcome came when the version was settled [NEG-40]")
         else:
             agreed = negotiated(self.hello, welcome)
             self.version, self.capabilities = agreed.version, agreed.capabilities
@@ -285,7 +285,7 @@ def _readable(payload: bytes) -> dict[str, Any]:
 
 
 def _refused_frame(message: dict[str, Any]) -> _Lent | None:
-    """Return what was lent by a frame that is malformed otherwise, if it can be read [IMG-12]."""
+    """Return what was lent by a frame that is malformed otherwise, if it can be read [IMG-24]."""
     try:
         frame = Field(message, "", "IMG-1")
         if frame.value.get("type") != "frame":

@@ -23,6 +23,7 @@ from splatbus_wire.messages import (
     Pong,
     Reply,
     Request,
+    SetViewport,
     Telemetry,
     ViewportSize,
     Welcome,
@@ -78,7 +79,7 @@ class MessageProtocol:
 
     Args:
         hello: sent first [NEG-1]; a request for the viewport's size follows it, because its reply
-            tells a server of 1.0, which ignores `hello`, from a later one [NEG-13].
+            tells a server of 1.0, which ignores `hello`, from a later one [NEG-13, NEG-39].
     """
 
     def __init__(self, hello: Hello) -> None:
@@ -91,7 +92,7 @@ class MessageProtocol:
         self._queue: deque[tuple[int, Request]] = deque()
         self.asked: tuple[int, Request] | None = None  # as it was sent, with its id if it had one
         self._reply_due = 0.0
-        self._ask_size_from = 0.0
+        self._ask_from: dict[type[Request], float] = {}
         self._told: dict[object, Told] = {}
         self.ask(GetViewportSize())
 
@@ -147,7 +148,7 @@ class MessageProtocol:
 
     def deadline(self) -> float:
         """Return when `expire` or `data_to_send` is to be called next, if nothing comes before."""
-        asks = self._ask_size_from if self._queue else math.inf
+        asks = min((self._may_ask_from(request) for _, request in self._queue), default=math.inf)
         return min(self.reader.deadline, asks if self.asked is None else self._reply_due)
 
     def expire(self, now: float) -> list[MessageEvent]:
@@ -192,9 +193,12 @@ class MessageProtocol:
         self.unsent += encode(request)
 
     def _may_ask(self, request: Request, now: float) -> bool:
-        if isinstance(request, GetViewportSize):
-            return now >= self._ask_size_from
+        if now < self._may_ask_from(request):
+            return False
         return self.version is not None or not only_1_1(request)
+
+    def _may_ask_from(self, request: Request) -> float:
+        return self._ask_from.get(type(request), 0.0)
 
     def _send_told(self) -> None:
         for key, message in list(self._told.items()):
@@ -218,6 +222,8 @@ class MessageProtocol:
         if isinstance(message, Welcome):
             yield from self.on_welcome(message)
         elif isinstance(message, ErrorMessage):
+            if message.code == "busy" and isinstance(request, SetViewport):
+                self._ask_from[SetViewport] = now + ASK_AGAIN_SECONDS  # [VPT-9]
             yield from self.on_error(message)
         elif isinstance(message, Telemetry):
             yield self._on_telemetry(message)
@@ -225,12 +231,11 @@ class MessageProtocol:
             yield from self.on_reply(message, now)
 
     def on_welcome(self, welcome: Welcome) -> Iterator[MessageEvent]:
-        """Settle the version, unless a reply has settled it [NEG-13, NEG-16]."""
-        # Once a reply has shown that the server speaks 1.0, it may name whatever version it likes.
+        """Settle the version, unless a reply has settled it [NEG-16, NEG-40]."""
         if self.version != "1.0" and welcome.version not in self.hello.versions:
             yield MustClose(f"welcome names version {welcome.version}, not offered [NEG-16]")
         elif self.version is not None:
-            yield Ignored("welcome came when the version was settled [NEG-13]")
+            yield Ignored("welcome came when the version was settled [NEG-40]")
         else:
             yield from self._settle(negotiated(self.hello, welcome))
 
@@ -255,7 +260,7 @@ class MessageProtocol:
             yield from self._settle(Negotiated("1.0", None, frozenset()))
         (ticket, request), self.asked = self.asked, None
         if isinstance(reply, ViewportSize) and reply.width * reply.height == 0:
-            self._ask_size_from = now + ASK_AGAIN_SECONDS  # [REQ-12]
+            self._ask_from[GetViewportSize] = now + ASK_AGAIN_SECONDS  # [REQ-12]
         answer: Answer
         if isinstance(reply, Pong):
             assert isinstance(request, Ping)

@@ -200,8 +200,8 @@ class Session:
         Raises:
             TimeoutError: there was no reply within `timeout` seconds.
             ServerRefusedError: `busy` while another client has control or former memory is still
-                in use [VPT-4]: try again 100 ms later, not sooner; `unsupported` for a size that
-                cannot be had or clients that could not follow [VPT-3].
+                in use [VPT-4]: to try again at once is to wait 100 ms [VPT-9]; `unsupported` for a
+                size that cannot be had or clients that could not follow [VPT-3].
             NotOfferedError: the server does not offer `viewport`.
             ProtocolError: a side is not from 1 to 32,768 [VPT-1].
         """

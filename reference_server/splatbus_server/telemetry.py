@@ -92,7 +92,7 @@ class Readings:
                 self._send(connection, due, moment)
 
     def _send(self, connection: Connection, due: dict[str, Series], moment: float) -> None:
-        """As many as a message holds, and a packet [FRM-2]; the others are due still."""
+        """As many as a message holds, and a packet [FRM-2, JSN-12]; the others are due still."""
         count = min(len(due), LIMITS["max_series"])
         while True:
             names = list(due)[:count]

@@ -67,7 +67,7 @@ def encode(message: Message, *, typed_replies: bool = False) -> bytes:
 
     Raises:
         ProtocolError: a number is not finite [JSN-4], a string is no text [JSN-1], or the payload
-            is too long [FRM-2].
+            is too long [FRM-2] or has too many values [JSN-12].
     """
     return encode_packet(serialize(message_object(message, typed_replies=typed_replies)))
 

@@ -26,6 +26,7 @@ _HANDLE_BYTES: int = LIMITS["handle_bytes"]
 ALIGNMENT = 16
 _HANDLES = ("mem_color", "mem_depth", "evt_done")
 SHM_NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
+VERSIONS = re.compile(r"1\.[1-9][0-9]*")
 _DEVICE_UUID = re.compile(r"GPU-[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")
 _ALPHAS = ("straight", "premultiplied")
 _COLOR_SPACES = ("srgb", "linear")
@@ -137,7 +138,8 @@ def parse_init_packet(message: Mapping[str, Any]) -> InitPacket:
     """Take an init packet out of a parsed payload.
 
     Args:
-        message: as `parse_object` returns it; members that are not known are ignored [JSN-7].
+        message: as `parse_object` returns it; members that are not known are ignored [JSN-7], and
+            a later 1.x is taken for 1.1 [MEM-18].
 
     Raises:
         ProtocolError: `invalid_message`, with the pointer and the one of INI-1 to INI-7, MEM-1 to
@@ -148,7 +150,7 @@ def parse_init_packet(message: Mapping[str, Any]) -> InitPacket:
     width, height = _parse_size(root.member("meta"))
     if root.optional("version") is None:
         return InitPacket(width, height, _parse_legacy(root))
-    root.under("MEM-1").member("version").one_of([VERSION])
+    root.under("MEM-1").member("version").matching(VERSIONS, f'"{VERSION}" or a later 1.x')
     generation = root.under("MEM-1").member("generation").integer(1, MAX_SAFE_INTEGER)
     memory = _parse_memory(root.under("MEM-2").member("memory"))
     if isinstance(memory, HostMemory):

@@ -19,6 +19,7 @@ from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
 
 _MAX_DEPTH: int = LIMITS["max_json_depth"]
+MAX_VALUES: int = LIMITS["max_json_values"]
 _MAX_POINTER_CHARS = 512
 _DEEPER = dict.fromkeys(b"[{", 1) | dict.fromkeys(b"]}", 0xFF)
 _DEPTH_STEPS = bytes(_DEEPER.get(byte, 0) for byte in range(256))
@@ -54,7 +55,8 @@ def serialize(message: Mapping[str, Any]) -> bytes:
 
     Raises:
         ProtocolError: `invalid_number`, with a pointer, for NaN or an infinity [JSN-4];
-            `malformed_json` for half a surrogate pair [JSN-1], or nesting that is too deep [JSN-5].
+            `malformed_json` for half a surrogate pair [JSN-1], nesting that is too deep [JSN-5], or
+            too many values [JSN-12].
     """
     try:
         payload = _ENCODER.encode(message).encode()
@@ -75,6 +77,13 @@ def serialize(message: Mapping[str, Any]) -> bytes:
             pointer=pointer,
         ) from None
     check_depth(payload)
+    # No value takes less than two bytes, with what parts it from others.
+    if len(payload) > 2 * MAX_VALUES and (values := _count(message)) > MAX_VALUES:
+        raise ProtocolError(
+            "malformed_json",
+            f"{values} values were to be sent; {MAX_VALUES} are allowed",
+            requirement="JSN-12",
+        )
     return payload
 
 
@@ -95,6 +104,13 @@ def brief(value: Any) -> str:
 def step(name: str | int) -> str:
     """One step of a JSON pointer, escaped (RFC 6901)."""
     return f"/{str(name).replace('~', '~0').replace('/', '~1')}"
+
+
+def _count(value: Any) -> int:
+    """How many values there are in a value, itself among them."""
+    if isinstance(value, Mapping):
+        value = tuple(value.values())
+    return 1 + sum(map(_count, value)) if isinstance(value, (list, tuple)) else 1
 
 
 def _decode(payload: bytes) -> str:

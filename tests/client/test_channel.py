@@ -135,6 +135,7 @@ def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener):
     error = ServerError(ErrorMessage("unauthorized", "no"))
     waits = lose_again_and_again(listener, Owner([error]), 4)
     assert waits == sorted(set(waits))
+    assert min(waits) >= LIMITS["error_pause_seconds"]
 
 
 def test_a_server_that_turns_us_away_after_a_welcome_is_no_different(listener):

@@ -43,7 +43,10 @@ def test_an_init_packet_without_version_means_1_0_and_silence():
     negotiated, announced = receive(machine, cuda_init_packet())
     assert negotiated == Negotiated("1.0", None, frozenset())
     machine.open_failed(announced.packet, "no CUDA support")
-    assert receive(machine, welcome(*IPC_CAPABILITIES))[0].__class__ is Ignored
+    for version in ("1.1", "9.9"):
+        (event,) = receive(machine, welcome(*IPC_CAPABILITIES, version=version))
+        assert "NEG-40" in event.reason
+        assert isinstance(event, Ignored)
     receive(machine, init_packet(), frame(1))
     assert sent(machine) == []
 
@@ -124,7 +127,7 @@ def test_memory_that_cannot_be_opened_is_declined_in_at_most_1024_characters():
         {"semantics": None},
         {"ring": None},
         {"ring": {"slots": 0}},
-        {"version": "1.7"},
+        {"version": "1.07"},
         {"meta": {}},
         {"mem_color": "AA=="},
     ],
@@ -146,10 +149,20 @@ def test_an_init_packet_without_a_generation_is_ignored(generation):
     assert sent(machine) == []
 
 
-def test_an_init_packet_whose_generation_does_not_grow_is_ignored():
-    machine = opened()
-    assert isinstance(receive(machine, init_packet())[0], Ignored)
+@pytest.mark.parametrize("members", [{}, {"semantics": None}, {"version": "2.0"}])
+@pytest.mark.parametrize("was_opened", [True, False])
+def test_what_repeats_a_generation_is_ignored(members, was_opened):
+    machine = opened() if was_opened else greeted()
+    if not was_opened:
+        receive(machine, init_packet(ring=None))
+        sent(machine)
+    assert isinstance(receive(machine, init_packet(**members))[0], Ignored)
     assert sent(machine) == []
+
+
+def test_memory_of_a_later_version_is_announced_as_of_ones_own():
+    (event,) = receive(greeted(), init_packet(version="1.12", later={}))
+    assert isinstance(event, Announced)
 
 
 def test_a_further_init_packet_replaces_the_former():

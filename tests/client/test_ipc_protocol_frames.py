@@ -18,6 +18,15 @@ def test_a_frame_is_lent_and_released_once():
     assert sent(machine) == [{"type": "release", "generation": 1, "seq": 7}]
 
 
+@pytest.mark.parametrize("seq", [7, 6, 0])
+def test_a_frame_whose_number_does_not_grow_is_lent_all_the_same(seq):
+    machine = opened()
+    for number in (7, seq):
+        (event,) = receive(machine, frame(number))
+        machine.release(event.frame)
+    assert [release["seq"] for release in sent(machine)] == [7, seq]
+
+
 @pytest.mark.parametrize(
     "strange",
     [

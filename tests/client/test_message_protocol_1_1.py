@@ -12,6 +12,7 @@ from splatbus_client.events import (
     ServerError,
 )
 from splatbus_client.message_protocol import MessageProtocol, NotOfferedError
+from splatbus_schemas import LIMITS
 from splatbus_wire.messages import (
     CameraPose,
     GetCameraPose,
@@ -276,3 +277,16 @@ def test_a_series_of_an_unknown_kind_is_ignored_and_the_others_kept():
     message = TELEMETRY | {"series": [strange, *TELEMETRY["series"]]}
     (figures,) = receive(machine, packet(message), 0.0)
     assert [series.name for series in figures.telemetry.series] == ["render_ms", "opacity", "stage"]
+
+
+def test_a_size_that_was_busy_is_asked_for_again_but_not_at_once():
+    machine = machine_of_1_1(*MESSAGE_CAPABILITIES)
+    ticket = machine.ask(SetViewport(64, 48))
+    machine.data_to_send(0.0)
+    error = {"type": "error", "code": "busy", "message": "", "id": ticket}
+    (refused,) = receive(machine, packet(error), 1.0)
+    assert isinstance(refused, Refused)
+    machine.ask(SetViewport(64, 48))
+    assert machine.data_to_send(1.0 + LIMITS["ask_again_min_seconds"]) == b""
+    (request,) = packets(machine.data_to_send(machine.deadline()))
+    assert request["type"] == "set_viewport"

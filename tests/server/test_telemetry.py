@@ -183,12 +183,13 @@ def test_more_series_than_a_message_has_come_in_several(stage: Stage) -> None:
     assert client.hear() == []
 
 
-def test_more_than_a_packet_holds_comes_in_several(stage: Stage) -> None:
-    """[FRM-2]"""
+@pytest.mark.parametrize(("count", "edge"), [(2**53 - 1, 1 / 3), (0, 0.0)])
+def test_more_than_a_packet_holds_comes_in_several(stage: Stage, count: int, edge: float) -> None:
+    """[FRM-2], and of small numbers [JSN-12]."""
     client = stage.steerer()
     client.say(EVERYTHING)
-    edges = np.arange(1025) + 1 / 3
-    given = {f"h{n}": (np.full(1024, 2**53 - 1), edges) for n in range(60)}
+    edges = np.arange(1025) + edge
+    given = {f"h{n}": (np.full(1024, count), edges) for n in range(60)}
     give(stage, **given)
     found: list[str] = []
     while received := names(client):

@@ -46,6 +46,9 @@ CUDA_PACKET = InitPacket(
 CUDA = init_packet_object(CUDA_PACKET)
 
 
+NO_VERSIONS = ("1.0", "1.01", "1.1.2", "1.x", "1.", "1.2 ", "1.2\n", "1.٢", "2.0", "2.2", "", 1.2)
+
+
 def with_value(message: dict, pointer: str, value: object) -> dict:
     """The message with `value` where the pointer leads, or with nothing there for `...`."""
     changed = json.loads(json.dumps(message))
@@ -97,6 +100,12 @@ def test_unknown_members_are_ignored_at_every_level():
         assert parse_init_packet(with_value(HOST, f"{place}/later", [None])) == HOST_PACKET
 
 
+@pytest.mark.parametrize("version", ["1.2", "1.10", "1.100", "1." + "9" * 5000])
+def test_a_later_version_is_taken_for_ones_own_by_the_members_that_are_known(version):
+    later = with_value(HOST, "/memory/later", [None]) | {"version": version, "later": {}}
+    assert parse_init_packet(later) == HOST_PACKET
+
+
 @pytest.mark.parametrize("kind", ["init", "", None, 7])
 def test_what_has_a_type_is_no_init_packet(kind):
     for message in (LEGACY, HOST):
@@ -133,7 +142,7 @@ def test_without_version_what_follows_is_not_known():
         (LEGACY, "/mem_color", "A" * 85 + "B==", "INI-7"),
         (LEGACY, "/mem_color", "ä" * 86 + "==", "INI-7"),
         (LEGACY, "/mem_depth", "\n" + "A" * 86 + "==", "INI-7"),
-        (HOST, "/version", "1.2", "MEM-1"),
+        *((HOST, "/version", version, "MEM-1") for version in NO_VERSIONS),
         (HOST, "/generation", ..., "MEM-1"),
         (HOST, "/generation", 0, "MEM-1"),
         (HOST, "/memory", ..., "MEM-2"),

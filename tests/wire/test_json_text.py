@@ -226,3 +226,12 @@ def test_deep_nesting_is_never_sent():
     with pytest.raises(ProtocolError) as caught:
         serialize(message)
     assert caught.value.requirement == "JSN-5"
+
+
+def test_more_values_than_there_may_be_are_never_sent():
+    most = {"type": "x", "list": ([0] * (LIMITS["max_json_values"] - 6), {"a": None})}
+    assert len(serialize(most)) > 2 * LIMITS["max_json_values"]
+    serialize(most | {"list": "0," * 100_000})
+    with pytest.raises(ProtocolError) as caught:
+        serialize(most | {"more": 0})
+    assert (caught.value.code, caught.value.requirement) == ("malformed_json", "JSN-12")

@@ -16,6 +16,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.wire.message_kinds import NUMBER, Shape
 
+MAX_VALUES: int = LIMITS["max_json_values"]
 LONG_NUMBER = 300
 """Digits from which an integer may overflow double precision."""
 _NO_BRACKET = re.compile(r'"(?:[^"\\]|\\.?)*(?:"|\Z)|[^][{}"]+', re.DOTALL)
@@ -52,7 +53,7 @@ def read(payload: bytes) -> ReadPayload:
         if shallow and "\\u" not in text:
             value = _FAULTLESS.decode(text)
             if isinstance(value, dict):
-                return ReadPayload(value, ())
+                return ReadPayload(value, _too_many(payload, value))
     return _read_closely(payload)
 
 
@@ -164,7 +165,20 @@ def _read_closely(payload: bytes) -> ReadPayload:
             None,
             (*faults, PayloadFault("JSN-1", "no-object", f"the payload is a {kind}, no object")),
         )
-    return ReadPayload(value, tuple(faults))
+    return ReadPayload(value, (*faults, *_too_many(payload, value)))
+
+
+def _too_many(payload: bytes, value: dict[str, Any]) -> tuple[PayloadFault, ...]:
+    """Counted only where so many bytes can hold more values than there may be."""
+    if len(payload) <= 2 * MAX_VALUES or (count := _values(value)) <= MAX_VALUES:
+        return ()
+    text = f"{count:,} values, {MAX_VALUES:,} are allowed"
+    return (PayloadFault("JSN-12", "too-many-values", text),)
+
+
+def _values(value: Any) -> int:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return 1 + sum(map(_values, inner))
 
 
 def _strings(value: Any) -> Iterator[str]:

@@ -104,8 +104,12 @@ def around(example: Example) -> list[Entry]:
         case "error":
             questions = [client({**ASK_SIZE, **asked})] if asked else []
             return talk("msg", *negotiated, *questions, server(message))
-        case "opened" | "open_failed" | "closed":
+        case "opened" | "open_failed":
             return talk("ipc", *greeting(*ALL), server(memory_for(members)), client(message))
+        case "closed":
+            memory = memory_for(members)
+            opened = client(about_generation("opened", memory["generation"]))
+            return talk("ipc", *greeting(*ALL), server(memory), opened, client(message))
         case "frame":
             opened = client(about_generation("opened", memory_for(members)["generation"]))
             steps = (server(memory_for(members)), opened, server(message))

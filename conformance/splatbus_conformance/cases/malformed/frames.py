@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from splatbus_conformance.cases.malformed.init_packets import (
     ABSENT,
+    BEYOND,
     NO_NUMBERS,
     NO_OBJECTS,
     NO_STRINGS,
@@ -72,3 +73,11 @@ def broken_frames(width: int, height: int) -> Iterator[BrokenFrame]:
         yield BrokenFrame("objects", {"objects": [_OBJECT | {name: value}]})
     many = [_OBJECT | {"object": f"o{number}"} for number in range(257)]
     yield BrokenFrame("objects", {"objects": many})
+
+
+def frames_of_no_image() -> Iterator[BrokenFrame]:
+    """`generation`, `seq` or `slot` broken, so that nothing can be given back."""
+    wrong = (ABSENT, -1, 0.5, BEYOND, "1", *NO_NUMBERS, True)
+    for name, values in {"generation": (0, *wrong), "seq": wrong, "slot": wrong}.items():
+        for value in values:
+            yield BrokenFrame(name, {name: value})

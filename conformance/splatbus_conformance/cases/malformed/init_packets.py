@@ -126,8 +126,9 @@ def _offsets() -> Iterator[BrokenInitPacket]:
 
 
 def _version() -> Iterator[BrokenInitPacket]:
-    versions = ("1.0", "1.2", "1.10", "2.0", "1.1 ", "", 1.1, *NO_STRINGS)
-    yield from _each("MEM-1", "version", versions)
+    odd = ("1.01", "1.02", "1.2.3", "1.x", "1.", "1.-2", "1.2 ", "1.2\n", "1.٢", "01.2")
+    versions = ("1.0", "2.0", "2.2", "1.1 ", "", 1.1, 1.2, *NO_STRINGS)
+    yield from _each("MEM-1", "version", odd + versions)
     generations = (ABSENT, 0, -1, 1.5, BEYOND, "1", *NO_NUMBERS, True)
     yield from _each("MEM-1", "generation", generations)
 

@@ -27,6 +27,7 @@ Json = dict[str, Any]
 MAX_SLOTS: int = LIMITS["max_slots"]
 ALIGNMENT = 16
 _NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
+_LATER = re.compile(r"1\.([2-9]|[1-9][0-9]+)")
 _UUID = re.compile(r"GPU-[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 RING = ("slots", "colorOffset", "colorStride", "depthOffset", "depthStride")
 SEMANTICS = {
@@ -49,7 +50,8 @@ class AnnouncedMemory(NamedTuple):
     granted: frozenset[str] | None
     """The capabilities of a `welcome` before it; None without one, or where they are unreadable."""
     breaks_no_rule: bool
-    """Neither the packet nor its text breaks anything."""
+    """Neither the packet nor its text breaks anything that keeps a client from opening it: a later
+    version does not (MEM-18)."""
 
     @property
     def generation(self) -> object:
@@ -79,7 +81,10 @@ def announced(conversation: Conversation) -> tuple[AnnouncedMemory, ...]:
             newest = whole(message.value.get("generation"), 1) or newest
         shown = tuple(layout(message.value))
         is_one = "meta" in message.value and "type" not in message.value  # INI-11
-        judged = all(j.breach is None for j in shown + added)
+        version = message.value.get("version")
+        later = isinstance(version, str) and _LATER.fullmatch(version)
+        broken = {j.breach.code for j in shown + added if j.breach}
+        judged = not broken - ({"wrong-version"} if later else set())
         sound = is_one and judged and not message.faults
         found.append(AnnouncedMemory(message, added, granted, sound))
     return tuple(found)

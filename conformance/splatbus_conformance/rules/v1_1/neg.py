@@ -10,8 +10,14 @@ from splatbus_conformance.rules.v1_0.req_replies import viewport_size
 from splatbus_conformance.rules.v1_1.mem import capabilities
 from splatbus_conformance.rules.v1_1.neg_hello import hello
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import SAFE, integer_in, show
-from splatbus_conformance.wire.message_kinds import ADDED_MEMBERS, CLIENT_1_1, NEEDS, REQUESTS
+from splatbus_conformance.wire.json_values import SAFE, integer_in, show, whole
+from splatbus_conformance.wire.message_kinds import (
+    ADDED_MEMBERS,
+    CLIENT_1_1,
+    NEEDS,
+    REPLIES,
+    REQUESTS,
+)
 
 
 @rule("NEG-1", "NEG-3")
@@ -106,6 +112,27 @@ def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
             yield about(conversation, message, "NEG-27", wrong, "/id")
 
 
+@rule("NEG-37")
+def ids_tell_what_waits_apart(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-37: no request after `welcome` has the `id` of another that waits for its answer.
+
+    An answer is on record before whoever it is for can have read it. One whose `id` cannot be read
+    may be that of any.
+    """
+    waiting: set[int] = set()
+    for message, _, welcome in conversation.placed(*REQUESTS, *REPLIES, "error"):
+        number = whole((message.value or {}).get("id"), 0)
+        if welcome is None or (number is None and message.sender == "client"):
+            continue
+        if message.sender == "client" and number is not None:
+            text = f"a request with id {number} is still unanswered"
+            wrong = Breach("id-in-use", text) if number in waiting else None
+            yield about(conversation, message, "NEG-37", wrong, "/id")
+            waiting.add(number)
+        else:
+            waiting -= waiting if number is None else {number}
+
+
 class _Addition(NamedTuple):
     """Something in a client's message that 1.1 adds, and the capability that it belongs to."""
 
@@ -162,4 +189,5 @@ RULES: tuple[Rule, ...] = (
     nothing_before_welcome,
     falls_back,
     ids_are_integers,
+    ids_tell_what_waits_apart,
 )

@@ -1,8 +1,8 @@
 """Rules on opening and closing (spec 1.1 chapter 4)."""
 
 import math
-from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 
@@ -13,6 +13,14 @@ from splatbus_conformance.wire.json_values import SAFE, integer_in, show, text_o
 
 MAX_REASON: int = LIMITS["max_reason_chars"]
 ANSWERS = ("opened", "open_failed")
+
+
+class Said(NamedTuple):
+    """What a client has said of an init packet."""
+
+    packet: int
+    """Which of the connection."""
+    kind: str
 
 
 @rule("OPN-1", "OPN-5", "OPN-6", "OPN-11")
@@ -26,21 +34,22 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
         return
     coming = list(announced(conversation))
     known: list[AnnouncedMemory] = []
-    answered: Counter[int] = Counter()
+    said: list[Said] = []
     for message, _, welcome in conversation.placed("init_packet", *ANSWERS, "closed"):
         if coming and message is coming[0].message:
             known.append(coming.pop(0))
         elif welcome is not None and message.kind != "init_packet":
-            yield from _answer(conversation, message, known, answered)
+            yield from _answer(conversation, message, known, said)
+    answered = _answered(said)
     heard = max((m.packet.ended for m in conversation.sent_by("client")), default=-math.inf)
     for i, packet in enumerate(known):
-        if _to_be_ignored(known, i) and not answered[i] and packet.message.packet.ended < heard:
+        if _to_be_ignored(known, i) and i not in answered and packet.message.packet.ended < heard:
             yield about(conversation, packet.message, "OPN-6", peer="client")
     ended = conversation.ended
     if "c2s" in ended and ended["c2s"] <= ended.get("s2c", ended["c2s"]):
         for i, packet in enumerate(known):
             due = packet.breaks_no_rule and not _to_be_ignored(known, i)
-            if due and not answered[i] and any(j > i for j in answered):
+            if due and i not in answered and any(j > i for j in answered):
                 breach = Breach("not-answered", "never answered, unlike a later one")
                 yield about(conversation, packet.message, "OPN-1", breach, peer="client")
 
@@ -90,10 +99,7 @@ def further_init_packets_are_agreed(conversation: Conversation) -> Iterator[Sigh
 
 
 def _answer(
-    conversation: Conversation,
-    message: Message,
-    known: list[AnnouncedMemory],
-    answered: Counter[int],
+    conversation: Conversation, message: Message, known: list[AnnouncedMemory], said: list[Said]
 ) -> Iterator[Sighting]:
     generation = (message.value or {}).get("generation")
     named = [i for i, packet in enumerate(known) if _same(packet.generation, generation)]
@@ -105,26 +111,36 @@ def _answer(
             conversation, message, "OPN-11", Breach("unknown-generation", text), "/generation"
         )
         return
-    yield about(conversation, message, "OPN-11")
-    last = named[-1]
+    last, before = named[-1], {it.kind for it in said if it.packet in named}
+    again = not before.isdisjoint(ANSWERS)
+    text = f"generation {show(generation)} is {{}}"
+    breach = None
+    if message.kind == "closed" and "opened" not in before:
+        breach = Breach("not-opened", text.format("closed, which was never opened"))
+    elif message.kind == "closed" and "closed" in before:
+        breach = Breach("closed-twice", text.format("closed a second time"))
+    elif message.kind != "closed" and again and not known[last].breaks_no_rule:
+        breach = Breach("answered-twice", text.format("answered a second time"))
+    yield about(conversation, message, "OPN-11", breach)
+    answered = _answered(said)
     if message.kind == "closed":
-        last = max((i for i in named if answered[i]), default=last)
-        if any(packet.breaks_no_rule for packet in known[last + 1 :]):
-            text = f"generation {show(generation)} is closed before a later one is answered"
-            in_order = any(i > last for i in answered)
-            wrong = None if in_order else Breach("too-early", text)
-            yield about(conversation, message, "OPN-5", wrong)
-        return
-    if _to_be_ignored(known, last):
+        opened = max((i for i in named if i in answered), default=last)
+        if any(packet.breaks_no_rule for packet in known[opened + 1 :]):
+            in_order = any(i > opened for i in answered)
+            early = Breach("too-early", text.format("closed before a later one is answered"))
+            yield about(conversation, message, "OPN-5", None if in_order else early)
+    elif _to_be_ignored(known, last):
         text = "a further init packet is answered, although welcome does not list reinit"
         yield about(conversation, message, "OPN-6", Breach("not-ignored", text))
     elif known[last].breaks_no_rule:
-        again = answered[last] >= len(named)
-        text = f"generation {show(generation)} is answered a second time"
-        yield about(
-            conversation, message, "OPN-1", Breach("answered-twice", text) if again else None
-        )
-    answered[last] += 1
+        twice = Breach("answered-twice", text.format("answered a second time"))
+        yield about(conversation, message, "OPN-1", twice if again else None)
+    said.append(Said(last, str(message.kind)))
+
+
+def _answered(said: list[Said]) -> set[int]:
+    """The init packets that were answered."""
+    return {it.packet for it in said if it.kind in ANSWERS}
 
 
 def _to_be_ignored(known: list[AnnouncedMemory], i: int) -> bool:

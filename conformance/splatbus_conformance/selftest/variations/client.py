@@ -32,7 +32,7 @@ from splatbus_conformance.selftest.mutants.v1_0.frm.clients import in_two_writes
 from splatbus_conformance.selftest.mutants.v1_0.req.clients import asks_once
 from splatbus_conformance.selftest.mutants.v1_1.img.clients import subscribes
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
-from splatbus_conformance.selftest.mutants.v1_1.neg.granted import says
+from splatbus_conformance.selftest.mutants.v1_1.neg.granted import asks_for_a_size_again, says
 
 
 @variation()
@@ -204,6 +204,12 @@ def says_all_of_1_1(patch: Patch) -> None:
     says(patch)
 
 
+@variation()
+def insists_on_another_size(patch: Patch) -> None:
+    """Asks for images of another size until it has them, as often as it may."""
+    asks_for_a_size_again(patch)
+
+
 @variation(axes="opencv")
 def flushes_subnormal_numbers(patch: Patch) -> None:
     """Takes numbers that are too small for normal ones of single precision for 0."""
@@ -238,6 +244,20 @@ def requests_without_id(patch: Patch) -> None:
         patch,
         lambda original, payload, request: original(payload, request and request._replace(id=None)),
     )
+
+
+@variation()
+def the_same_id_in_every_request(patch: Patch) -> None:
+    """Gives each request the id of the one before, which has been answered."""
+
+    def decode(original: Any, payload: bytes, request: Any) -> Any:
+        numbered = request is not None and request.id is not None
+        message = original(payload, request._replace(id=7) if numbered else request)
+        answers = numbered and getattr(message, "id", None) == 7
+        return message._replace(id=request.id) if answers else message
+
+    messages(patch, lambda message: message | {"id": 7} if "id" in message else message)
+    client.READS_MESSAGE.wrap(patch, decode)
 
 
 @variation()

@@ -20,6 +20,12 @@ def holders(name: str) -> list[int]:
     return [pid for pid in _others() if _maps(pid, path) or path in _open_files(pid)]
 
 
+def writers(name: str) -> list[int]:
+    """Those of the holders that have it open for writing, or have mapped what they so opened."""
+    path = f"/dev/shm/{name}"
+    return [pid for pid in holders(name) if _may_write(pid, path) or _writes(pid, path)]
+
+
 def owner(port: int, peer_port: int) -> int | None:
     """The process whose TCP connection goes from `port` to `peer_port`, if that is shown."""
     socket = _socket(f":{port:04X}", f":{peer_port:04X}")
@@ -66,6 +72,32 @@ def _maps(pid: int, path: str) -> bool:
     with contextlib.suppress(OSError):
         lines = (PROC / str(pid) / "maps").read_text("utf-8", "replace").splitlines()
         return any(line.removesuffix(" (deleted)").endswith(f" {path}") for line in lines)
+    return False
+
+
+def _may_write(pid: int, path: str) -> bool:
+    """Whether a mapping is writable, or could be made so: `mw`, of a file opened for writing."""
+    here = False
+    with contextlib.suppress(OSError):
+        for line in (PROC / str(pid) / "smaps").read_text("utf-8", "replace").splitlines():
+            if not line.split(" ", 1)[0].endswith(":"):  # where the next mapping begins
+                here = line.removesuffix(" (deleted)").endswith(f" {path}")
+                if here and "w" in line.split()[1]:
+                    return True
+            elif here and line.startswith("VmFlags:") and "mw" in line.split():
+                return True
+    return False
+
+
+def _writes(pid: int, path: str) -> bool:
+    with contextlib.suppress(OSError):
+        for entry in (PROC / str(pid) / "fd").iterdir():
+            with contextlib.suppress(OSError):
+                if str(entry.readlink()).removesuffix(" (deleted)") == path:
+                    told = (PROC / str(pid) / "fdinfo" / entry.name).read_text()
+                    flags = next(it for it in told.splitlines() if it.startswith("flags:"))
+                    if int(flags.split()[1], 8) & os.O_ACCMODE != os.O_RDONLY:
+                        return True
     return False
 
 

@@ -11,6 +11,7 @@ BROKEN = {
     "JSN-3": b'{"a":1,"a":2,%s',
     "JSN-4": b'{"a":NaN,%s',
     "JSN-5": b'{"a":' + b"[" * 64 + b"]" * 64 + b",%s",
+    "JSN-12": b'{"a":[' + b"0," * 65_536 + b"0],%s",
 }
 
 
@@ -34,6 +35,15 @@ CASES = [
 def test_one_message_breaks_a_requirement_once_however_often_it_does() -> None:
     twice = says("client", b'{"a":NaN,"b":1e400,"c":-Infinity,%s')
     assert breaches(twice) == {("client", "JSN-4"): 1}
+
+
+def test_as_many_values_as_there_may_be_are_allowed() -> None:
+    # The object, its type, the array; names are no values, nor are zeros in a string.
+    most = b'{"a":[' + b"0," * (65_536 - 4) + b"0],%s"
+    assert breaches(says("client", most)) == {}
+    assert breaches(says("client", most.replace(b"0,0", b'0,"0,0"', 1))) == {}
+    assert breaches(says("client", most.replace(b"0,0", b"0,{}", 1))) == {}
+    assert breaches(says("client", most.replace(b"0,0", b"0,[0]", 1))) == {("client", "JSN-12"): 1}
 
 
 def test_depth_64_is_allowed() -> None:

@@ -37,6 +37,7 @@ from tests.conformance.rules.talk import (
 
 TYPED_SIZE = {"type": "viewport_size", **SIZE}
 FALLEN_BACK = (client(hello()), client(ASK_SIZE), server(SIZE))
+ASKS_3 = client({**ASK_SIZE, "id": 3}), server({**TYPED_SIZE, "id": 3})
 RELEASE = client(about_generation("release", seq=1))
 
 
@@ -74,6 +75,7 @@ CASES = [
         ipc(server(INIT), client(hello(*ALL)), OPENED),
     ),
     Case("NEG-27", "client", asks_with(2**53 - 1), asks_with(-1)),
+    Case("NEG-37", "client", msg(*GREETING, *ASKS_3, *ASKS_3), msg(*GREETING, *ASKS_3[:1] * 2)),
 ]
 
 
@@ -109,6 +111,17 @@ def test_neg_2_covers_every_member(pointer: str, value: Any) -> None:
 @pytest.mark.parametrize("number", [1.5, None, True, "first", 2**53])
 def test_neg_27_wants_an_integer(number: object) -> None:
     assert breaches(asks_with(number)) == {("client", "NEG-27"): 1}
+
+
+@pytest.mark.parametrize("id", [{"id": 3}, {}])
+def test_an_error_answers_too_and_one_without_id_any_request(id: dict) -> None:
+    refused = server({"type": "error", "code": "internal", "message": "", **id})
+    assert ("client", "NEG-37") not in breaches(msg(*GREETING, ASKS_3[0], refused, *ASKS_3))
+
+
+def test_another_id_may_be_used_while_one_waits() -> None:
+    other = client({**ASK_CAMERA, "id": 4})
+    assert breaches(msg(*GREETING, ASKS_3[0], other, *ASKS_3[1:])) == {}
 
 
 def test_an_id_as_a_string_breaks_jsn_4_where_an_id_belongs() -> None:

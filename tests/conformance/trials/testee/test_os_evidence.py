@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
-from splatbus_conformance.trials.testee.os_evidence import holders, owner
+from splatbus_conformance.trials.testee.os_evidence import holders, owner, writers
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows it")
 
@@ -73,6 +73,17 @@ def test_memory_that_was_removed_is_still_held() -> None:
         memory.close()
         assert mapped == "mapped"
         assert holders(memory.name) == [other.pid]
+
+
+@pytest.mark.parametrize("how", ["mapped", "open"])
+@pytest.mark.parametrize("mode", ["rb", "r+b"])
+def test_who_may_write_is_told_from_who_reads(how: str, mode: str) -> None:
+    code = MAPS.replace('"rb"', f'"{mode}"')
+    code = code if how == "mapped" else code.replace("file.close()", "memory.close()")
+    with HostMemory(4096) as memory, running(code, memory.name) as other:
+        assert says(other) == "mapped"
+        assert holders(memory.name) == [other.pid]
+        assert writers(memory.name) == ([other.pid] if mode == "r+b" else [])
 
 
 def test_nobody_holds_what_only_the_harness_has() -> None:

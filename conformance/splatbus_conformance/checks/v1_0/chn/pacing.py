@@ -18,6 +18,7 @@ from splatbus_conformance.wire.sockets import Connection
 
 LEAST: float = LIMITS["reconnect_min_seconds"]
 MOST: float = LIMITS["reconnect_max_seconds"]
+ERROR_PAUSE: float = LIMITS["error_pause_seconds"]
 ENDS = ("close", "reset", "end")
 """How a connection is lost; `end` is a half-close."""
 BAD_LENGTH = "a length that no packet may have"
@@ -259,14 +260,39 @@ def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
     trial.peer.clear()
 
 
-@check("NEG-24", observable="the time between the connections that the testee makes")
+@check("NEG-24", observable="how soon after an error the testee connects again")
 def check_pauses_after_errors(trial: ClientTrial) -> None:
-    """An `error` in place of `welcome`, twice in a row, with codes that close and others."""
+    """An `error` in place of `welcome`, twice in a row, with codes that close and others.
+
+    The error is received after it was sent, and an attempt begins before it is accepted.
+    """
     channels = [it for it in coming_back(trial) if trial.facts.speaks_1_1(it)]
     if not channels:
         trial.not_observable("the testee says no hello where it comes back")
     for code in trial.each(CODES, kind=kind_of_code, spare=1):
-        judge_pace(trial, channels, code, f"after an error {code}")
+        for channel in channels:
+            trial.role.welcomes = False
+            connection = trial.connection(channel)
+            for _ in range(2):
+                if not trial.says_hello(connection):
+                    trial.not_observable("the testee said no hello")
+                told = lose(trial, connection, code)
+                if not connection.gone:
+                    connection.close()
+                    break
+                connection = after(trial, channel, told)
+                pause = connection.opened - told
+                trial.expect(
+                    pause >= ERROR_PAUSE,
+                    "too-soon",
+                    f"it connected to the {channel} channel {1000 * pause:.0f} ms after an error "
+                    f"{code} was sent there; {1000 * ERROR_PAUSE:.0f} are asked for",
+                )
+                trial.delivered += 1
+                if pause >= SLOW_SECONDS:
+                    break
+            trial.role.welcomes = True
+            trial.reassure(channel)
 
 
 @check("CHN-22", observable="how long after it could connect again the testee does")

@@ -191,23 +191,30 @@ def check_says_its_object_again_as_it_was(trial: ClientTrial) -> None:
 
 def judge_what_is_said_again(trial: ClientTrial, kind: Kind) -> None:
     """A pose that was sent is lost with its connection; what is said then has to be that pose."""
-    for pose, came, found, _ in sent(trial, kind, 1, 1):
-        sent_last, before = pose, came
-        if found.far:
-            trial.not_observable(f"{came} came of {pose} while the connection lasted (CNV)")
-    heard = trial.role.with_(trial.connection("msg")).heard
-    trial.wait(lambda: any(_is_of(kind, message) for message in heard), RESEND_SECONDS)
-    said = next((message for message in heard if _is_of(kind, message)), None)
+    given, said = said_again(trial, kind, RESEND_SECONDS)
+    before = given.came
+    if given.off.far:
+        trial.not_observable(f"{before} came of {given.pose} while the connection lasted (CNV)")
     if said is None:
         trial.not_observable(f"the testee says no {kind} again when it has come back")
     again, size = _read(trial, kind, said), (trial.role.width, trial.role.height)
     if off(again, *map(exact, before), single=trial.greeting.single, size=size).far:
-        reason = why(sent_last, again, engine_of(trial.greeting, kind))
+        reason = why(given.pose, again, engine_of(trial.greeting, kind))
         trial.violated(
             "another-pose",
             f"{before} was said again as {again}" + (f": {reason}" if reason else ""),
         )
     trial.delivered += 1
+
+
+def said_again(trial: ClientTrial, kind: Kind, *seconds: float) -> tuple[GivenPose, Json | None]:
+    """A pose that was sent, and lost with its connection, and what the testee says by itself of
+    this kind in that time, when it has come back.
+    """
+    *_, given = sent(trial, kind, 1, 1)
+    heard = trial.role.with_(trial.connection("msg")).heard
+    trial.wait(lambda: any(_is_of(kind, message) for message in heard), *seconds)
+    return given, next((message for message in heard if _is_of(kind, message)), None)
 
 
 @check("CNV-2", observable=OBSERVABLE, needs=("msg", "adapter:send_object"))

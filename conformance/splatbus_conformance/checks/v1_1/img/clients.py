@@ -2,11 +2,12 @@
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.cases.malformed.frames import broken_frames
-from splatbus_conformance.checks import check
+from splatbus_conformance.cases.malformed.frames import broken_frames, frames_of_no_image
+from splatbus_conformance.checks import Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import reading
 from splatbus_conformance.trials.trial import SETTLE_SECONDS
+from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
 
 LAST_NUMBER: int = LIMITS["max_safe_integer"]
@@ -45,7 +46,7 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
 
 
 @check(
-    "IMG-12",
+    "IMG-24",
     observable="one release for each frame that the testee cannot use",
     needs=("capability:frames", "returns:ipc"),
     may_crash=True,
@@ -82,6 +83,37 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
             "good-frame-not-released",
             "the good frame after them was not released",
         )
+
+
+@check(
+    "IMG-24",
+    observable="one release for each frame whose number is not greater than the one before",
+    needs=("capability:frames", "returns:ipc"),
+    may_crash=True,
+    cases=Cases((0, 1, 2, LAST_NUMBER)),
+)
+def check_releases_frames_whose_numbers_do_not_grow(trial: ClientTrial, back: int) -> None:
+    """A frame has the number of the one before it, which was released, or a lesser one; a testee
+    that closes the connection instead gives the slot back with it.
+    """
+    connection = reading(trial)
+    dealings = trial.role.with_(connection)
+    last = trial.role.lend(connection)
+    if not trial.releases(connection, last):
+        trial.not_observable("the testee did not release a good frame")
+    seq = max(0, last - back)
+    dealings.coming = trial.role.coming(connection)._replace(seq=seq)
+    trial.role.lend(connection)
+    due = dealings.frames.count(seq)
+    trial.wait(lambda: dealings.released.count(seq) == due or connection.ended)
+    what = f"frame {seq} after frame {last}"
+    expect_alive(trial, connection, what)
+    if not connection.ended:
+        given_back = dealings.released.count(seq) == due
+        trial.expect(given_back, "not-released", f"{what} was not released within 5 s")
+    elif "ipc" in trial.facts.returns:
+        trial.expect(trial.comes_back("ipc"), "closed-for-good", f"{what}: it closed, for good")
+    trial.delivered += 1
 
 
 @check(
@@ -131,7 +163,24 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
         member, _, after = name.partition(" ")
         since = trial.role.with_(connection).generation if after else 0
         changes = {member: since + value}
-        judge_bad_frame(trial, connection, f"a frame with {changes}", **changes)
+        bad = trial.role.next_frame(connection) | changes
+        judge_bad_frame(trial, connection, f"a frame with {changes}", bad)
+
+
+@check(
+    "IMG-15",
+    observable="no release for a frame that does not say which image it is; the next one's is sent",
+    needs=("capability:frames", "returns:ipc"),
+    may_crash=True,
+)
+def check_ignores_frames_that_name_no_image(trial: ClientTrial) -> None:
+    """Frames whose generation, slot or number is missing, of another type, or none that may be."""
+    connection = reading(trial)
+    cases = list(frames_of_no_image())
+    for broken in trial.each(cases, kind=lambda case: case.kind):
+        connection = reading(trial) if connection.ended else connection
+        bad = broken.of(trial.role.next_frame(connection))
+        judge_bad_frame(trial, connection, f"a frame with {broken}", bad)
 
 
 @check(
@@ -150,7 +199,8 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
         if not (trial.closes(connection, former) or connection.ended):
             expect_alive(trial, connection, "a further init packet")
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
-        judge_bad_frame(trial, connection, "a frame of closed memory", generation=former)
+        bad = trial.role.next_frame(connection) | {"generation": former}
+        judge_bad_frame(trial, connection, "a frame of closed memory", bad)
 
 
 def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
@@ -161,15 +211,14 @@ def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
         trial.judge(fate, what)
 
 
-def judge_bad_frame(
-    trial: ClientTrial, connection: Connection, what: str, **changes: object
-) -> None:
-    """Lend a frame with members changed as named, then a good one, and judge what came of them."""
+def judge_bad_frame(trial: ClientTrial, connection: Connection, what: str, bad: Json) -> None:
+    """Send a frame that lends nothing, then a good one, and judge what came of them."""
     dealings = trial.role.with_(connection)
-    bad = trial.role.lend(connection, **changes)
+    before = dealings.count("release")
+    trial.role.say(connection, bad)
     good = trial.role.lend(connection)
     trial.releases(connection, good)
-    if bad in dealings.released:
+    if dealings.count("release") > before + (good in dealings.released):
         outcome = "accepts"
     elif good in dealings.released:
         outcome = "ignores"

@@ -2,17 +2,20 @@
 
 import mmap
 import secrets
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
 
+from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.init_packets import ROOM, beyond_memory, breaches_of_1_1
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
-from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet, judge_breaches
-from splatbus_conformance.images.memory.host import HostMemory
+from splatbus_conformance.checks import OPENS_HOST_MEMORY, Cases, check
+from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet, judge_breaches, offer
+from splatbus_conformance.images.memory.host import LINUX_FOLDER, HostMemory
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.testee.os_evidence import holders, writers
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import encode, init_packet_1_1, ring_bytes
 from splatbus_conformance.wire.packets import packet
@@ -168,3 +171,42 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
         stale = packet(encode(init_packet_1_1(name, again, width, height)))
         outcome = trial.outcome_on_ipc(connection, stale)
         trial.judge(outcome, f"generation {again} after generation {newest} (MEM-1)")
+
+
+@check(
+    "MEM-18",
+    observable="the testee answers opened to init packets of later versions",
+    needs=OPENS_HOST_MEMORY,
+    cases=Cases((2, 10, 11, 100), st.integers(3, 1 << 70), quick=2, full=20),
+)
+def check_takes_later_versions(trial: ClientTrial, minor: int) -> None:
+    """Good memory is announced by a server that names a later minor version."""
+    trial.role.offers_memory = False
+    good = init_packet_1_1(trial.role.memory.name, 0, trial.role.width, trial.role.height)
+    opened, _ = offer(trial, good | {"version": f"1.{minor}"})
+    trial.expect(opened, "not-opened", f"an init packet of version 1.{minor} was not opened")
+    trial.delivered += 1
+
+
+@check(
+    "MEM-19",
+    observable="how the memory is opened when opened arrives (Linux), also where its mode is 0400",
+    needs=OPENS_HOST_MEMORY,
+)
+def check_opens_memory_for_reading_only(trial: ClientTrial) -> None:
+    """Memory of mode 0600, then of mode 0400; whoever has it must not be able to write to it."""
+    if sys.platform != "linux":
+        trial.not_observable("how the testee has opened memory is not shown here")
+    trial.role.offers_memory = False
+    for mode in (0o600, 0o400):
+        with HostMemory(ROOM) as memory:
+            (LINUX_FOLDER / memory.name).chmod(mode)
+            good = init_packet_1_1(memory.name, 0, trial.role.width, trial.role.height)
+            opened, _ = offer(trial, good)
+            writes, holds = writers(memory.name), holders(memory.name)
+        what = f"memory of mode {mode:04o}"
+        trial.expect(not writes, "opened-for-writing", f"process {writes} may write to {what}")
+        trial.expect(opened, "not-opened", f"{what} was not opened")
+        trial.delivered += bool(holds)
+    if not trial.delivered:
+        trial.not_observable("what the testee has mapped is not shown here")

@@ -8,7 +8,6 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
 from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, OPENS_HOST_MEMORY, Cases, check
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
-from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.wire.json_values import strings
@@ -20,7 +19,7 @@ from splatbus_conformance.wire.message_kinds import (
     NEEDS,
     REQUESTS,
 )
-from splatbus_conformance.wire.messages import Json, encode, error, reply, welcome
+from splatbus_conformance.wire.messages import Json, encode, error, reply
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import Connection
@@ -237,77 +236,6 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
         outcome = "closes" if connection.ended else "ignores"
         trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
         trial.delivered += 1
-
-
-@check(
-    "NEG-13",
-    observable="what the testee sends on the message channel of a 1.0 server",
-    needs=("hello:msg",),
-)
-def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
-    """A server that knows no hello answers get_viewport_size, once the testee has said what it
-    says unasked; the testee is listened to, and again when a `welcome` has come after all.
-    """
-    trial.role.speaks, trial.role.replies = "1.0", False
-    trial.role.width = trial.role.height = 0  # who waits for images asks on (REQ-12)
-    connection = trial.connection("msg")
-    dealings = trial.role.with_(connection)
-    if not trial.wait(lambda: dealings.count("get_viewport_size")):
-        trial.not_observable("the testee does not ask for the size after hello")
-    listen(trial, connection)
-    before = len(dealings.heard)  # what was said until here is left to NEG-5
-    trial.role.replies = True
-    answer_all(trial, connection)
-    for moment in ("", " that said welcome too late"):
-        if moment:
-            trial.role.say(connection, welcome("msg", declared(trial)))
-        if trial.facts.poses:  # which show that it has run since
-            trial.grows(connection, dealings.heard, len(dealings.heard) + 1)
-        listen(trial, connection)
-        trial.expect(
-            not connection.ended, "closes", f"it closed the connection to a 1.0 server{moment}"
-        )
-        said = dealings.heard[before:]
-        more = {str(it.get("type")) for it in said} - LEGACY - {"hello"}
-        more = more.union(*map(added, said))
-        trial.expect(
-            not more, "newer-version", f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}"
-        )
-    trial.delivered += 1
-
-
-@check(
-    "NEG-14",
-    observable="what the testee sends on the IPC channel of a 1.0 server",
-    needs=("hello:ipc",),
-)
-def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
-    """A server that knows no hello sends its init packet at once; the testee is listened to, and
-    again when `welcome` and memory of 1.1 have come after all.
-    """
-    trial.role.speaks = "1.0"
-    connection = trial.connection("ipc")
-    said_hello = trial.says_hello(connection)
-    for moment in ("", " that said welcome too late"):
-        if moment:
-            trial.role.welcome(connection)
-            trial.role.offer(connection, trial.role.init_packet(connection))
-        listen(trial, connection)
-        more = heard(trial, connection) - {"hello"}
-        trial.expect(
-            not more, "newer-version", f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}"
-        )
-        if connection.ended:
-            trial.not_observable("the testee closed the connection to a 1.0 server")
-    connection.end_stream()
-    read_all = trial.ends(connection)
-    more = heard(trial, connection) - {"hello"}
-    trial.expect(
-        not more,
-        "newer-version",
-        f"it sent {', '.join(sorted(more))} to a 1.0 server that has gone",
-    )
-    trial.delivered += said_hello and read_all
 
 
 @check(

@@ -2,12 +2,13 @@
 
 import struct
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.cases.malformed.init_packets import ROOM, changed
+from splatbus_conformance.cases.malformed.init_packets import ABSENT, ROOM, changed
 from splatbus_conformance.cases.shrinking import without_one
 from splatbus_conformance.cases.valid.init_packets import SEMANTICS, layouts
 from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
@@ -316,3 +317,38 @@ def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
             memory.digest() == before, "wrote-to-memory", "it wrote to the memory before it ended"
         )
         trial.delivered += 1
+
+
+def answered_before(trial: ClientTrial) -> Iterator[tuple[str, Json, Json]]:
+    """What is announced first, and then of the same generation, in words and as init packets."""
+    good, nowhere = init_packet_1_1(trial.role.memory.name, 0), init_packet_1_1(NOWHERE, 0)
+    broken = changed(good, {"semantics": ABSENT})
+    for first, was in ((good, "opened"), (nowhere, "declined")):
+        for again in (good, nowhere, broken):
+            what = "what breaks a rule" if again is broken else again["memory"]["name"]
+            yield f"{what} for a generation that was {was}", first, again
+
+
+@check(
+    "OPN-11",
+    observable="no second answer to a generation that is announced again",
+    needs=TAKES_FURTHER,
+    may_crash=True,
+)
+def check_answers_no_generation_twice(trial: ClientTrial) -> None:
+    """Memory is announced that is there, or is not, and when that is answered again with the same
+    generation: good memory, memory that does not exist, and a packet that breaks a rule.
+    """
+    trial.role.offers_memory = trial.role.lends_frames = False
+    for what, first, again in trial.each(list(answered_before(trial))):
+        connection = trial.for_init_packet()
+        generation = trial.role.init_packet(connection)["generation"]
+        named = {"generation": generation}
+        trial.role.offer(connection, first | named)
+        if not awaits_answer(trial, connection, generation):
+            trial.not_observable("the testee did not answer an init packet (OPN-1)")
+        outcome = trial.outcome_on_ipc(connection, packet(encode(again | named)))
+        answers = said(trial, connection, *ANSWERS)[generation]
+        trial.expect(answers == 1, "answered-twice", f"{what}: {answers} answers to it")
+        going_on = outcome in ("ignores", "closes", "accepts", "declines")
+        trial.judge("conforms" if going_on else outcome, what)

@@ -94,6 +94,12 @@ def connects_again_at_once_after_an_error(patch: Patch) -> None:
     _waits(patch, 0.0, lambda self, reason: _complained(self))
 
 
+@mutant("NEG-24", check="check_pauses_after_errors", code="too-soon")
+def connects_again_at_once_after_every_other_error(patch: Patch) -> None:
+    """Connects again without a pause at every other complaint of the server."""
+    _waits(patch, 0.0, lambda self, _: _complained(self) and self.status.connections % 2 == 1)
+
+
 @mutant("CHN-22", check="check_comes_back_soon", code="too-late")
 def stays_away_after_an_error(patch: Patch) -> None:
     """Waits a minute when the server has complained."""

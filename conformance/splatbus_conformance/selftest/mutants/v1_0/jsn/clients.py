@@ -6,6 +6,7 @@ from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.surgery import in_poses, payloads
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
+from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
 
 DEPTH = 70
 NUMBER = re.compile(rb"(?<=:)-?[0-9][0-9.e-]*")
@@ -108,3 +109,11 @@ def numbers_as_strings_in_1_0(patch: Patch) -> None:
 def numbers_as_strings(patch: Patch) -> None:
     """Writes the numbers of a pose as strings."""
     payloads(patch, in_poses(lambda payload: NUMBER.sub(rb'"\g<0>"', payload)))
+
+
+@mutant("JSN-12", code="too-many-values", both=True)
+def zeros_without_number(patch: Patch) -> None:
+    """Appends seventy thousand zeros to all that is said of the size."""
+    trusts_its_scene(patch)
+    zeros = b',"zeros":[' + b"0," * 70_000 + b"0]}"
+    payloads(patch, lambda it: it[:-1] + zeros if b'viewport_size"' in it else it)

@@ -9,7 +9,7 @@ from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import InitPacket
-from splatbus_wire.message_types import Closed, Frame
+from splatbus_wire.messages import Closed, Frame, Release, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
@@ -18,6 +18,7 @@ from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
 
 UNUSABLE = "check_releases_frames_that_it_cannot_use"
+UNREADABLE = "check_ignores_frames_that_name_no_image"
 
 
 @mutant("IMG-14", check="check_reads_only_what_it_holds", code="read-without-lease", axes="opencv")
@@ -166,19 +167,19 @@ def _keeps(patch: Patch, *pointers: str) -> None:
     client.TAKES_BROKEN_PACKET.wrap(patch, on_broken)
 
 
-@mutant("IMG-12", check=UNUSABLE, code="not-released")
+@mutant("IMG-24", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_without_a_camera(patch: Patch) -> None:
     """Does not give back a frame whose camera is missing or no object."""
     _keeps(patch, "/camera [")
 
 
-@mutant("IMG-12", check=UNUSABLE, code="not-released")
+@mutant("IMG-24", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_without_a_rotation(patch: Patch) -> None:
     """Does not give back a frame whose camera has a rotation that is none."""
     _keeps(patch, "/camera/rotation")
 
 
-@mutant("IMG-12", check=UNUSABLE, code="not-released")
+@mutant("IMG-24", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_of_another_width(patch: Patch) -> None:
     """Does not give back a frame whose camera has another width than its memory."""
 
@@ -190,19 +191,19 @@ def keeps_the_slot_of_a_frame_of_another_width(patch: Patch) -> None:
     client.IS_LENT_FRAME.wrap(patch, lend)
 
 
-@mutant("IMG-12", check=UNUSABLE, code="not-released")
+@mutant("IMG-24", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_without_time(patch: Patch) -> None:
     """Does not give back a frame whose time is missing or no number."""
     _keeps(patch, "/time")
 
 
-@mutant("IMG-12", check=UNUSABLE, code="not-released")
+@mutant("IMG-24", check=UNUSABLE, code="not-released")
 def keeps_the_slot_of_a_frame_with_odd_objects(patch: Patch) -> None:
     """Does not give back a frame whose objects are malformed."""
     _keeps(patch, "/objects")
 
 
-@mutant("IMG-12", check=UNUSABLE, code="dies")
+@mutant("IMG-24", check=UNUSABLE, code="dies")
 def crashes_on_a_malformed_frame(patch: Patch) -> None:
     """Crashes on a frame that lacks a member."""
 
@@ -215,3 +216,47 @@ def crashes_on_a_malformed_frame(patch: Patch) -> None:
             raise
 
     client.READS_ON_IPC.wrap(patch, decode)
+
+
+@mutant("IMG-24", check="check_releases_frames_whose_numbers_do_not_grow", code="not-released")
+def keeps_the_slot_of_a_frame_that_is_not_newer(patch: Patch) -> None:
+    """Drops a frame whose number is not greater than that of the one before, and keeps its slot."""
+
+    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+        newer = frame.seq > newest.get(self, -1)
+        newest[self] = max(frame.seq, newest.get(self, -1))
+        return original(self, frame) if newer else iter(())
+
+    newest: dict[IpcProtocol, int] = {}
+    client.TAKES_FRAME.wrap(patch, on_frame)
+
+
+def _releases_what_is_broken(patch: Patch, member: str, number: int) -> None:
+    """Give back a frame that has no such member, or none that can be read, as if it had this."""
+
+    def on_broken(original: Any, self: IpcProtocol, payload: bytes, problem: str) -> Any:
+        if b'"frame"' in payload and f"at /{member} " in problem:
+            frame = json.loads(payload) | {member: number}
+            self.unsent += encode(Release(frame["generation"], frame["seq"]))
+            return iter(())
+        return original(self, payload, problem)
+
+    client.TAKES_BROKEN_PACKET.wrap(patch, on_broken)
+
+
+@mutant("IMG-15", check=UNREADABLE, code="accepts")
+def releases_a_frame_without_a_slot(patch: Patch) -> None:
+    """Gives back a frame that names no slot."""
+    _releases_what_is_broken(patch, "slot", 0)
+
+
+@mutant("IMG-15", check=UNREADABLE, code="accepts")
+def releases_a_frame_without_a_number(patch: Patch) -> None:
+    """Takes a frame without a number for number 0, and gives it back."""
+    _releases_what_is_broken(patch, "seq", 0)
+
+
+@mutant("IMG-15", check=UNREADABLE, code="accepts")
+def releases_a_frame_without_a_generation(patch: Patch) -> None:
+    """Takes a frame without a generation for one of the first, and gives it back."""
+    _releases_what_is_broken(patch, "generation", 1)

@@ -1,12 +1,16 @@
 """Mutants that break MEM: shared memory, rings, what pixels mean."""
 
+import mmap
+import os
 import re
+import stat
+from pathlib import Path
 from typing import Any
 
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import init_packet
-from splatbus_wire.init_packet import InitPacket, Slots
+from splatbus_wire.init_packet import HostMemory, InitPacket, Slots, check_fits
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
@@ -17,6 +21,7 @@ from splatbus_conformance.selftest.mutant import mutant
 MEASURES = "check_measures_the_memory"
 NAMES = "check_refuses_bad_names"
 RING = "check_keeps_the_ring_within_the_memory"
+READS = "check_opens_memory_for_reading_only"
 MEMBERS = "check_refuses_broken_members"
 
 
@@ -125,10 +130,32 @@ def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")
 def takes_any_version_that_begins_with_1(patch: Patch) -> None:
-    """Takes an init packet of a version that it does not know."""
+    """Takes an init packet of any version that begins with 1."""
 
+    _takes_versions(patch, r"1\..*")
+
+
+@mutant("MEM-18", check="check_takes_later_versions", code="not-opened")
+def takes_its_own_version_alone(patch: Patch) -> None:
+    """Takes an init packet of no version but its own."""
+    Seam(init_packet, "VERSIONS").replace(patch, re.compile(r"1\.1"))
+
+
+@mutant("MEM-18", check="check_takes_later_versions", code="not-opened")
+def takes_minor_versions_of_one_digit(patch: Patch) -> None:
+    """Takes no minor version beyond 9."""
+    Seam(init_packet, "VERSIONS").replace(patch, re.compile(r"1\.[1-9]"))
+
+
+@mutant("MEM-11", check=MEMBERS, code="accepts")
+def takes_minor_versions_with_leading_zeros(patch: Patch) -> None:
+    """Takes "1.01" for a later version."""
+    _takes_versions(patch, r"1\.0[0-9]+")
+
+
+def _takes_versions(patch: Patch, pattern: str) -> None:
     def later(packet: Json) -> None:
-        if packet["version"].startswith("1.2"):
+        if re.fullmatch(pattern, packet["version"]):
             packet["version"] = "1.1"
 
     init_packets(patch, later)
@@ -181,3 +208,36 @@ def takes_old_generations(patch: Patch) -> None:
         return original(self, packet)
 
     client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
+
+
+def _opens_for_writing(patch: Patch, protection: int) -> None:
+    def map_memory(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
+        with Path("/dev/shm", memory.name).open("r+b") as file:
+            check_fits(packet, os.fstat(file.fileno()).st_size)
+            return mmap.mmap(file.fileno(), memory.bytes, mmap.MAP_SHARED, protection)
+
+    client.MAPS_MEMORY.replace(patch, map_memory)
+
+
+@mutant("MEM-19", check=READS, code="opened-for-writing")
+def maps_memory_for_writing(patch: Patch) -> None:
+    """Maps the memory for reading and writing, as common libraries do."""
+    _opens_for_writing(patch, mmap.PROT_READ | mmap.PROT_WRITE)
+
+
+@mutant("MEM-19", check=READS, code="opened-for-writing")
+def opens_memory_for_writing_and_maps_it_for_reading(patch: Patch) -> None:
+    """Opens the memory for reading and writing, and maps it for reading."""
+    _opens_for_writing(patch, mmap.PROT_READ)
+
+
+@mutant("MEM-19", check=READS, code="not-opened")
+def wants_memory_that_its_user_may_write(patch: Patch) -> None:
+    """Refuses memory of another mode than 0600."""
+
+    def map_memory(original: Any, memory: HostMemory, packet: InitPacket) -> Any:
+        if stat.S_IMODE(Path("/dev/shm", memory.name).stat().st_mode) != 0o600:
+            raise OSError("permission denied")
+        return original(memory, packet)
+
+    client.MAPS_MEMORY.wrap(patch, map_memory)

@@ -19,7 +19,7 @@ from splatbus_wire.messages import (
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import client
-from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type
+from splatbus_conformance.selftest.faults.surgery import Json, crash, messages, of_type, packets
 from splatbus_conformance.selftest.mutant import mutant
 
 
@@ -210,13 +210,13 @@ def declines_to_a_1_0_server(patch: Patch) -> None:
     client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
 
 
-@mutant("NEG-13", check="check_falls_back_on_the_message_channel", code="newer-version")
+@mutant("NEG-40", check="check_ignores_a_late_welcome", code="newer-version")
 def takes_a_late_welcome_on_the_message_channel(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the reply of a server of 1.0."""
     _goes_over(patch, client.TAKES_WELCOME)
 
 
-@mutant("NEG-14", check="check_falls_back_on_the_ipc_channel", code="newer-version")
+@mutant("NEG-40", check="check_ignores_a_late_welcome", code="newer-version")
 def takes_a_late_welcome_on_ipc(patch: Patch) -> None:
     """Goes over to 1.1 when `welcome` comes after the init packet of a server of 1.0."""
     _goes_over(patch, client.TAKES_WELCOME_ON_IPC)
@@ -304,3 +304,24 @@ def releases_without_the_capability(patch: Patch) -> None:
         self.unsent += encode(Release(packet.generation, 1))
 
     client.SAYS_OPENED.wrap(patch, opened)
+
+
+@mutant("NEG-37", code="id-in-use")
+def asks_again_with_the_same_id(patch: Patch) -> None:
+    """Sends each request twice, to be sure, with the same id."""
+    packets(patch, lambda packet: packet * (1 + (b'"id":' in packet)))
+
+
+@mutant("NEG-39", check="check_asks_for_the_size_after_hello", code="not-asked")
+def asks_when_it_is_welcome(patch: Patch) -> None:
+    """Says nothing behind its hello on the message channel until `welcome` has come."""
+
+    def data_to_send(original: Any, self: MessageProtocol, now: float) -> bytes:
+        if self.version is not None:
+            sent: bytes = original(self, now)
+            return sent
+        hello = bytes(self.unsent)
+        self.unsent.clear()
+        return hello
+
+    Seam(MessageProtocol, "data_to_send").wrap(patch, data_to_send)

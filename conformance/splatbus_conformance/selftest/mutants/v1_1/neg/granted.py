@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from splatbus_client import message_protocol
+from splatbus_client.events import MessageEvent, Refused
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_client.outgoing import Told
@@ -107,6 +108,25 @@ def asks_for_scenes_in_camel_case(patch: Patch) -> None:
 def half_a_pixel(patch: Patch) -> None:
     """Asks for images of 32½ columns."""
     _broken(patch, "set_viewport", width=32.5)
+
+
+@mutant("VPT-9", check="check_asks_for_a_size_again_later", code="too-soon")
+def asks_for_a_size_until_it_has_it(patch: Patch) -> None:
+    """Asks for images of another size again as soon as it is told `busy`."""
+    asks_for_a_size_again(patch)
+    Seam(message_protocol, "ASK_AGAIN_SECONDS").replace(patch, 0.0)
+
+
+def asks_for_a_size_again(patch: Patch) -> None:
+    """Ask for images of another size, and again when that is answered `busy`."""
+
+    def handle(original: Any, self: Steering, event: MessageEvent) -> None:
+        original(self, event)
+        if isinstance(event, Refused) and event.error.code == "busy" and self.machine is not None:
+            self.machine.ask(SetViewport(32, 24))
+
+    says(patch, (), (SetViewport(32, 24),))
+    Seam(Steering, "handle").wrap(patch, handle)
 
 
 @mutant("TIM-1", code="not-a-number")

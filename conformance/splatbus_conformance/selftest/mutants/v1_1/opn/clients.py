@@ -1,5 +1,6 @@
 """Mutants that break OPN: the answers to init packets, and the memory."""
 
+import json
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from splatbus_client.events import Announced, MustClose
 from splatbus_client.host_memory import HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.reading import Reading
-from splatbus_wire.init_packet import HostMemory, InitPacket
+from splatbus_wire.init_packet import HostMemory, InitPacket, readable_generation
 from splatbus_wire.messages import Closed, Opened, OpenFailed, encode
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -21,6 +22,7 @@ from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 
 ONCE = "check_answers_each_init_packet_once"
 FORMER = "check_closes_the_former_memory"
+NEVER_TWICE = "check_answers_no_generation_twice"
 ALONE = "check_leaves_the_memory_alone"
 
 KEPT: list[Any] = []
@@ -88,6 +90,62 @@ def answers_for_the_next_generation(patch: Patch) -> None:
 
 def _answers_for(patch: Patch, away: int) -> None:
     messages(patch, of_type("opened", lambda it: it | {"generation": it["generation"] + away}))
+
+
+@mutant("OPN-11", check=NEVER_TWICE, code="answered-twice")
+def declines_what_repeats_a_generation(patch: Patch) -> None:
+    """Answers `open_failed` to an init packet whose generation is not a new one."""
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if self.version == "1.1" and packet.generation <= self.last_generation:
+            self.send(OpenFailed(packet.generation, "that is not a new generation"))
+        return original(self, packet)
+
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
+
+
+@mutant("OPN-11", check=NEVER_TWICE, code="answered-twice")
+def declines_whatever_breaks_a_rule(patch: Patch) -> None:
+    """Answers `open_failed` to a broken init packet without a look at what it has answered."""
+
+    def on_broken(original: Any, self: IpcProtocol, payload: bytes, problem: str) -> Any:
+        generation = readable_generation(json.loads(payload)) if self.version == "1.1" else None
+        if generation is None or generation > self.last_generation:
+            return original(self, payload, problem)
+        self.send(OpenFailed(generation, "broken"))
+        return iter(())
+
+    client.TAKES_BROKEN_PACKET.wrap(patch, on_broken)
+
+
+@mutant("OPN-11", check=NEVER_TWICE, code="answered-twice")
+def opens_what_it_could_not_open_at_first(patch: Patch) -> None:
+    """Opens memory of a generation that it has declined, when that is announced again."""
+    declined: set[tuple[IpcProtocol, int]] = set()
+
+    def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
+        declined.add((self, packet.generation))
+        original(self, packet, reason)
+
+    def on_init_packet(original: Any, self: IpcProtocol, packet: Any) -> Any:
+        if (self, packet.generation) in declined:
+            self.last_generation = packet.generation - 1
+        return original(self, packet)
+
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
+    client.TAKES_INIT_PACKET.wrap(patch, on_init_packet)
+
+
+@mutant("OPN-11", code="not-opened", through="OPN-4")
+def closes_what_it_has_not_opened(patch: Patch) -> None:
+    """Says `closed` after `open_failed`."""
+
+    def open_failed(original: Any, self: IpcProtocol, packet: Any, reason: str) -> None:
+        original(self, packet, reason)
+        if "reinit" in self.capabilities:
+            self.send(Closed(packet.generation))
+
+    client.SAYS_OPEN_FAILED.wrap(patch, open_failed)
 
 
 @mutant("OPN-1", check=ONCE, code="no-reply")

@@ -1,0 +1,52 @@
+"""Checks on what a client asks for when it is told to wait (spec 1.1 chapter 8)."""
+
+import time
+
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_1.neg.clients import listen
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.messages import Json, error
+from splatbus_conformance.wire.packets import Packet
+from splatbus_conformance.wire.sockets import Connection
+
+PAUSE: float = LIMITS["ask_again_min_seconds"]
+
+
+@check(
+    "VPT-9",
+    observable="how soon after busy the testee asks for another size again",
+    needs=("hello:msg", "says:set_viewport", "returns:msg"),
+)
+def check_asks_for_a_size_again_later(trial: ClientTrial) -> None:
+    """Whoever asks for another size, is told `busy`, once all has come that it asks ahead."""
+    waiting: list[Json] = []
+    former = trial.peer.on_packet
+
+    def on_packet(connection: Connection, arrived: Packet) -> None:
+        message, _ = read(arrived.payload)
+        if message is None or message.get("type") != "set_viewport":
+            former(connection, arrived)
+            return
+        waiting.append(message)
+        again.append(arrived.began)
+
+    again: list[float] = []
+    trial.peer.on_packet = on_packet
+    connection = trial.greeted("msg")
+    if not trial.grows(connection, waiting):
+        trial.not_observable("the testee did not ask for another size again")
+    listen(trial, connection)
+    again.clear()
+    told = time.monotonic()
+    for request in waiting:
+        members = {"id": request["id"]} if "id" in request else {}
+        trial.role.say(connection, error("busy", **members))
+    trial.grows(connection, again, 0, 10 * PAUSE)
+    pause = again[0] - told if again else PAUSE
+    trial.expect(
+        pause >= PAUSE, "too-soon", f"it asked again {1000 * pause:.0f} ms after it was told busy"
+    )
+    trial.delivered += 1
