@@ -218,7 +218,7 @@ class Connection:
         """What a packet means; a `hello` is answered."""
         try:
             decode = read_short_message if len(payload) <= SHORT_BYTES else read_message
-            message = decode(payload, self.channel, self.welcome is not None)
+            message = decode(payload, self.channel, self.welcome and self.welcome.capabilities)
             if isinstance(message, Hello) and self.state is not State.AGREED_ON_1_0:
                 return self.greet(message, now)
         except ProtocolError as error:
@@ -279,9 +279,9 @@ def error_message(
     return ErrorMessage(code, text[: LIMITS["max_message_chars"]], id=request, pointer=pointer)
 
 
-def read_message(payload: bytes, channel: Channel, said_hello: bool) -> ClientMessage:
+def read_message(payload: bytes, channel: Channel, agreed: tuple[str, ...] | None) -> ClientMessage:
     """The message of a payload; ProtocolError if it breaks a rule."""
-    return decode_from_client(payload, channel, said_hello=said_hello)
+    return decode_from_client(payload, channel, said_hello=agreed is not None, agreed=agreed)
 
 
 read_short_message = lru_cache(maxsize=64)(read_message)

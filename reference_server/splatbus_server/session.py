@@ -54,16 +54,6 @@ CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 memory is on a GPU."""
 MESSAGE_CAPABILITIES = ("intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry")
 """What it can do on the message channel; `time` only where the scene has a range [TIM-4]."""
-NEEDED: dict[type, str] = {
-    Subscribe: "subscribe",
-    ObjectPose: "objects",
-    GetScene: "scene",
-    SetViewport: "viewport",
-    SetTime: "time",
-    Ping: "ping",
-    SubscribeTelemetry: "telemetry",
-}
-"""Capabilities that have to be agreed upon for a message [NEG-5]."""
 
 
 class Session:
@@ -126,10 +116,6 @@ class Session:
 
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
         """Does what the message asks for, or says why not."""
-        needed = NEEDED.get(type(message))
-        if needed is not None and not connection.has(needed):
-            reason, request = f"{needed} was not agreed upon [NEG-5]", getattr(message, "id", None)
-            return connection.complain(Refusal("unsupported", reason, id=request))
         if isinstance(message, (CameraPose, PointCloudPose, ObjectPose, SetTime)):
             return self.move(connection, message)
         if isinstance(message, (GetViewportSize, GetCameraPose, GetScene, SetViewport, Ping)):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, Literal
+
+from splatbus_schemas import read_json
 
 from splatbus_wire import from_client, from_server
 from splatbus_wire.errors import ProtocolError
@@ -29,6 +32,14 @@ from splatbus_wire.plain_poses import plain_pose
 
 Channel = Literal["ipc", "msg"]
 
+_CHANNELS: dict[str, Channel] = {"ipc": "ipc", "message": "msg"}
+CAPABILITIES: dict[tuple[Channel, str], str] = {
+    (_CHANNELS[channel], name): told["capability"]
+    for name, told in read_json("messages.json")["messages"].items()
+    for channel in told["channels"]
+    if told["from"] == "client" and "capability" in told
+}
+"""To which a message of a client belongs, by its channel and type [NEG-5]."""
 _REPLY_TYPES: dict[type[Any], str] = {
     GetViewportSize: "viewport_size",
     SetViewport: "viewport_size",
@@ -38,7 +49,13 @@ _REPLY_TYPES: dict[type[Any], str] = {
 }
 
 
-def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) -> ClientMessage:
+def decode_from_client(
+    payload: bytes,
+    channel: Channel,
+    *,
+    said_hello: bool,
+    agreed: Collection[str] | None = None,
+) -> ClientMessage:
     """Return the message that a client sent.
 
     Args:
@@ -46,11 +63,12 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
         channel: on which it arrived.
         said_hello: whether a `hello` came before it on the connection. Until then `id` is not known
             [NEG-27], and a pose may spell its numbers as strings [JSN-11].
+        agreed: the capabilities of `welcome`, to refuse what belongs to others; None for all.
 
     Raises:
         ProtocolError: `malformed_json`, `not_an_object`, `invalid_number`, `invalid_rotation`,
-            `invalid_message`, and `unknown_type` for a message that is to be ignored [REQ-8,
-            NEG-9].
+            `invalid_message`, `unknown_type` for a message that is to be ignored [REQ-8, NEG-9],
+            and `unsupported` for one whose capability was not agreed upon [NEG-5, NEG-36].
     """
     if channel == "msg" and (pose := plain_pose(payload)) is not None:
         if said_hello or isinstance(pose, PointCloudPose) or pose.tag is None:
@@ -59,6 +77,10 @@ def decode_from_client(payload: bytes, channel: Channel, *, said_hello: bool) ->
     message = Field(parse_object(payload), "", "")
     found: ClientMessage | None = None
     kind = message.value.get("type")
+    needed = CAPABILITIES.get((channel, str(kind)))
+    if agreed is not None and needed is not None and needed not in agreed:
+        told = f"{needed} was not agreed upon"
+        raise ProtocolError("unsupported", told, requirement="NEG-5")
     if kind == "hello":
         found = from_client.hello(message.under("NEG-2"))
     elif channel == "ipc":

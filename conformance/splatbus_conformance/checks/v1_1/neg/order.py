@@ -17,7 +17,7 @@ from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import Connection
 
 OF_FORM = ("invalid_message", "invalid_number", "invalid_rotation")
-UNGRANTED = ("unsupported",)
+UNGRANTED = ("unsupported", "unknown_type")
 NO_ROTATION = camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))
 
 
@@ -37,15 +37,15 @@ class TwoFaults(NamedTuple):
     needs: str = ""
 
 
-BESIDE_NO_CAPABILITY = (
-    TwoFaults("a size that is none", {"type": "set_viewport", "width": 0, "height": 48}, OF_FORM),
-    TwoFaults("a ping without a number", {"type": "ping", "t": "now"}, OF_FORM),
-    TwoFaults("an object of no size", placed("default", AT_REST, 0.0), OF_FORM),
-    TwoFaults("a time that is none", {"type": "set_time", "time": "now"}, OF_FORM),
-    TwoFaults("no rotation, and a lens", NO_ROTATION | {"intrinsics": NARROW}, OF_FORM),
-    TwoFaults("an object that is not there", placed("no such object", AT_REST), UNGRANTED),
+BESIDE_NO_CAPABILITY: tuple[tuple[str, Json], ...] = (
+    ("a size that is none", {"type": "set_viewport", "width": 0, "height": 48}),
+    ("a ping without a number", {"type": "ping", "t": "now"}),
+    ("an object of no size", placed("default", AT_REST, 0.0)),
+    ("an object that is not there", placed("no such object", AT_REST)),
+    ("a time that is none", {"type": "set_time", "time": "now"}),
+    ("names that are none", {"type": "subscribe_telemetry", "names": "all"}),
 )
-"""The other fault is that nothing was agreed upon."""
+"""What is wrong with a message, beside that its capability was not agreed upon."""
 BESIDE_WHO_HAS_CONTROL = (
     TwoFaults("no rotation", NO_ROTATION, OF_FORM),
     TwoFaults("a tag that is none", camera_pose() | {"tag": ""}, OF_FORM),
@@ -70,9 +70,14 @@ WITHOUT_THE_TOKEN: list[tuple[Json, str]] = [
     needs=("1.1",),
     cases=Cases(BESIDE_NO_CAPABILITY),
 )
-def check_looks_at_the_form_before_the_capability(trial: ServerTrial, faults: TwoFaults) -> None:
-    """What is wrong in itself, or in what it names, and belongs to no agreed capability."""
+def check_looks_at_the_capability_before_the_form(
+    trial: ServerTrial, case: tuple[str, Json]
+) -> None:
+    """What is wrong in itself, or in what it names, and belongs to no capability that was agreed
+    upon.
+    """
     connection = trial.greeted("msg", capabilities=[])
+    faults = TwoFaults(*case, UNGRANTED)
     expect_the_first(trial, connection, faults, "on a connection that agreed on nothing")
     connection.close()
 

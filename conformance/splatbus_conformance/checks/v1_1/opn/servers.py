@@ -11,7 +11,6 @@ from splatbus_conformance.trials.moves.frame_readers import LENDS, answer_and_le
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.os_evidence import owner
 from splatbus_conformance.trials.testee.process import FORCE, Ended
-from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import encode, says_of
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
@@ -133,29 +132,3 @@ def check_ignores_generations_that_it_did_not_announce(
     outcome = trial.outcome(connection, packet(encode(says_of(generation, kind))))
     trial.judge(outcome, f"{kind} of generation {generation}, which was not announced")
     connection.close()
-
-
-@check(
-    "OPN-12",
-    observable="that no frame comes of memory that was given up",
-    needs=LENDS,
-    cases=Cases(("closed", "open_failed")),
-)
-def check_lends_nothing_of_what_was_given_up(trial: ServerTrial, answer: str) -> None:
-    """A reader gives memory up, and says at once that it has opened it; another reads on."""
-    reader = trial.reading()
-    witness = beside(trial, reader)
-    trial.expect(trial.sees(reader, trial.move()), "no-frame", "a reader was sent no frame")
-    dealings = trial.viewer.with_(reader)
-    assert dealings.memory is not None
-    for kind in (answer, "opened"):
-        trial.viewer.say(reader, says_of(dealings.memory.generation, kind))
-    trial.rest(REACTION_SECONDS / 2)  # what crossed is here by then
-    known = len(dealings.frames)
-    trial.expect(trial.sees(witness, trial.move()), "no-frame", "beside it another was sent none")
-    trial.rest(REACTION_SECONDS / 4)
-    told = f"after {answer} and opened of one generation a frame of it came"
-    trial.expect(len(dealings.frames) == known, "lends-again", told)
-    trial.delivered += 1
-    reader.close()
-    witness.close()

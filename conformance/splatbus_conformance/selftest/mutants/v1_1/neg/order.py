@@ -2,39 +2,27 @@
 
 from typing import Any
 
-from splatbus_server.connection import Connection, Refusal, type_and_id
+from splatbus_server.connection import Connection, Refusal
 from splatbus_server.session import Session
 from splatbus_server.states import State
-from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import Hello
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.mutant import mutant
 
-NEEDS = {
-    "object_pose": "objects",
-    "get_scene": "scene",
-    "set_viewport": "viewport",
-    "set_time": "time",
-    "ping": "ping",
-}
 AGAIN = "check_answers_no_further_hello"
 
 
-@mutant("NEG-36", check="check_looks_at_the_form_before_the_capability", code="later-fault")
-def server_asks_for_the_capability_first(patch: Patch) -> None:
-    """Says that a message belongs to no capability before it looks whether it is one."""
+@mutant("NEG-36", check="check_looks_at_the_capability_before_the_form", code="later-fault")
+def server_asks_for_the_capability_last(patch: Patch) -> None:
+    """Complains of the form of a message before it says that nobody agreed on such."""
 
-    def refuse(
-        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
-    ) -> Any:
-        needed = NEEDS.get(str(type_and_id(payload)[0]))
-        if needed and not self.has(needed):
-            return self.complain(Refusal("unsupported", "it was not agreed upon"))
-        return original(self, error, payload, now)
+    def decode(original: Any, *payload: Any, agreed: Any, **named: Any) -> Any:
+        original(*payload, agreed=None, **named)
+        return original(*payload, agreed=agreed, **named)
 
-    server.REFUSES_PACKET.wrap(patch, refuse)
+    server.DECODES.wrap(patch, decode)
 
 
 @mutant("NEG-36", check="check_looks_at_control_last", code="later-fault")

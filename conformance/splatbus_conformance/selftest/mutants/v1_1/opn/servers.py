@@ -109,16 +109,3 @@ def server_dies_of_unknown_generations(patch: Patch) -> None:
         return original(self, connection, message)
 
     server.HEARS_OF_MEMORY.wrap(patch, answered)
-
-
-@mutant("OPN-12", check="check_lends_nothing_of_what_was_given_up", code="lends-again")
-def server_lets_memory_be_opened_again(patch: Patch) -> None:
-    """Takes `opened` for memory that the connection has given up."""
-
-    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        reader, memory = self.readers.get(connection), self.exchange.memory
-        if isinstance(message, Opened) and reader and message.generation == memory.generation:
-            reader.announced[memory.generation] = memory
-        return original(self, connection, message)
-
-    server.HEARS_OF_MEMORY.wrap(patch, answered)
