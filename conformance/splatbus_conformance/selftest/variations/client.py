@@ -166,10 +166,11 @@ def cuda_memory_alone(patch: Patch) -> None:
 
 @variation()
 def capabilities_of_tomorrow(patch: Patch) -> None:
-    """Declares capabilities that this version does not know."""
+    """Declares capabilities of its vendor's, which no version knows."""
 
     def more(hello: Json) -> Json:
-        return hello | {"capabilities": [*hello["capabilities"], "x-hologram", "", "ü"]}
+        own = ("x-example-hologram", "x-0_-_")
+        return hello | {"capabilities": [*hello["capabilities"], *own]}
 
     messages(patch, of_type("hello", more))
 
