@@ -114,6 +114,7 @@ def all_rules() -> tuple[Rule, ...]:
     from splatbus_conformance.rules.v1_0 import chn, frm, ini, jsn, pos, req_replies, req_requests
     from splatbus_conformance.rules.v1_1 import (
         cam,
+        evo,
         img,
         mem,
         neg,
@@ -127,7 +128,7 @@ def all_rules() -> tuple[Rule, ...]:
     modules = (
         *(frm, jsn, chn, ini, pos, req_requests, req_replies),
         *(neg, neg_welcome, mem, opn, img, cam, obj, scn_vpt_png),
-        tel,
+        *(evo, tel),
     )
     return tuple(rule for module in modules for rule in module.RULES)
 

@@ -12,6 +12,7 @@ Shape = Any
 """A tree of members with NUMBER at its leaves; a list stands for an array of any length."""
 NUMBER = "number"
 
+KNOWN_VERSIONS = {"1.0", "1.1"}
 POSES = ("camera_pose", "point_cloud_pose")
 REQUESTS_1_0 = ("get_viewport_size", "get_camera_pose")
 CLIENT_1_0 = (*POSES, *REQUESTS_1_0)
@@ -59,6 +60,7 @@ OTHER_ERRORS = (
 )
 INIT_MEMBERS = ("meta", "mem_color", "mem_depth", "evt_done", "memory", "ring", "semantics")
 
+_VENDORS_NAME = re.compile(r"(x-[a-z0-9_]+)-[a-z0-9_]+")
 _LETTERS = re.compile("[^a-z]")
 _BY_LETTERS = {_LETTERS.sub("", name): name for name in (*CLIENT_1_0, *_ON_MSG)}
 _SIGNS = {
@@ -145,6 +147,12 @@ def shape_of(kind: str | None, *, negotiated: bool) -> Shape:
     """Where numbers belong in a message of this kind, which is one after `welcome` or not."""
     shape = _SHAPES.get(kind or "", {})
     return {**shape, **_AFTER_WELCOME.get(kind or "", {})} if negotiated else shape
+
+
+def vendor(name: str) -> str | None:
+    """The `x-` and the name of a vendor with which a name of theirs begins; None if it is none."""
+    found = _VENDORS_NAME.fullmatch(name)
+    return found and found[1]
 
 
 def _from_client(value: dict[str, Any]) -> str | None:

@@ -242,7 +242,9 @@ def error(code: str, **members: Any) -> Json:
 
 
 def about_generation(kind: str, generation: int = 1, **members: Any) -> Json:
-    """`opened`, `open_failed`, `closed` or `release`."""
+    """`opened`, `open_failed`, `closed` or `release`; of a `reason`, what has none has none."""
+    if kind != "open_failed":
+        members.pop("reason", None)
     return {"type": kind, "generation": generation, **members}
 
 

@@ -10,9 +10,14 @@ from splatbus_conformance.rules import Breach, Rule, Sighting, about, judged, ru
 from splatbus_conformance.rules.exchanges import exchanges, request
 from splatbus_conformance.wire.conversation import Conversation
 from splatbus_conformance.wire.json_values import show, strings
-from splatbus_conformance.wire.message_kinds import CLIENT_1_0, CLIENT_1_1, REQUESTS, REQUESTS_1_0
-
-KNOWN_VERSIONS = {"1.0", "1.1"}
+from splatbus_conformance.wire.message_kinds import (
+    CLIENT_1_0,
+    CLIENT_1_1,
+    KNOWN_VERSIONS,
+    REQUESTS,
+    REQUESTS_1_0,
+    vendor,
+)
 
 
 @rule("REQ-1", "REQ-2", "SCN-1", "VPT-1", "PNG-1")
@@ -28,17 +33,20 @@ def well_formed_request(conversation: Conversation) -> Iterator[Sighting]:
 def defined_types(conversation: Conversation) -> Iterator[Sighting]:
     """REQ-14: no message of a type that nothing defines.
 
-    What a client that speaks a version unknown to this harness may send, is not judged.
+    What a client that speaks a version unknown to this harness may send, is not judged; EVO-2 and
+    EVO-3 judge what has a type on a connection that speaks 1.1, and what has that of a vendor.
     """
     if conversation.channel == "ipc" and conversation.hello is None:
         return
-    for message, hello, _ in conversation.placed():
+    for message, hello, welcome in conversation.placed():
         if message.sender == "server" or message.value is None:
             continue
         versions = strings((hello.value or {}).get("versions")) if hello else ["1.0"]
         if versions is not None and set(versions) <= KNOWN_VERSIONS:
             wrong = None
             if message.kind not in CLIENT_1_0 and message.kind not in CLIENT_1_1:
+                if message.type and hello and (welcome or vendor(message.type)):
+                    continue
                 kind = show(message.value["type"]) if "type" in message.value else "missing"
                 wrong = Breach("unknown-type", f"type is {kind}, which no version defines")
             yield about(conversation, message, "REQ-14", wrong, "/type")

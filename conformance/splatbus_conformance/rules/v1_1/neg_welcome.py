@@ -12,7 +12,12 @@ from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
 from splatbus_conformance.rules.v1_1.neg_hello import listing, named
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import integer_in, is_version, show, strings, text_of
-from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLOSING_ERRORS, OTHER_ERRORS
+from splatbus_conformance.wire.message_kinds import (
+    CAPABILITIES,
+    CLOSING_ERRORS,
+    OTHER_ERRORS,
+    vendor,
+)
 
 Json = dict[str, Any]
 MAX_TEXT: int = LIMITS["max_message_chars"]
@@ -164,7 +169,7 @@ def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> 
         if offered is not None and name not in offered:
             breach = Breach("not-listed", f"hello does not list {show(name)}")
             yield Judgement("NEG-7", breach, pointer)
-        if name not in CAPABILITIES[channel]:
+        if name not in CAPABILITIES[channel] and vendor(name) is None:
             breach = Breach("wrong-channel", f"{show(name)} is none of this channel's")
             yield Judgement("NEG-7", breach, pointer)
 

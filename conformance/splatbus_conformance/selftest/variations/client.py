@@ -71,7 +71,7 @@ def numbers_with_exponents(patch: Patch) -> None:
     write_fractions(patch, b"%.17E")
 
 
-@variation()
+@variation(warns=("EVO-4",))
 def timestamps_everywhere(patch: Patch) -> None:
     """Stamps every message, requests too, by a clock that stands still, and began long ago."""
     messages(patch, lambda message: message | {"timestamp": 1_700_000_000.25})
@@ -166,10 +166,11 @@ def cuda_memory_alone(patch: Patch) -> None:
 
 @variation()
 def capabilities_of_tomorrow(patch: Patch) -> None:
-    """Declares capabilities that this version does not know."""
+    """Declares capabilities of its vendor's, which no version knows."""
 
     def more(hello: Json) -> Json:
-        return hello | {"capabilities": [*hello["capabilities"], "x-hologram", "", "ü"]}
+        own = ("x-example-hologram", "x-0_-_")
+        return hello | {"capabilities": [*hello["capabilities"], *own]}
 
     messages(patch, of_type("hello", more))
 
@@ -223,7 +224,7 @@ def flushes_subnormal_numbers(patch: Patch) -> None:
     viewer.COMPOSES.wrap(patch, composed)
 
 
-@variation()
+@variation(warns=("NEG-39",))
 def says_nothing_but_hello(patch: Patch) -> None:
     """Sends neither poses nor requests."""
     client.ASKS.replace(patch, lambda self, request: -1)
@@ -260,7 +261,7 @@ def the_same_id_in_every_request(patch: Patch) -> None:
     client.READS_MESSAGE.wrap(patch, decode)
 
 
-@variation()
+@variation(warns=("NEG-39",))
 def asks_once_a_process(patch: Patch) -> None:
     """Makes requests on its first connection only."""
     asks_once(patch)

@@ -10,7 +10,6 @@ from splatbus_conformance.selftest.variations import client, client_adapted, cli
     client.members_in_reverse_order,
     client.timestamps_everywhere,
     client.capabilities_of_tomorrow,
-    client.versions_of_tomorrow,
     client.token,
     client.numbers_with_exponents,
     client.escapes_everywhere,
@@ -21,6 +20,7 @@ def says_all_at_length(patch: Patch) -> None:
 
 
 @together(
+    client.versions_of_tomorrow,
     client.no_timestamps,
     client.requests_without_id,
     client.last_camera,

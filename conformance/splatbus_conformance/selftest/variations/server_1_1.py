@@ -81,7 +81,7 @@ def server_reports_little(patch: Patch) -> None:
     messages(patch, of_type("error", bare))
 
 
-@variation()
+@variation(warns=("EVO-4",))
 def server_grants_in_another_order(patch: Patch) -> None:
     """Lists capabilities backwards, and says more of itself in welcome than anybody asks."""
 

@@ -157,7 +157,7 @@ def test_half_a_size_breaks_req_4() -> None:
 
 def test_no_size_is_told_while_nothing_is_rendered() -> None:
     assert breaches(joined(MEMORY, told([0, 0]))) == {}
-    rendering = session(server(frame()), server({"type": "later"}), conn=3)
+    rendering = session(server(frame()), server(error("internal")), conn=3)
     late = talk("msg", client(ASK_SIZE), server({"viewport_size": [0, 0]}), start=9.0)
     assert breaches(joined(rendering, late)) == {("server", "REQ-4"): 1}
 
@@ -240,8 +240,10 @@ def test_neg_28_wants_type_and_id(reply: dict, pointer: str) -> None:
     assert first_breach(broken).pointer == pointer
 
 
-def test_after_hello_a_message_of_a_later_version_is_no_unasked_reply() -> None:
-    assert breaches(msg(*GREETING, server({"type": "weather", "seq": 1}))) == {}
+def test_after_hello_a_message_that_nothing_defines_is_no_unasked_reply() -> None:
+    assert breaches(msg(*GREETING, server({"type": "weather", "seq": 1}))) == {
+        ("server", "EVO-2"): 1
+    }
 
 
 def test_an_error_in_answer_to_a_pose_is_no_reply_to_it() -> None:

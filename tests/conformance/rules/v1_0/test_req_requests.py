@@ -100,7 +100,7 @@ def test_types_of_a_version_unknown_to_the_harness_are_not_judged() -> None:
     greeted = talk("msg", client(future), server({**welcome(), "version": "2.0"}))
     assert breaches([*greeted, *talk("msg", client({"type": "weather"}), start=2.0)[1:]]) == {}
     strict = talk("msg", *GREETING, client({"type": "weather"}))
-    assert breaches(strict) == {("client", "REQ-14"): 1}
+    assert breaches(strict) == {("client", "EVO-2"): 1}
 
 
 def test_a_question_that_was_on_its_way_when_the_size_was_told_is_no_second_one() -> None:

@@ -94,7 +94,7 @@ CASES = [
         ("/client/version", None),
         ("/capabilities", ...),
         ("/capabilities", {}),
-        ("/capabilities", [str(i) for i in range(65)]),
+        ("/capabilities", [f"x-a-{i}" for i in range(65)]),
         ("/capabilities", ["frames", "frames"]),
         ("/capabilities", [1]),
         ("/token", ""),
