@@ -314,12 +314,12 @@ class Bystanders:
         witness = self._asking(steering)
         culprit = commit(trial, self._channel, neighbour)
         answered = trial.answers(witness)
-        trial.expect(not trial.fate(), "no-reply", f"no reply beside {what}")
-        trial.expect(answered or witness.ended, "no-reply", f"no reply beside {what}")
+        trial.expect(not trial.fate(), "unserved", f"no reply beside {what}")
+        trial.expect(answered or witness.ended, "unserved", f"no reply beside {what}")
         if answered and steering is not None:
             seen = steering.renders_for(witness)
             ended = witness.ended or steering.reader.ended
-            trial.expect(seen or ended, "no-image", f"no new image beside {what}")
+            trial.expect(seen or ended, "unserved", f"no new image beside {what}")
             answered = seen
         culprit.close()
         return answered

@@ -134,7 +134,7 @@ def server_lets_the_fourth_wait_on_ipc(patch: Patch) -> None:
 @mutant(
     "CHN-14",
     check="check_others_are_served_whatever_one_does_on_ipc",
-    code="no-reply",
+    code="unserved",
 )
 def server_reads_packets_to_their_end(patch: Patch) -> None:
     """Waits, with all that it does, until a packet that began is complete."""
@@ -155,7 +155,7 @@ def server_reads_packets_to_their_end(patch: Patch) -> None:
 @mutant(
     "CHN-14",
     check="check_others_are_served_whatever_one_does_on_ipc",
-    code="no-image",
+    code="unserved",
 )
 def server_waits_for_its_readers(patch: Patch) -> None:
     """Lends no further image before every reader has given back the last."""
@@ -215,7 +215,7 @@ def server_accepts_nobody_after_a_lost_reply(patch: Patch) -> None:
     server.ACCEPTS_CLIENT.wrap(patch, accept)
 
 
-@mutant("CHN-14", check=NEIGHBOURS, code="no-reply")
+@mutant("CHN-14", check=NEIGHBOURS, code="unserved")
 def server_waits_for_who_does_not_read(patch: Patch) -> None:
     """Waits, with all that it does, until a client has taken its replies."""
 
