@@ -2,7 +2,7 @@
 
 The prose is the only source of requirements (spec/README.md, "Ids"). This module turns it into the
 `requirements.json` that programs read, fills in the hexadecimal form of each JSON example, and
-keeps the document that holds all of 1.1.
+keeps the document that holds all of 1.1, as well as what is made of the schemas for generators.
 
 Run `python -m splatbus_schemas.prose` in a checkout to compare, with `--write` to write.
 """
@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from splatbus_schemas import complete
+from splatbus_schemas.model.bundle import bundle
+from splatbus_schemas.model.metamodel import metamodel
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEVELS = ("MUST NOT", "MUST", "SHOULD NOT", "SHOULD", "MAY")
@@ -159,7 +161,11 @@ def fill_in_hex(text: str) -> str:
 
 def rendered_registry(version: str, root: Path = CHECKOUT) -> str:
     """The text of `requirements.json` that the prose asks for."""
-    return json.dumps(collect(version, root), indent=1, ensure_ascii=False) + "\n"
+    return _as_text(collect(version, root))
+
+
+def _as_text(data: dict[str, Any]) -> str:
+    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
 
 def registry_path(version: str, root: Path = CHECKOUT) -> Path:
@@ -176,14 +182,21 @@ def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
     return filled | registries | {spec / complete.PLACE: complete.document(texts)}
 
 
+def made_of_schemas() -> dict[Path, str]:
+    """What the schemas of the messages decide, by its place: the bundles and the metamodel."""
+    package = CHECKOUT / "schemas" / "splatbus_schemas"
+    bundles = {package / version / "bundle.json": _as_text(bundle(version)) for version in OUTCOMES}
+    return {**bundles, package / "metamodel.json": _as_text(metamodel())}
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Compare prose and registry, or write what the prose says; 0 if they agree."""
+    """Compare what is generated with its sources, or write it; 0 if they agree."""
     parser = argparse.ArgumentParser(
         prog="python -m splatbus_schemas.prose", description=__doc__.splitlines()[0]
     )
     parser.add_argument("--write", action="store_true", help="write instead of comparing")
     write = parser.parse_args(argv).write
-    wanted = wanted_files()
+    wanted = {**wanted_files(), **made_of_schemas()}
     stale = [p for p, text in wanted.items() if not p.exists() or p.read_text("utf-8") != text]
     for path in stale:
         print(f"{'wrote' if write else 'differs'}: {path.relative_to(CHECKOUT)}")

@@ -76,8 +76,10 @@ def prepared(folder: Path, line: str) -> Path:
     shutil.copy(GUIDES / "engine_adapter.py", folder)
     shutil.copytree(GUIDES, folder / "conformance" / "guides", dirs_exist_ok=True)
     (folder / "known.toml").write_text("", "utf-8")
-    recording = ROOT / "tests" / "data" / "recordings" / "unity-csharp.jsonl"
+    data = ROOT / "tests" / "data"
+    recording = data / "recordings" / "unity-csharp.jsonl"
     shutil.copy(recording, folder / "session.jsonl")
+    shutil.copy(data / "captures" / "pair.pcap", folder / "session.pcap")
     (folder / "sessions").mkdir()
     shutil.copy(recording, folder / "sessions")
     for name in re.findall(r"[\w/-]+/[A-Z]{3}-\d+-\w+\.json", line):

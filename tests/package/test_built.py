@@ -26,7 +26,7 @@ SOURCES = {
     *("spec", "tests"),
 }
 """What may lie at the top of the repository, and so of the sdist."""
-KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2"}
+KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2", ".lua"}
 """The kinds of files in a wheel, beside `py.typed`."""
 
 
@@ -80,7 +80,9 @@ def test_the_wheel_has_what_each_package_reads_beside_its_modules(
     assert {Path(name).suffix for name in data - typed if ".dist-info/" not in name} <= KINDS
     assert data >= {
         "splatbus_schemas/limits.json",
+        "splatbus_schemas/metamodel.json",
         "splatbus_schemas/1.0/requirements.json",
+        "splatbus_schemas/1.1/bundle.json",
         "splatbus_schemas/1.1/welcome.schema.json",
         "splatbus_schemas/1.1/examples/welcome.json",
         "splatbus_server/cuda/publish.cu",

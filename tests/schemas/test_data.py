@@ -12,6 +12,8 @@ from splatbus_schemas.validation import violations
 DATA_FILES = [
     ("framing", ("framing.json",)),
     ("limits", ("limits.json",)),
+    ("messages", ("messages.json",)),
+    ("metamodel", ("metamodel.json",)),
     *(("requirements", (version, "requirements.json")) for version in VERSIONS),
     *(("requirements", (version, "released.json")) for version in VERSIONS),
 ]
@@ -30,7 +32,7 @@ def test_names_are_those_of_the_messages_of_a_version() -> None:
 
 
 def test_names_of_no_version_are_those_of_the_data_files() -> None:
-    assert names(None) == ["framing", "limits", "requirements"]
+    assert names(None) == ["framing", "limits", "messages", "metamodel", "requirements"]
 
 
 @pytest.mark.parametrize(("name", "version"), [("hello", "1.0"), ("limits", "1.1"), ("pose", None)])

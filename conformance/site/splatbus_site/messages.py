@@ -30,7 +30,8 @@ def listing(version: str) -> str:
     )
     return (
         f"# Messages of {version}\n\n"
-        f"A [JSON Schema](../README.md) of each message as {version} knows it.\n\n"
+        f"A [JSON Schema](../README.md) of each message as {version} knows it; "
+        f"[all in one]({_raw('bundle', version, '.json')}).\n\n"
         + table(("message", "what it is", "schema"), rows)
     )
 

@@ -10,17 +10,19 @@ from pathlib import Path
 from rich.console import Console
 
 from splatbus_conformance.cases.script import load
-from splatbus_conformance.cli.arguments import files_of, plan_of, wishes_of
+from splatbus_conformance.cli.arguments import files_of, parse_ports, plan_of, wishes_of
 from splatbus_conformance.cli.replay import replay_script
 from splatbus_conformance.cli.requirements import PEERS, print_explanation, print_list
 from splatbus_conformance.data import read_text
 from splatbus_conformance.observe.audit import audit as judge_recording
+from splatbus_conformance.observe.audit import audit_capture
 from splatbus_conformance.observe.judgement import opinion
 from splatbus_conformance.plan import SIDES, Side, Usage
 from splatbus_conformance.reports.files.stored import load as load_reports
 from splatbus_conformance.run.judging import judge
+from splatbus_conformance.run.options import DEPLOYED_PORTS
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_USAGE
-from splatbus_conformance.wire import recording
+from splatbus_conformance.wire import capture, recording
 
 PLAIN_WIDTH = 240
 DEMO_TESTEES = 16
@@ -89,14 +91,19 @@ def demo(arguments: argparse.Namespace, out: Console) -> int:
 
 
 def audit(arguments: argparse.Namespace, out: Console) -> int:
-    """Judge recorded sessions."""
-    files = files_of(arguments)
+    """Judge recorded or captured sessions."""
+    files, ports = files_of(arguments), parse_ports(arguments.ports, DEPLOYED_PORTS)
     judged = []
     for name in arguments.files:
         try:
-            judged.append((name, judge_recording(recording.load(Path(name)))))
-        except (OSError, recording.RecordingError, UnicodeDecodeError) as error:
+            if capture.is_capture(Path(name)):
+                judged.append((name, audit_capture(capture.load(Path(name), *ports))))
+            else:
+                judged.append((name, judge_recording(recording.load(Path(name)))))
+        except (OSError, recording.RecordingError) as error:
             raise Usage(f"{name}: {error}") from error
+        except capture.CaptureError as error:
+            raise Usage(str(error)) from error
     return opinion(judged, peers_of(arguments), files, out, strict=arguments.strict)
 
 

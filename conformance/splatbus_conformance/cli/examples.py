@@ -60,6 +60,9 @@ examples:
       judge both sides, and write a page about them
   splatbus-conformance audit sessions/*.jsonl --peer client --junit report.xml
       judge the client in each of these, for a CI system
+  tcpdump -i any -s 0 -w session.pcap "tcp port 6001 or tcp port 6000"
+  splatbus-conformance audit session.pcap
+      capture a session from before its connections are made, and judge it
 """,
     "proxy": """\
 examples:

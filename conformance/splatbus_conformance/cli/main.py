@@ -21,7 +21,7 @@ from splatbus_conformance.cli.options import (
     recording_options,
 )
 from splatbus_conformance.plan import NoVerdict, Usage
-from splatbus_conformance.run.options import USUAL_SIZE
+from splatbus_conformance.run.options import DEPLOYED_PORTS, USUAL_SIZE
 from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE
 
@@ -129,14 +129,19 @@ def parser(further: Iterable[Declare] = ()) -> argparse.ArgumentParser:
 
     audit = commands_.add_parser(
         "audit",
-        help="judge a recorded session",
+        help="judge a recorded or captured session",
         **_prose(
             "audit",
-            "Judge recorded sessions by what both sides sent. The format of a recording "
-            "is in conformance/RECORDING.md.",
+            "Judge sessions by what both sides sent: recordings (conformance/RECORDING.md), and "
+            "captures of tcpdump or Wireshark (pcap, pcapng).",
         ),
     )
     audit.add_argument("files", nargs="+", metavar="FILE")
+    audit.add_argument(
+        "--ports",
+        metavar="IPC,MSG",
+        help="ports of the server in a capture ({},{})".format(*DEPLOYED_PORTS),
+    )
     recording_options(audit)
     audit.set_defaults(run=commands.audit)
 

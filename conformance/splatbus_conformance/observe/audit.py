@@ -1,18 +1,23 @@
 """Audit: judge a recorded session by what its bytes show of either peer (L0)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 
 from splatbus_schemas.requirements import Requirement, requirements
 
 from splatbus_conformance.rules import Sighting, guilty, judge
 from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.v1_0.jsn import TEXT
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
+from splatbus_conformance.wire.capture import Capture
 from splatbus_conformance.wire.conversation import SENDER, Conversation, conversations
 from splatbus_conformance.wire.recording import Channel, Entry
 
 VERSIONS = ("1.0", "1.1")
 """Rules of 1.1 judge only what a `hello` or an init packet of 1.1 has brought into play."""
+OF_ONE_MESSAGE = {*TEXT, "POS-1", "POS-2", "POS-3", "POS-4", "POS-8", "REQ-1", "REQ-2"}
+"""What a message shows whatever was said before it."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +80,22 @@ class Audit:
     """What was judged."""
     left_over: tuple[str, ...]
     """What no rule could judge, in words."""
+    loose: tuple[Conversation, ...] = ()
+    """Connections of which a capture lacks something, and what came behind it."""
 
     @property
     def connections(self) -> Mapping[Channel, int]:
         """How many connections were seen on each channel."""
         channels: tuple[Channel, ...] = ("ipc", "msg")
-        return {name: sum(it.channel == name for it in self.conversations) for name in channels}
+        seen = {(it.channel, it.number) for it in (*self.conversations, *self.loose)}
+        return {name: sum(channel == name for channel, _ in seen) for name in channels}
 
     @property
     def seconds(self) -> float:
         """How long the session lasted."""
         times = [
             t
-            for it in self.conversations
+            for it in (*self.conversations, *self.loose)
             for t in (it.opened, *(m.packet.ended for m in it.messages), *it.ended.values())
         ]
         return max(times, default=0.0) - min(times, default=0.0)
@@ -110,9 +118,22 @@ def audit(entries: Iterable[Entry]) -> Audit:
 
 def audit_of(found: Sequence[Conversation]) -> Audit:
     """Judge what was recorded so far, put together already."""
+    return _audit(found, judge(found))
+
+
+def audit_capture(capture: Capture) -> Audit:
+    """Judge what a capture holds; nobody is blamed for what it lacks."""
+    whole = [each for entries in capture.sessions for each in conversations(entries)]
+    loose = conversations(capture.messages)
+    of_one = (each for each in judge(loose) if each.requirement in OF_ONE_MESSAGE)
+    judged = _audit(whole, chain(judge(whole), of_one))
+    return replace(judged, left_over=(*capture.left_over, *judged.left_over), loose=tuple(loose))
+
+
+def _audit(found: Sequence[Conversation], seen: Iterable[Sighting]) -> Audit:
     known = requirements(VERSIONS[-1])
     sightings: dict[tuple[str, str], list[Sighting]] = {}
-    for sighting in judge(found):
+    for sighting in seen:
         sightings.setdefault((sighting.requirement, sighting.peer), []).append(sighting)
     return Audit(
         tuple(

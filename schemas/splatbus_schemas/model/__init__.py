@@ -1,0 +1,1 @@
+"""What generators read, made from the schemas of the messages: bundles and the metamodel."""
