@@ -1,8 +1,9 @@
 """Read the requirements and the byte-level examples out of the specification's prose.
 
 The prose is the only source of requirements (spec/README.md, "Ids"). This module turns it into the
-`requirements.json` that programs read, fills in the hexadecimal form of each JSON example, and
-keeps the document that holds all of 1.1, as well as what is made of the schemas for generators.
+`requirements.json` that programs read, makes the packet of each JSON example, draws the axes, and
+keeps the editions, which are made of the same chapters, and what is made of the schemas for
+generators.
 
 Run `python -m splatbus_schemas.prose` in a checkout to compare, with `--write` to write.
 """
@@ -17,7 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from splatbus_schemas import complete
+from splatbus_schemas import editions, pictures
 from splatbus_schemas.model.bundle import bundle
 from splatbus_schemas.model.metamodel import metamodel
 
@@ -40,9 +41,12 @@ _REQUIREMENT = re.compile(
 _ANY_ID = re.compile(r"^\*\*\[([^\]]+)\]\*\*", re.MULTILINE)
 _KEYWORD = re.compile(r"\b(?:MUST NOT|MUST|SHOULD NOT|SHOULD|MAY)\b")
 _EXAMPLE = re.compile(
-    r"```json example=(?P<name>\w+)\n(?P<json>[^\n]+)\n```\n\n"
-    r"```hex example=(?P=name)\n(?P<hex>[^`]*)\n```"
+    r"(?P<shown>```json example=(?P<name>\w+)\n(?P<json>[^\n]+)\n```\n\n)"
+    r"(?:```hex example=(?P=name)\n[^`]*\n```|The packet: \[`[^`]*`\]\(.*\)\.)"
 )
+PACKETS = "vectors/packets.json"
+LONGEST_DUMP = 5
+"""Lines of hexadecimal text that the prose shows; what is longer is in the vectors alone."""
 
 
 class ProseError(ValueError):
@@ -50,18 +54,22 @@ class ProseError(ValueError):
 
 
 class Example(NamedTuple):
-    """A payload as the prose shows it, and the packet that the prose says it makes."""
+    """A payload as the prose shows it."""
 
     name: str
     payload: bytes
-    packet: bytes
     source: str
 
+    @property
+    def packet(self) -> bytes:
+        """The payload behind its length (FRM-1)."""
+        return len(self.payload).to_bytes(4, "little") + self.payload
 
-def packet_hex(payload: bytes) -> str:
-    """The packet of `payload` (FRM-1) as pairs of hexadecimal digits, 32 bytes a line."""
-    packet = len(payload).to_bytes(4, "little") + payload
-    return "\n".join(packet[i : i + 32].hex(" ") for i in range(0, len(packet), 32))
+    @property
+    def dump(self) -> str:
+        """The packet as pairs of hexadecimal digits, 32 bytes a line."""
+        lines = (self.packet[i : i + 32] for i in range(0, len(self.packet), 32))
+        return "\n".join(line.hex(" ") for line in lines)
 
 
 def requirements_in(text: str, source: str) -> Iterator[dict[str, Any]]:
@@ -132,31 +140,51 @@ def collect(version: str, root: Path = CHECKOUT) -> dict[str, Any]:
 
 
 def examples(version: str, root: Path = CHECKOUT) -> list[Example]:
-    """The byte-level examples of one version, as the prose shows them.
-
-    Raises ProseError where the hexadecimal text is no hexadecimal text.
-    """
-    found = []
-    for path in chapters(version, root):
-        for match in _EXAMPLE.finditer(path.read_text("utf-8")):
-            try:
-                packet = bytes.fromhex(match["hex"])
-            except ValueError as error:
-                raise ProseError(f"{path.name}: example {match['name']}: {error}") from None
-            found.append(Example(match["name"], match["json"].encode(), packet, path.name))
-    return found
+    """The byte-level examples of one version, as the prose shows them."""
+    return [
+        Example(match["name"], match["json"].encode(), path.name)
+        for path in chapters(version, root)
+        for match in _EXAMPLE.finditer(path.read_text("utf-8"))
+    ]
 
 
-def fill_in_hex(text: str) -> str:
-    """The chapter with each hexadecimal example made from its JSON example."""
-    return _EXAMPLE.sub(
-        lambda match: (
-            match[0][: match.start("hex") - match.start()]
-            + packet_hex(match["json"].encode())
-            + "\n```"
+def fill_in_packets(text: str, version: str) -> str:
+    """The chapter with each JSON example followed by its packet, or by where that is."""
+
+    def filled(match: re.Match[str]) -> str:
+        dump = Example(match["name"], match["json"].encode(), "").dump
+        if dump.count("\n") < LONGEST_DUMP:
+            return f"{match['shown']}```hex example={match['name']}\n{dump}\n```"
+        return f"{match['shown']}The packet: [`{version}/{match['name']}`](../{PACKETS})."
+
+    return _EXAMPLE.sub(filled, text)
+
+
+def rendered_packets(root: Path = CHECKOUT) -> str:
+    """The text of the vectors that hold the packet of each example."""
+    document = {
+        "$schema": "vectors.schema.json",
+        "name": "packets",
+        "version": "1.0",
+        "description": (
+            "The examples of the specification, by version and name: `payload` is the text, `hex` "
+            "the whole packet. Encode the bytes of each payload and compare; hand each packet to "
+            "your decoder, and then to what reads messages."
         ),
-        text,
-    )
+        "requirements": ["FRM-1", "JSN-1"],
+        "cases": [
+            {
+                "name": f"{version}/{example.name}",
+                **({"since": version} if version != "1.0" else {}),
+                "requirement": "FRM-1",
+                "payload": example.payload.decode(),
+                "hex": example.packet.hex(),
+            }
+            for version in OUTCOMES
+            for example in examples(version, root)
+        ],
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
 def rendered_registry(version: str, root: Path = CHECKOUT) -> str:
@@ -175,11 +203,19 @@ def registry_path(version: str, root: Path = CHECKOUT) -> Path:
 
 def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
     """Everything that the prose decides, by its place: the chapters themselves filled in."""
-    filled = {p: fill_in_hex(p.read_text("utf-8")) for v in OUTCOMES for p in chapters(v, root)}
+    filled = {
+        p: fill_in_packets(p.read_text("utf-8"), v) for v in OUTCOMES for p in chapters(v, root)
+    }
     spec = root / "spec"
-    texts = {path.relative_to(spec).as_posix(): text for path, text in filled.items()}
+    parts = {path: path.read_text("utf-8") for path in (spec / editions.PARTS).glob("*.md")}
+    texts = {p.relative_to(spec).as_posix(): text for p, text in (filled | parts).items()}
     registries = {registry_path(v, root): rendered_registry(v, root) for v in OUTCOMES}
-    return filled | registries | {spec / complete.PLACE: complete.document(texts)}
+    generated = {
+        PACKETS: rendered_packets(root),
+        pictures.PLACE: pictures.axes(texts[pictures.TABLE]),
+        **editions.documents(texts),
+    }
+    return filled | registries | {spec / place: text for place, text in generated.items()}
 
 
 def made_of_schemas() -> dict[Path, str]:

@@ -87,23 +87,33 @@ def test_a_key_word_without_an_id_is_stray() -> None:
     assert prose.stray_keywords(ONE + "> Why: it MUST.\n") == ["> Why: it MUST."]
 
 
+EXAMPLE = '```json example=hi\n{"a":1}\n```\n\n```hex example=hi\n\n```\n'
+
+
 def test_an_example_is_filled_in_with_its_packet(tmp_path: Path) -> None:
-    empty = '```json example=hi\n{"a":1}\n```\n\n```hex example=hi\n\n```\n'
-    filled = prose.fill_in_hex(empty)
-    assert filled == empty.replace("\n\n```\n", "\n07 00 00 00 7b 22 61 22 3a 31 7d\n```\n")
-    assert prose.fill_in_hex(filled) == filled
+    filled = prose.fill_in_packets(EXAMPLE, "1.0")
+    assert filled == EXAMPLE.replace("\n\n```\n", "\n07 00 00 00 7b 22 61 22 3a 31 7d\n```\n")
+    assert prose.fill_in_packets(filled, "1.0") == filled
     chapter(tmp_path, filled)
     (example,) = prose.examples("1.0", tmp_path)
     assert example.payload == b'{"a":1}'
     assert example.packet == b"\x07\0\0\0" + example.payload
 
 
-def test_hexadecimal_text_has_32_bytes_a_line() -> None:
-    lines = prose.packet_hex(b"x" * 61).splitlines()
+def test_a_long_packet_is_in_the_vectors_alone(tmp_path: Path) -> None:
+    long = EXAMPLE.replace("1}", "1" * 200 + "}")
+    linked = prose.fill_in_packets(long, "1.1")
+    assert linked.endswith("```\n\nThe packet: [`1.1/hi`](../vectors/packets.json).\n")
+    assert prose.fill_in_packets(linked, "1.1") == linked
+    assert "```hex" in prose.fill_in_packets(linked.replace("1" * 100, "1"), "1.1")
+    chapter(tmp_path, linked, version="1.1")
+    chapter(tmp_path, EXAMPLE)
+    short, other = json.loads(prose.rendered_packets(tmp_path))["cases"]
+    assert (short["name"], other["name"]) == ("1.0/hi", "1.1/hi")
+    assert bytes.fromhex(other["hex"])[4:] == other["payload"].encode()
+    assert ("since" in short, other["since"]) == (False, "1.1")
+
+
+def test_a_dump_has_32_bytes_a_line() -> None:
+    lines = prose.Example("long", b"x" * 61, "").dump.splitlines()
     assert [len(bytes.fromhex(line)) for line in lines] == [32, 32, 1]
-
-
-def test_an_example_that_is_no_hexadecimal_text_is_an_error(tmp_path: Path) -> None:
-    chapter(tmp_path, "```json example=hi\n{}\n```\n\n```hex example=hi\n0x02\n```\n")
-    with pytest.raises(prose.ProseError, match="hi"):
-        prose.examples("1.0", tmp_path)

@@ -1,6 +1,7 @@
 """The vectors are what the oracle makes, and what their schema allows."""
 
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from jsonschema import Draft202012Validator
 from splatbus_conformance.oracle.vectors.__main__ import FILES, main
 from splatbus_schemas import requirements
 
-from tests.spec.vector_files import DOCUMENTS, FOLDER, doubles, is_near
+from tests.spec.vector_files import DOCUMENTS, FOLDER, cases, doubles, is_near
 
 VALIDATOR = Draft202012Validator(json.loads((FOLDER / "vectors.schema.json").read_text("utf-8")))
 every_file = pytest.mark.parametrize("name", DOCUMENTS)
@@ -30,7 +31,11 @@ def test_the_schema_tells_wrong_files():
 def test_the_folder_holds_what_the_oracle_makes(capsys):
     assert main(["--check", "--directory", str(FOLDER)]) == 0
     assert capsys.readouterr().out == ""
-    assert {path.name for path in FOLDER.glob("*.json")} == {*FILES, "vectors.schema.json"}
+    assert {path.name for path in FOLDER.glob("*.json")} == {
+        *FILES,
+        "packets.json",
+        "vectors.schema.json",
+    }
 
 
 def test_a_file_that_differs_is_named_and_can_be_written_anew(tmp_path, capsys):
@@ -45,7 +50,7 @@ def test_a_file_that_differs_is_named_and_can_be_written_anew(tmp_path, capsys):
 
 def test_the_readme_lists_every_file():
     readme = (FOLDER / "README.md").read_text("utf-8")
-    assert all(f"[`{name}`]({name})" in readme for name in FILES)
+    assert all(f"[`{name}`]({name})" in readme for name in (*FILES, "packets.json"))
 
 
 @every_file
@@ -74,7 +79,7 @@ def test_decimal_and_hexadecimal_are_one_number(name):
             value = list(value.values())
         return sum(map(check, value)) if isinstance(value, list) else 0
 
-    assert check(DOCUMENTS[name]) > 0 or name == "framing"
+    assert check(DOCUMENTS[name]) > 0 or name in ("framing", "packets")
 
 
 def every_number(value):
@@ -131,3 +136,9 @@ def test_near_is_what_the_readme_says():
     assert is_near("images", "depth", np.inf, np.inf)
     for quantity in DOCUMENTS["images"]["tolerances"]:
         assert not is_near("images", quantity, np.nan, 1.0)
+
+
+@cases("packets")
+def test_a_packet_is_the_length_of_its_payload_and_the_payload(case):
+    packet, payload = bytes.fromhex(case["hex"]), case["payload"].encode()
+    assert packet == struct.pack("<I", len(payload)) + payload

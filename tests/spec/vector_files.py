@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "spec" / "vectors"
-NAMES = ("framing", "numbers", "poses", "conventions", "images", "intrinsics", "projections")
+NAMES = (
+    "framing",
+    "numbers",
+    "poses",
+    "conventions",
+    "images",
+    "intrinsics",
+    "projections",
+    "packets",
+)
 DOCUMENTS = {name: json.loads((FOLDER / f"{name}.json").read_text("utf-8")) for name in NAMES}
 
 FORMATS = {"ulp_single": (23, -126), "ulp_double": (52, -1022)}

@@ -15,6 +15,8 @@ FOLDERS = (
     "benchmarks",
 )
 SHORT_TITLES = {"complete": "In one piece"}
+PARTS = ("conformance/site/", "spec/editions/parts/")
+"""Folders of what is only part of other pages."""
 RAW = ("schemas/splatbus_schemas/**/*.json", "spec/vectors/*.json")
 
 
@@ -26,7 +28,7 @@ def prose(root: Path) -> dict[str, str]:
     return {
         path: (root / path).read_text("utf-8")
         for path in paths
-        if path == FRONT or not path.startswith("conformance/site/")
+        if path == FRONT or not path.startswith(PARTS)
     }
 
 

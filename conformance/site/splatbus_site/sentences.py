@@ -16,12 +16,10 @@ from splatbus_schemas import VERSIONS, requirements
 
 from .judged import CHECKS, COVERAGE, check_names
 from .layout import docname
-from .specification import WHOLE
 
 _ID = re.compile(r"\[([A-Z]{3}-\d+)\]")
 _MENTION = re.compile(r"(?<![\w-])([A-Z]{3}-\d+)(?![\w-])")
 _UNTOUCHED = (nodes.title, nodes.reference, nodes.literal_block, nodes.raw, nodes.comment)
-_WHOLE = {docname(WHOLE[version]): version for version in VERSIONS}
 _KNOWN = requirements(VERSIONS[-1])
 
 
@@ -48,10 +46,10 @@ class AnchorRequirements(SphinxTransform):
         following = parent[place + 1] if place + 1 < len(parent) else None
         parent.remove(paragraph)
         box += paragraph
-        if isinstance(following, nodes.block_quote):
+        if isinstance(following, nodes.block_quote) and not _ID.match(following.astext()):
             parent.remove(following)
             box += _facts(following)
-        if self.env.docname not in _WHOLE:
+        if self.env.docname == docname(_KNOWN[name].chapter):
             box.insert(0, addnodes.index(entries=[("single", name, name, "", None)]))
         parent.insert(place, box)
 
@@ -63,6 +61,8 @@ class LinkMentions(SphinxPostTransform):
 
     def run(self, **_: object) -> None:
         """Go through all text but headings, links and blocks of code."""
+        boxes = (box for box in self.document.findall(nodes.container) if box["ids"])
+        self._here = {name for box in boxes for name in box["ids"]}
         for text in list(self.document.findall(nodes.Text)):
             if not any(isinstance(each, _UNTOUCHED) for each in _ancestors(text)):
                 self._link(text)
@@ -90,16 +90,15 @@ class LinkMentions(SphinxPostTransform):
 
     def _uri(self, name: str) -> str | None:
         """Where a requirement or a check stands, seen from this page."""
-        here = self.env.docname
+        if name in self._here:
+            return f"#{name}"
         if name in _KNOWN:
-            if here in _WHOLE and name in requirements(_WHOLE[here]):
-                return f"#{name}"
             there = docname(_KNOWN[name].chapter)
         elif name in check_names():
             there = docname(CHECKS)
         else:
             return None
-        return f"{self.app.builder.get_relative_uri(here, there)}#{name}"
+        return f"{self.app.builder.get_relative_uri(self.env.docname, there)}#{name}"
 
 
 class LinkCoverage(SphinxPostTransform):

@@ -5,12 +5,14 @@ import re
 from collections.abc import Iterable, Mapping
 
 from splatbus_schemas import VERSIONS, requirements
+from splatbus_schemas.editions import PLACES
 from splatbus_schemas.requirements import Requirement
 
 from .markdown import anchor, demoted, headings, table
 
 INDEX = "spec/REQUIREMENTS.md"
 WHOLE = {version: f"spec/{version}/complete/README.md" for version in VERSIONS}
+REPEATING = {*WHOLE.values(), *(f"spec/{place}" for place in PLACES.values())}
 NOT_SEARCHED = "---\nnosearch: true\n---\n\n"
 _CHAPTER_LINK = re.compile(r"\]\(([\w-]+\.md)\)")
 

@@ -11,7 +11,7 @@ def pages(root: Path) -> dict[str, str]:
     found = layout.prose(root)
     matrix = found[judged.KILL_MATRIX]
     found[specification.WHOLE["1.0"]] = specification.in_one_piece("1.0", found)
-    for source in specification.WHOLE.values():
+    for source in specification.REPEATING:
         found[source] = specification.NOT_SEARCHED + found[source]
     return found | {
         specification.INDEX: specification.index(found),
@@ -37,7 +37,7 @@ def stage(root: Path, sources: Path, site: Path) -> None:
         relinked[source], linked = links.relinked(source, text, names, root)
         files |= linked
     data = {path: (root / path).read_bytes() for path in files}
-    images = {path for path in files if path.endswith(".png")}
+    images = {path for path in files if path.endswith((".png", ".svg"))}
     texts = {f"{name}.md": text.encode() for name, text in layout.staged(relinked).items()}
     wanted = texts | {path: data[path] for path in images}
     _remove_all_but(wanted.keys(), sources)
