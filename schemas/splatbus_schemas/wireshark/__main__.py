@@ -18,7 +18,7 @@ OWN = ("message", "channel", "from", "length")
 
 def source() -> str:
     """The dissector's source."""
-    code = files("splatbus_schemas").joinpath("wireshark", "splatbus.lua").read_text("utf-8")
+    code = (files("splatbus_schemas") / "wireshark" / "splatbus.lua").read_text("utf-8")
     before, after = code.split("local METAMODEL = nil\n")
     return f"{before}local METAMODEL = {lua(tables())}\n{after}"
 
