@@ -7,6 +7,7 @@ binds its reader; of those that bind the other peer it quotes the ones that its 
 from __future__ import annotations
 
 import itertools
+import json
 import posixpath
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 from splatbus_schemas import outline
 from splatbus_schemas.chapters import ANNEX_B, Block, Section, differences, mentioned, sections
+from splatbus_schemas.data import VERSIONS, names, schema
 
 PLACES = {
     "client": "editions/client.md",
@@ -200,7 +202,8 @@ def _shown(reader: str, block: Block, own: Set[str]) -> str:
 
 
 def _quoted(reader: str, chapters: Chapters, own: Set[str], notes: Notes) -> set[str]:
-    """The sentences of the other peer that the text mentions, and those that these mention.
+    """The sentences of the other peer that the text mentions, or a message's schema, and those that
+    these mention.
 
     Whoever is sent to a section that has nothing else finds all of its sentences.
     """
@@ -216,8 +219,9 @@ def _quoted(reader: str, chapters: Chapters, own: Set[str], notes: Notes) -> set
     read = [block._replace(text=_reworded(reader, _shown(reader, block, own))) for block in blocks]
     read += [note for name in own | subjects for note in notes.get(name or "", ())]
     quoted: set[str] = set()
-    while read:
-        found = {name for block in read for name in mentioned(block.text)}
+    found = _of_forms() if reader == "server" else set()
+    while read or found:
+        found |= {name for block in read for name in mentioned(block.text)}
         for block in read:
             for match in _REFERENCE.finditer(block.text):
                 found |= only_others.get(_key(block, match), set())
@@ -225,7 +229,16 @@ def _quoted(reader: str, chapters: Chapters, own: Set[str], notes: Notes) -> set
         quoted |= fresh
         read = [others[name]._replace(text=others[name].sentence) for name in fresh]
         read += [note for name in fresh for note in notes.get(name or "", ())]
+        found = set()
     return quoted
+
+
+def _of_forms() -> set[str]:
+    """The sentences about the forms of messages, which schemas name: a server complains by them of
+    what it is sent. A client's part says by which it goes.
+    """
+    every = (json.dumps(schema(name, version)) for version in VERSIONS for name in names(version))
+    return {found for text in every for found in mentioned(text)}
 
 
 def _key(block: Block, reference: re.Match[str]) -> str:
