@@ -119,6 +119,12 @@ class MustCloseError(Exception):
 
 
 @variation()
+def comes_back_at_an_even_pace(patch: Patch) -> None:
+    """Connects again after 110 milliseconds, each time, whatever it came for."""
+    client.DELAYS_OF_ATTEMPTS.replace(patch, lambda: itertools.repeat(0.11))
+
+
+@variation()
 def closes_on_frames_of_unknown_memory(patch: Patch) -> None:
     """Closes the connection on a frame of memory that is not there, instead of ignoring it."""
 

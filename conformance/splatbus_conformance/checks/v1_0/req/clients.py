@@ -189,14 +189,15 @@ def check_survives_bad_replies(trial: ClientTrial, bad: Json) -> None:
 
 
 def spoil(trial: ClientTrial, bad: Json, spoils: Callable[[Json], bool]) -> list[Json]:
-    """From now on, have these members and no others in replies to which that applies.
+    """Have these members and no others in the next reply to which that applies, and in no later:
+    who closes for it, and comes back, is told what is right.
 
-    Returns those replies, as they are sent.
+    Returns that reply, when it is sent.
     """
     replied: list[Json] = []
 
     def spoilt(reply: Json) -> Json:
-        if not spoils(reply):
+        if replied or not spoils(reply):
             return reply
         replied.append({n: reply[n] for n in ("type", "id") if n in reply} | bad)
         return replied[-1]
