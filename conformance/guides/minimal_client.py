@@ -99,14 +99,13 @@ def depth_of(value):
 def keep(port, talk):
     """Connect and talk, again and again, each channel for itself [CHN-19 to CHN-23]."""
     while True:
-        began = time.monotonic()
         try:
             with socket.create_connection((HOST, port), timeout=5) as connection:
                 connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 talk(connection)
         except OSError as problem:
             print(f"port {port}: {problem}", flush=True)
-        time.sleep(max(0.0, began + 0.2 - time.monotonic()))
+        time.sleep(0.2)  # [CHN-21, NEG-24]
 
 
 def packets(connection, tick):
@@ -221,7 +220,7 @@ class Images:
         meta, memory, ring, semantics = (
             init[name] for name in ("meta", "memory", "ring", "semantics")
         )
-        demand(init["version"] == "1.1", "the version [MEM-1]")
+        demand(re.fullmatch(r"1\.[1-9][0-9]*", init["version"]), "the version [MEM-1, MEM-18]")
         w, h = meta["w"], meta["h"]
         demand(whole(w, 1, MAX_SIZE) and whole(h, 1, MAX_SIZE), "the size [INI-2]")
         demand((meta["fmtColor"], meta["fmtDepth"]) == ("RGBA32F", "R32F"), "a format [INI-3]")
@@ -315,9 +314,9 @@ def ipc_channel(connection):
         if kind == "welcome" and granted is None:
             accepted(message)
             granted = message.get("capabilities") if message["version"] == "1.1" else []
-        elif message and kind is None and "meta" in message and "version" in message:
+        elif message and "type" not in message and "meta" in message and "version" in message:
             waiting = message
-        elif message and kind is None and "meta" in message and granted is None:
+        elif message and "type" not in message and "meta" in message and granted is None:
             granted = []  # a server of 1.0: say nothing more [NEG-14]
         elif kind == "frame" and images and lends(message, images):
             seen = show(images, message, seen)
@@ -353,7 +352,8 @@ def opened(connection, init):
 
 def lends(frame, images):
     """Whether the frame is of memory that is open, and of a slot that exists [IMG-15]."""
-    known = frame.get("generation") == images.generation and whole(frame.get("seq"), 0)
+    named = whole(frame.get("generation"), 1) and whole(frame.get("seq"), 0)
+    known = named and frame["generation"] == images.generation
     return known and whole(frame.get("slot"), 0, images.ring["slots"] - 1)
 
 

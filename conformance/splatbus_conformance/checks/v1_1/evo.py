@@ -44,8 +44,8 @@ def writes_later(message: Json) -> bytes:
     on={
         CLIENT_IPC: OPENS_HOST_MEMORY,
         CLIENT_MSG: ("hello:msg", "returns:msg"),
-        SERVER_IPC: ("1.1",),
         SERVER_MSG: ("1.1",),
+        SERVER_IPC: ("1.1",),  # last, for a camera is moved from a message connection that stays
     },
 )
 def check_speaks_with_later_versions(trial: ClientTrial | ServerTrial, channel: Channel) -> None:

@@ -79,7 +79,7 @@ def _versions_are_known(conversation: Conversation) -> bool:
     said = [*said, *((it.value or {}).get("version") for it in (welcome,) if it)]
     packets = (m.value or {} for m in conversation.of("init_packet"))
     said += (packet["version"] for packet in packets if "version" in packet)
-    return all(version in KNOWN_VERSIONS for version in said)
+    return all(isinstance(version, str) and version in KNOWN_VERSIONS for version in said)
 
 
 def _capability(name: str, place: int) -> Judgement:

@@ -24,6 +24,7 @@ const safe = 1<<53 - 1
 
 var start = time.Now()
 var pairs = regexp.MustCompile(`(?i)\\\\|\\ud[89ab]..\\ud[c-f]..|\\ud[89a-f]..`)
+var versions = regexp.MustCompile(`^1\.[1-9][0-9]*$`)
 var names = regexp.MustCompile(`^[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}$`)
 
 type bad string // what a message is, if it is not what it should be
@@ -179,7 +180,8 @@ func opened(packet object) *ring {
 	laid, _ := packet["ring"].(object)
 	means, _ := packet["semantics"].(object)
 	depth, _ := means["depth"].(object)
-	need(one(packet, "version", "1.1"), "another version")
+	version, _ := packet["version"].(string)
+	need(versions.MatchString(version), "another version")
 	need(one(meta, "fmtColor", "RGBA32F") && one(meta, "fmtDepth", "R32F"), "another format")
 	need(one(means, "rows", "bottom_up") && one(means, "alpha", "straight", "premultiplied") &&
 		one(means, "colorSpace", "srgb", "linear") && one(depth, "kind", "planar_z", "ray_distance") &&

@@ -11,7 +11,7 @@ import struct
 HOST = os.environ.get("SPLATBUS_HOST", "127.0.0.1")
 PORT = int(os.environ.get("SPLATBUS_MSG_PORT", "6000"))
 DICE = random.Random()
-WANTED = ("scene", "ping", "intrinsics", "viewport", "telemetry", "objects", "robot.arm/2")
+WANTED = ("scene", "ping", "intrinsics", "viewport", "telemetry", "objects", "x-robot-arm_2")
 SAFE = 2**53 - 1
 
 
@@ -162,7 +162,9 @@ class Arm:
 
     def ask(self, message):
         if self.version == "1.1" and DICE.random() < 0.8:
-            message["id"] = DICE.choice((0, 7, 7, 64, 100, SAFE, DICE.randrange(SAFE)))
+            taken = {each.get("id") for each, _ in self.waiting}
+            free = {0, 7, 64, 100, SAFE, DICE.randrange(SAFE)} - taken
+            message["id"] = DICE.choice(sorted(free))
         self.waiting.append((message, self.clock() + 9))
         self.say(message)
 

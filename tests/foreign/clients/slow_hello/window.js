@@ -107,7 +107,7 @@ function welcomed(session, message) {
 
 function faults(packet) {
   const { meta, memory, ring, semantics: s } = packet;
-  if (packet.version !== "1.1" || !isObject(memory) || !isObject(ring) || !isObject(s) || !isObject(s.depth)) return "its form";
+  if (typeof packet.version !== "string" || !/^1\.[1-9][0-9]*$/.test(packet.version) || !isObject(memory) || !isObject(ring) || !isObject(s) || !isObject(s.depth)) return "its form";
   if (!isInt(meta.w, 1, 32768) || !isInt(meta.h, 1, 32768)) return "its size";
   if (meta.fmtColor !== "RGBA32F" || meta.fmtDepth !== "R32F") return "its formats";
   if (meta.pitchColor !== 16 * meta.w || meta.pitchDepth !== 4 * meta.w) return "its pitches";

@@ -13,6 +13,7 @@ import time
 HOST = os.environ.get("SPLATBUS_HOST", "127.0.0.1")
 SAFE = 2**53 - 1
 NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}")
+VERSION = re.compile(r"1\.[1-9][0-9]*")
 QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
@@ -78,7 +79,8 @@ class Ring:
         for part in ("meta", "memory", "ring", "semantics"):
             need(isinstance(packet.get(part), dict), f"no {part}")
         meta, memory, ring, sense = (packet[n] for n in ("meta", "memory", "ring", "semantics"))
-        need(packet.get("version") == "1.1", "another version")
+        version = packet.get("version")
+        need(isinstance(version, str) and VERSION.fullmatch(version), "another version")
         w, h = whole(meta, "w", 1, 32768), whole(meta, "h", 1, 32768)
         whole(meta, "pitchColor", 16 * w, 16 * w)
         whole(meta, "pitchDepth", 4 * w, 4 * w)
@@ -208,8 +210,10 @@ class Images(Talk):
 
     def frame(self, message):
         slot, seq = message.get("slot"), message.get("seq")
-        known = message.get("generation") == self.generation and "frames" in self.granted
-        if known and type(slot) is int and 0 <= slot < self.ring.slots and type(seq) is int:
+        named = message.get("generation")
+        known = type(named) is int and named == self.generation and "frames" in self.granted
+        counted = type(seq) is int and 0 <= seq <= SAFE
+        if known and counted and type(slot) is int and 0 <= slot < self.ring.slots:
             self.ring.look(slot)
             self.say("release", generation=self.generation, seq=seq)
 
@@ -280,7 +284,8 @@ async def keep(kind, variable, usual):
         if talk:
             talk.writer.close()
         pause = 1.0 if talk and talk.scolded else min(0.15 * 2**failures, 4.0)
-        await asyncio.sleep(max(begun + pause - time.monotonic(), 0))
+        least = 0.12 if talk and talk.scolded else 0
+        await asyncio.sleep(max(begun + pause - time.monotonic(), least))
 
 
 async def main():

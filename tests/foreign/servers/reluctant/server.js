@@ -41,7 +41,7 @@ function freed(it) {
 }
 
 const initOf = (it) => ({
-  generation: it.generation, version: "1.1", note: "memory of the host",
+  generation: it.generation, version: "1.1", "x-reluctant-note": "memory of the host",
   meta: { h: it.h, w: it.w, fmtDepth: "R32F", fmtColor: "RGBA32F", pitchDepth: 4 * it.w, pitchColor: 16 * it.w },
   memory: { bytes: it.bytes, kind: "host_shm", name: it.name }, ring: it.ring,
   semantics: { rows: "bottom_up", alpha: "straight", colorSpace: "linear", unitMetres: 0.25, origin: [1e5, 0, -2.5],
@@ -209,7 +209,7 @@ function greet(conn, name, message) {
   if (name === "msg") return conn.bundle(welcome);
   const out = [welcome];
   if (conn.can.includes("host_shm")) {
-    out.push({ type: "tip", of: "the day" }, ...announced(conn));
+    out.push(...announced(conn));
   }
   conn.write(out);
 }

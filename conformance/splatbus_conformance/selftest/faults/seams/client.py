@@ -38,6 +38,8 @@ RELEASES = Seam(IpcProtocol, "release")
 
 # The message channel
 
+SENDS_MESSAGES = Seam(MessageProtocol, "data_to_send")
+PAUSE_TO_ASK_AGAIN = Seam(message_protocol, "ASK_AGAIN_SECONDS")
 RECEIVES_MESSAGES = Seam(MessageProtocol, "receive")
 READS_MESSAGE = Seam(message_protocol, "decode_from_server_message")
 TAKES_PAYLOAD = Seam(MessageProtocol, "on_payload")

@@ -2,13 +2,11 @@
 
 from typing import Any
 
-from splatbus_client import message_protocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetCameraPose, GetViewportSize, ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import client
 from splatbus_conformance.selftest.faults.surgery import crash, messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
@@ -74,7 +72,7 @@ def _asks_again(patch: Patch, seconds: float) -> None:
         if isinstance(reply, ViewportSize) and not reply.width:
             self.ask(GetViewportSize())
 
-    Seam(message_protocol, "ASK_AGAIN_SECONDS").replace(patch, seconds)
+    client.PAUSE_TO_ASK_AGAIN.replace(patch, seconds)
     client.TAKES_REPLY.wrap(patch, on_reply)
 
 
@@ -161,4 +159,4 @@ def sends_a_type_of_its_own(patch: Patch) -> None:
         data: bytes = original(self, now)
         return data + len(nudge).to_bytes(4, "little") + nudge if b'"get_' in data else data
 
-    Seam(MessageProtocol, "data_to_send").wrap(patch, data_to_send)
+    client.SENDS_MESSAGES.wrap(patch, data_to_send)

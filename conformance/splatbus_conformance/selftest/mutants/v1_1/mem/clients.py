@@ -138,13 +138,13 @@ def takes_any_version_that_begins_with_1(patch: Patch) -> None:
 @mutant("MEM-18", check="check_takes_later_versions", code="not-opened")
 def takes_its_own_version_alone(patch: Patch) -> None:
     """Takes an init packet of no version but its own."""
-    Seam(init_packet, "VERSIONS").replace(patch, re.compile(r"1\.1"))
+    wire.VERSIONS_OF_MEMORY.replace(patch, re.compile(r"1\.1"))
 
 
 @mutant("MEM-18", check="check_takes_later_versions", code="not-opened")
 def takes_minor_versions_of_one_digit(patch: Patch) -> None:
     """Takes no minor version beyond 9."""
-    Seam(init_packet, "VERSIONS").replace(patch, re.compile(r"1\.[1-9]"))
+    wire.VERSIONS_OF_MEMORY.replace(patch, re.compile(r"1\.[1-9]"))
 
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")

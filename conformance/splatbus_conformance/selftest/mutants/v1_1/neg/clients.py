@@ -324,4 +324,4 @@ def asks_when_it_is_welcome(patch: Patch) -> None:
         self.unsent.clear()
         return hello
 
-    Seam(MessageProtocol, "data_to_send").wrap(patch, data_to_send)
+    client.SENDS_MESSAGES.wrap(patch, data_to_send)

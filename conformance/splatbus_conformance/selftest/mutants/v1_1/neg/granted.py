@@ -114,7 +114,7 @@ def half_a_pixel(patch: Patch) -> None:
 def asks_for_a_size_until_it_has_it(patch: Patch) -> None:
     """Asks for images of another size again as soon as it is told `busy`."""
     asks_for_a_size_again(patch)
-    Seam(message_protocol, "ASK_AGAIN_SECONDS").replace(patch, 0.0)
+    client.PAUSE_TO_ASK_AGAIN.replace(patch, 0.0)
 
 
 def asks_for_a_size_again(patch: Patch) -> None:
