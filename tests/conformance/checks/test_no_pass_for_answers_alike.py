@@ -14,6 +14,7 @@ import pytest
 from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import Side
 from splatbus_conformance.run.testbed import Testbed
+from splatbus_conformance.trials.testee.process import Ended
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
@@ -61,6 +62,10 @@ class Alike(Nothing):
                 self.listeners.append(listener)
                 threading.Thread(target=self._accept, args=(listener, channel), daemon=True).start()
             return True
+
+    def ended(self) -> Ended | None:
+        with self.lock:  # not between the end of its connections and its own
+            return super().ended()
 
     def stop(self) -> None:
         with self.lock:
