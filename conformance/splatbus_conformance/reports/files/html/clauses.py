@@ -25,4 +25,5 @@ CLAUSES = {
     "TIM": "Time",
     "PNG": "Ping",
     "TEL": "Telemetry",
+    "EVO": "Evolution",
 }

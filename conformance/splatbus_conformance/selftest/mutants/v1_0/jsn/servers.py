@@ -213,4 +213,4 @@ def server_reports_unknown_members(patch: Patch) -> None:
             raise ProtocolError("invalid_message", "what is that?", requirement="SCN-1")
         return message
 
-    Seam(connection, "decode_from_client").wrap(patch, decode)
+    server.DECODES.wrap(patch, decode)

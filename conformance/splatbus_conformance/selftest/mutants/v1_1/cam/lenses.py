@@ -249,4 +249,4 @@ def server_uses_a_lens_that_was_not_granted(patch: Patch) -> None:
     def has(original: Any, self: Connection, capability: str) -> bool:
         return capability == "intrinsics" or bool(original(self, capability))
 
-    Seam(Connection, "has").wrap(patch, has)
+    server.ASKS_WHAT_WAS_AGREED.wrap(patch, has)

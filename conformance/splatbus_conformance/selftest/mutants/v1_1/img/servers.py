@@ -83,7 +83,7 @@ def grants_frames(patch: Patch) -> None:
     def has(original: Any, self: Connection, capability: str) -> bool:
         return original(self, capability) or (capability == "frames" and self.channel == "ipc")
 
-    Seam(Connection, "has").wrap(patch, has)
+    server.ASKS_WHAT_WAS_AGREED.wrap(patch, has)
 
 
 @mutant(

@@ -18,7 +18,6 @@ from splatbus_wire.messages import (
 )
 
 from splatbus_conformance.selftest.faults.patching import Patch
-from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.faults.surgery import messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
@@ -237,7 +236,7 @@ def server_welcomes_twice(patch: Patch) -> None:
             return Refusal("invalid_message", "hello was said before")
         return original(self, hello, now)
 
-    Seam(Connection, "greet").wrap(patch, greet)
+    server.GREETS.wrap(patch, greet)
 
 
 def announces_cuda_memory(patch: Patch, **changes: Any) -> list[Memory]:
