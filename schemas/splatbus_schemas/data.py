@@ -29,6 +29,11 @@ class InvalidExample(NamedTuple):
     message: Any
 
 
+def known_to(version: str) -> tuple[str, ...]:
+    """The versions whose sentences hold for a peer of this one: those up to it."""
+    return VERSIONS[: VERSIONS.index(version) + 1]
+
+
 def read_json(*path: str) -> Any:
     """The JSON file at `path` inside this package, parsed; FileNotFoundError if there is none."""
     return json.loads(files(_PACKAGE).joinpath(*path).read_text("utf-8"))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 
-from splatbus_schemas.data import VERSIONS, read_json
+from splatbus_schemas.data import VERSIONS, known_to, read_json
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def requirements(version: str) -> Mapping[str, Requirement]:
     """
     if version not in VERSIONS:
         raise ValueError(f"there is no version {version!r}; there are {', '.join(VERSIONS)}")
-    applicable = VERSIONS[: VERSIONS.index(version) + 1]
+    applicable = known_to(version)
     return MappingProxyType(
         {
             entry["id"]: Requirement(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 from splatbus_schemas import VERSIONS, examples, names, read_json
-from splatbus_schemas.model.parts import camel
+from splatbus_schemas.model.parts import added, camel
 from splatbus_schemas.validation import validator
 
 MESSAGES = [(name, version) for version in VERSIONS for name in names(version)]
@@ -96,3 +96,10 @@ def test_what_is_an_object_has_a_type(
     found = read_json(version, "bundle.json")["$defs"][name]
     assert found["properties"][member] == {"$ref": f"#/$defs/{type_of_it}"}
     assert member in found["required"] or member == "ring"
+
+
+def test_two_types_of_one_name_are_told() -> None:
+    found = {"Pose": {"title": "Pose", "description": "a camera's"}}
+    added(found, "Pose", {"title": "Pose", "description": "an object's"}, {"description"})
+    with pytest.raises(ValueError, match="two types would be called Pose"):
+        added(found, "Pose", {"title": "Pose", "required": ["x"]}, {"description"})

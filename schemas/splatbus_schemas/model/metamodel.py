@@ -9,12 +9,13 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from splatbus_schemas.data import VERSIONS, names, read_json
+from splatbus_schemas.data import VERSIONS, known_to, read_json
 from splatbus_schemas.model.parts import (
     Condition,
     Documents,
     Part,
     Schema,
+    added,
     all_unfolded,
     alternatives,
     camel,
@@ -22,6 +23,7 @@ from splatbus_schemas.model.parts import (
     documents,
     is_forbidden,
     members,
+    messages,
     own_description,
     record_name,
 )
@@ -32,6 +34,7 @@ _KEPT = (
     *("minimum", "exclusiveMinimum", "maximum", "multipleOf", "minLength", "maxLength", "pattern"),
     *("minItems", "maxItems", "uniqueItems", "contentEncoding", "default"),
 )
+_LIMITS: dict[str, Any] = read_json("limits.json")["limits"]
 _UNITS = {"maxLength": ["characters"], "maxItems": ["items", "objects", "series", "edges"]}
 """Of the limits that bound how long a text or an array is."""
 
@@ -55,12 +58,12 @@ def metamodel() -> dict[str, Any]:
                 "capabilities": {
                     name: fact["channel"]
                     for name, fact in facts["capabilities"].items()
-                    if fact["since"] <= version
+                    if fact["since"] in known_to(version)
                 },
                 "messages": [
                     _message(name, fact, found[camel(name)])
                     for name, fact in facts["messages"].items()
-                    if name in names(version)
+                    if camel(name) in found
                 ],
                 "records": found,
             }
@@ -87,15 +90,15 @@ def _records(version: str, facts: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Every object of one version, the messages first."""
     known = documents(version)
     found: dict[str, dict[str, Any]] = {}
-    messages = {camel(name): f"urn:splatbus:schema:{version}:{name}" for name in names(version)}
-    for name, urn in messages.items():
-        _record(name, [Part(known[urn], known[urn])], found, known)
+    own = messages(version, known)
+    for name, part in own.items():
+        _record(name, [part], found, known)
     for name, fact in facts.items():
         belongs = fact.get("memberCapabilities", {})
         for member in found.get(camel(name), {"members": ()})["members"]:
             if member["name"] in belongs:
                 member["capability"] = belongs[member["name"]]
-    return {name: found[name] for name in [*messages, *sorted(found.keys() - messages.keys())]}
+    return {name: found[name] for name in [*own, *sorted(found.keys() - own.keys())]}
 
 
 def _record(
@@ -115,8 +118,7 @@ def _record(
         **({"kinds": _path(kinds[0])} if kinds else {}),
         "members": listed,
     }
-    if _bare(found.setdefault(name, record)["members"]) != _bare(listed):
-        raise ValueError(f"two types would be called {name}; give one of them a title")
+    added(found, name, record, {"description", "requirements", "limits"})
 
 
 def _members(
@@ -211,14 +213,6 @@ def _shape(
     return {"type": next(each for each in types if each != "null"), **nullable, **kept, **about}
 
 
-def _bare(node: Any) -> Any:
-    """Without what may differ where the same thing serves several messages."""
-    if isinstance(node, dict):
-        said = {"description", "requirements", "limits"}
-        return {key: _bare(value) for key, value in node.items() if key not in said}
-    return [_bare(each) for each in node] if isinstance(node, list) else node
-
-
 def _about(described: str) -> dict[str, Any]:
     ids = list(dict.fromkeys(_ID.findall(described)))
     return {"description": _IDS.sub("", described), "requirements": ids}
@@ -226,11 +220,10 @@ def _about(described: str) -> dict[str, Any]:
 
 def _limits(kept: Schema, requirements: list[str]) -> dict[str, Any]:
     """Which limit each bound is: one of a requirement that is named beside it."""
-    limits = read_json("limits.json")["limits"].items()
     found = {
         keyword: name
         for keyword in ("minimum", "maximum", "maxLength", "maxItems")
-        for name, limit in limits
+        for name, limit in _LIMITS.items()
         if keyword in kept
         and abs(kept[keyword]) == limit["value"]
         and set(requirements) & set(limit["requirements"])

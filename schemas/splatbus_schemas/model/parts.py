@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from splatbus_schemas.data import VERSIONS, names, schema
+from splatbus_schemas.data import known_to, names, schema
 
 Schema = dict[str, Any]
 _ABOUT = {"$schema", "$id", "$comment", "$defs", "$ref", "allOf", "title"}
@@ -33,9 +33,30 @@ Documents = Mapping[str, Schema]
 
 def documents(version: str) -> dict[str, Schema]:
     """The schemas of a version and those before it, by their `$id`."""
-    known = VERSIONS[: VERSIONS.index(version) + 1]
-    loaded = (schema(name, each) for each in known for name in names(each))
+    loaded = (schema(name, each) for each in known_to(version) for name in names(each))
     return {each["$id"]: each for each in loaded}
+
+
+def messages(version: str, known: Documents) -> dict[str, Part]:
+    """The schema of each message of a version, by the name of its type."""
+    own = {name: known[f"urn:splatbus:schema:{version}:{name}"] for name in names(version)}
+    return {camel(name): Part(document, document) for name, document in own.items()}
+
+
+def added(found: dict[str, Schema], name: str, definition: Schema, told: Collection[str]) -> None:
+    """Add what a type is to those that are found, where it may be already.
+
+    What is told of it, under these keywords, may differ where it serves several messages;
+    ValueError if anything else does.
+    """
+    if _without(told, found.setdefault(name, definition)) != _without(told, definition):
+        raise ValueError(f"two types would be called {name}; give one of them a title")
+
+
+def _without(left_out: Collection[str], node: Any) -> Any:
+    if isinstance(node, dict):
+        return {k: _without(left_out, value) for k, value in node.items() if k not in left_out}
+    return [_without(left_out, each) for each in node] if isinstance(node, list) else node
 
 
 def resolved(reference: str, home: Schema, known: Documents) -> Part:

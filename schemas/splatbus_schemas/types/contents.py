@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from splatbus_schemas.data import FRAMING, VERSIONS, read_json
+from splatbus_schemas.data import FRAMING, known_to, read_json
 from splatbus_schemas.model.parts import camel
 
 Member = dict[str, Any]
@@ -47,7 +47,7 @@ def contents(version: str) -> Contents:
             group = f"{camel(channel)}From{camel(message['from'])}"
             groups.setdefault(group, []).append(message["record"])
     records = [each for name in model["records"] for each in _records(name, model["records"])]
-    known = VERSIONS[: VERSIONS.index(version) + 1]
+    known = known_to(version)
     limits = read_json("limits.json")["limits"].items()
     return Contents(
         version=version,
