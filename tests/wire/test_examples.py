@@ -95,8 +95,6 @@ def is_borne(name: str, example: InvalidExample) -> bool:
     found = example.message.get(example.pointer[1:])
     if example.pointer.endswith("/kind"):  # TEL-6: whatever it is called
         return example.why == "a kind of one's own"
-    if name == "init_packet" and found == "1.2":  # MEM-18
-        return True
     if name == "error":  # NEG-24: whatever its code
         return (example.pointer in ("/code", "/pointer") and isinstance(found, str)) or (
             example.pointer == "/supported"

@@ -27,7 +27,7 @@ Json = dict[str, Any]
 MAX_SLOTS: int = LIMITS["max_slots"]
 ALIGNMENT = 16
 _NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
-_LATER = re.compile(r"1\.([2-9]|[1-9][0-9]+)")
+_VERSION = re.compile(r"1\.[1-9][0-9]*")
 _UUID = re.compile(r"GPU-[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 RING = ("slots", "colorOffset", "colorStride", "depthOffset", "depthStride")
 SEMANTICS = {
@@ -50,8 +50,7 @@ class AnnouncedMemory(NamedTuple):
     granted: frozenset[str] | None
     """The capabilities of a `welcome` before it; None without one, or where they are unreadable."""
     breaks_no_rule: bool
-    """Neither the packet nor its text breaks anything that keeps a client from opening it: a later
-    version does not (MEM-18)."""
+    """Neither the packet nor its text breaks anything that keeps a client from opening it."""
 
     @property
     def generation(self) -> object:
@@ -81,11 +80,7 @@ def announced(conversation: Conversation) -> tuple[AnnouncedMemory, ...]:
             newest = whole(message.value.get("generation"), 1) or newest
         shown = tuple(layout(message.value))
         is_one = "meta" in message.value and "type" not in message.value  # INI-11
-        version = message.value.get("version")
-        later = isinstance(version, str) and _LATER.fullmatch(version)
-        broken = {j.breach.code for j in shown + added if j.breach}
-        judged = not broken - ({"wrong-version"} if later else set())
-        sound = is_one and judged and not message.faults
+        sound = is_one and not message.faults and not any(j.breach for j in shown + added)
         found.append(AnnouncedMemory(message, added, granted, sound))
     return tuple(found)
 
@@ -132,9 +127,9 @@ def _is_of_1_1(value: Json) -> bool:
 def _identity(value: Json, newest: int) -> Iterator[Judgement]:
     version, generation = value.get("version"), value.get("generation")
     yield Judgement("MEM-1")
-    if version != "1.1":
+    if not (isinstance(version, str) and _VERSION.fullmatch(version)):
         text = show(version) if "version" in value else "missing"
-        breach = Breach("wrong-version", f'version is {text}, not "1.1"')
+        breach = Breach("wrong-version", f'version is {text}, not "1.1" nor a later 1.x')
         yield Judgement("MEM-1", breach, "/version")
     if not integer_in(generation, 1):
         text = show(generation) if "generation" in value else "missing"

@@ -32,7 +32,7 @@ def broken(pointer: str, value: Any = ..., init: Json = HOST_INIT) -> list[Entry
 
 KEPT = sends(HOST_INIT)
 BREAKS: list[tuple[str, str, Any]] = [
-    ("MEM-1", "/version", "1.2"),
+    ("MEM-1", "/version", "1.02"),
     ("MEM-2", "/memory/bytes", 0),
     ("MEM-3", "/mem_color", HANDLE),
     ("MEM-8", "/ring/slots", 0),

@@ -3,8 +3,10 @@
 import os
 
 from splatbus_conformance.checks import check
+from splatbus_conformance.checks.v1_1.neg.servers import named
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.wire.json_values import show
 from splatbus_conformance.wire.messages import says_of
 from splatbus_conformance.wire.sockets import Connection
 
@@ -18,6 +20,21 @@ def opened(trial: ServerTrial, connection: Connection) -> Opened:
     if memory is None or memory.size() is None or memory.mode() is None:
         trial.not_observable("this system does not show the size and mode of shared memory")
     return memory
+
+
+@check("MEM-1", observable="the version that welcome names", needs=("opens",))
+def check_speaks_the_version_that_it_announces(trial: ServerTrial) -> None:
+    """Says hello anew, with the version of the init packet before 1.1."""
+    announced = trial.viewer.with_(trial.ready("ipc")).init_packets[-1].get("version")
+    if not isinstance(announced, str):
+        trial.not_observable("the init packet names no version")
+    spoken = named(trial, "ipc", [announced, "1.1"])
+    trial.expect(
+        spoken == announced,
+        "wrong-version",
+        f"it announces {show(announced)}, and a client of that version is told {show(spoken)}",
+    )
+    trial.delivered += 1
 
 
 @check("MEM-4", observable="the mode of the memory", needs=("opens",))

@@ -43,6 +43,12 @@ def server_announces_version_1_0(patch: Patch) -> None:
     announces(patch, version="1.0")
 
 
+@mutant("MEM-1", check="check_speaks_the_version_that_it_announces", code="wrong-version")
+def server_announces_version_1_2(patch: Patch) -> None:
+    """Names 1.2 in the init packet, of which it knows nothing."""
+    announces(patch, version="1.2")
+
+
 @mutant("MEM-2", code="not-a-name")
 def server_names_a_path(patch: Patch) -> None:
     """Announces where the memory lies, not what it is called."""
