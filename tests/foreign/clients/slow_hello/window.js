@@ -7,6 +7,9 @@ const HOST = process.env.SPLATBUS_HOST || "127.0.0.1";
 const PORTS = { ipc: +(process.env.SPLATBUS_IPC_PORT || 6001), msg: +(process.env.SPLATBUS_MSG_PORT || 6000) };
 const HELLO_AFTER = 1500, PACKET_MS = 9500, REPLY_MS = 8000, SAFE = Number.MAX_SAFE_INTEGER;
 const MARKS = /"(?:[^"\\]|\\.)*"|[[\]{}:]|-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?/g;
+// What 1.2 might be: a capability, its message, a member of `hello`.
+const LATER = process.env.SIMULATES === "1.2";
+const VERSIONS = LATER ? ["1.2", "1.1", "1.0"] : ["1.1", "1.0"];
 const utf8 = new TextDecoder("utf-8", { fatal: true, ignoreBOM: true });
 
 function parsed(payload) {
@@ -91,16 +94,18 @@ class Line {
 }
 
 const me = (capabilities) => ({
-  type: "hello", versions: ["1.1", "1.0"], client: { name: "window", version: "3" }, capabilities,
+  type: "hello", versions: VERSIONS, client: { name: "window", version: "3" },
+  capabilities: LATER ? [...capabilities, "exposure"] : capabilities, ...(LATER && { screen: { nits: 1000 } }),
 });
+const modern = (session) => Boolean(session.version) && session.version !== "1.0";
 
 function welcomed(session, message) {
   if (session.version) return;
   const { version, capabilities } = message;
-  if (version !== "1.1" && version !== "1.0") return session.end("a welcome to another version");
+  if (!VERSIONS.includes(version)) return session.end("a welcome to another version");
   if (!Array.isArray(capabilities)) return session.end("a welcome that is none");
   session.version = version;
-  session.can = new Set(version === "1.1" ? capabilities : []);
+  session.can = new Set(version === "1.0" ? [] : capabilities);
 }
 
 // ---- images
@@ -180,11 +185,11 @@ const ipc = new Line("ipc",
       ipc.well();
       const held = session.held;
       session.held = null;
-      if (held && session.version === "1.1") announced(session, held);
-    } else if (message.type === "frame") { if (session.version === "1.1") lent(session, message);
+      if (held && modern(session)) announced(session, held);
+    } else if (message.type === "frame") { if (modern(session)) lent(session, message);
     } else if (message.type === "error") console.log("ipc", message.code);
     else if (!("type" in message) && isObject(message.meta)) {
-      if (session.version === "1.1") { if ("version" in message) announced(session, message);
+      if (modern(session)) { if ("version" in message) announced(session, message);
       } else if (!session.version && !("version" in message)) session.version = "1.0";
       else if (!session.version && !session.held) session.held = message;
     }
@@ -209,10 +214,11 @@ function steer(session) {
   session.timers.push(setInterval(() => {
     turn += 0.02;
     const rotation = { x: 0, y: Math.sin(turn / 2), z: 0, w: Math.cos(turn / 2) };
+    if (session.can.has("exposure")) session.say({ type: "set_exposure", stops: Math.sin(turn) });
     session.say({ type: "camera_pose", position: { x: Math.sin(turn), y: 0, z: -3 }, rotation });
   }, 50), setInterval(() => {
     if (session.waiting.length) return;
-    if (session.version === "1.1" && session.can.has("ping")) ask(session, { type: "ping", t: performance.now() / 1000, id: ++id });
+    if (modern(session) && session.can.has("ping")) ask(session, { type: "ping", t: performance.now() / 1000, id: ++id });
     else ask(session, { type: "get_viewport_size" });
   }, 400));
 }
@@ -226,12 +232,11 @@ const msg = new Line("msg",
     const [asked] = session.waiting, { type } = message;
     if (type === "welcome" && session.version !== "1.0") return welcomed(session, message);
     if (!asked) return;
-    const modern = session.version === "1.1";
     if (type === "error" && session.version !== "1.0") {
       if (message.code === "busy" || message.id !== asked.id) return;
-    } else if (modern && type !== REPLIES[asked.type]) return;
-    else if (!modern && type !== undefined && !("viewport_size" in message)) return;
-    else if (!SHAPES[asked.type](message) || (modern && message.id !== asked.id)) return session.end("no reply that it asked for");
+    } else if (modern(session) && type !== REPLIES[asked.type]) return;
+    else if (!modern(session) && type !== undefined && !("viewport_size" in message)) return;
+    else if (!SHAPES[asked.type](message) || (modern(session) && message.id !== asked.id)) return session.end("no reply that it asked for");
     clearTimeout(session.limit);
     session.waiting.shift();
     session.version = session.version || "1.0";

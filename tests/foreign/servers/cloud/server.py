@@ -24,6 +24,8 @@ from reading import SAFE, Wrong, hello_in, lens_in, parsed, pose_in, real, text_
 W, H, SLOTS, READERS, MOST = 40, 30, 7, 5, 8
 LENS = {"fx": 34.0, "fy": 34.0, "cx": W / 2, "cy": H / 2, "width": W, "height": H, "near": 0.05, "far": 500.0}
 CAMERAS = [((0.0, 0.0, -5.0), (0.0, 0.0, 0.0, 1.0)), ((5.0, -0.5, 0.0), (0.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5)))]
+LATER = os.environ.get("SIMULATES") == "1.2"  # what that might be: a capability, its message, a member of `frame`
+VERSIONS = ["1.2", "1.1", "1.0"] if LATER else ["1.1", "1.0"]
 CAN = {"ipc": {"host_shm", "frames"}, "msg": {"intrinsics", "objects", "scene"}}
 COLOR, DEPTH = 16 * W * H, 4 * W * H
 BYTES = SLOTS * (COLOR + DEPTH)
@@ -59,7 +61,7 @@ class World:
         self.name, self.view = memory()
         self.changed = threading.Condition()
         self.camera, self.poses, self.lens = CAMERAS[0], {}, LENS
-        self.number, self.tag = 0, None
+        self.number, self.tag, self.exposure = 0, None, 0.0
         self.steering, self.readers = [], set()
         self.image, self.dirty = None, True
         self.steps = itertools.count(1)
@@ -69,7 +71,7 @@ class World:
         meta = {"w": W, "h": H, "fmtColor": "RGBA32F", "pitchColor": 16 * W, "fmtDepth": "R32F", "pitchDepth": 4 * W}
         depth = {"kind": "planar_z", "estimator": "expected", "empty": "inf"}
         return {
-            "version": "1.1", "generation": GENERATION, "meta": meta, "ring": ring,
+            "version": VERSIONS[0], "generation": GENERATION, "meta": meta, "ring": ring,
             "memory": {"kind": "host_shm", "name": self.name, "bytes": BYTES},
             "semantics": {"rows": "bottom_up", "alpha": "premultiplied", "colorSpace": "srgb", "depth": depth, "unitMetres": None, "origin": [0, 0, 0]},
         }
@@ -142,6 +144,8 @@ class World:
             camera["tag"] = image["tag"]
         conn.lease, conn.seq, conn.number = (image["seq"], image["slot"]), image["seq"], image["number"]
         frame = {"type": "frame", "generation": GENERATION, "seq": image["seq"], "slot": image["slot"], "camera": camera}
+        if LATER:
+            frame["exposure"] = {"stops": self.exposure}
         conn.say({**frame, "objects": image["objects"], "time": 0, "renderedAt": image["at"]})
 
 
@@ -241,12 +245,13 @@ class Connection:
         except Wrong as wrong:
             self.say({"type": "error", "code": str(wrong), "message": "no hello"})
             return False
-        version = next((each for each in versions if each in ("1.0", "1.1")), None)
+        version = next((each for each in versions if each in VERSIONS), None)
         if version is None:
-            self.say({"type": "error", "code": "unsupported_version", "message": "", "supported": ["1.1", "1.0"]})
+            self.say({"type": "error", "code": "unsupported_version", "message": "", "supported": VERSIONS})
             return False
-        self.modern = version == "1.1"
-        self.can = CAN[self.channel] & can if self.modern else frozenset()
+        self.modern = version != "1.0"
+        mine = CAN[self.channel] | ({"exposure"} if version == "1.2" and self.channel == "msg" else set())
+        self.can = mine & can if self.modern else frozenset()
         about = {"name": "cloud", "version": "0"}
         self.say({"type": "welcome", "version": version, "server": about, "capabilities": sorted(self.can)})
         if "frames" in self.can:
@@ -279,6 +284,9 @@ class Connection:
         try:
             if kind in ("camera_pose", "point_cloud_pose", "object_pose"):
                 return self.on_pose(kind, message)
+            if kind == "set_exposure" and "exposure" in self.can:
+                self.world.exposure = real(message.get("stops"), -20.0, 20.0)
+                return None
             if self.modern and "id" in message:
                 known = {"id": whole(message["id"], 0, SAFE)}
             reply = self.reply(kind, message)

@@ -199,7 +199,7 @@ def check_opens_memory_for_reading_only(trial: ClientTrial) -> None:
         trial.not_observable("how the testee has opened memory is not shown here")
     trial.role.offers_memory = False
     for mode in (0o600, 0o400):
-        with HostMemory(ROOM) as memory:
+        with HostMemory(trial.role.memory.size) as memory:
             (LINUX_FOLDER / memory.name).chmod(mode)
             good = init_packet_1_1(memory.name, 0, trial.role.width, trial.role.height)
             opened, _ = offer(trial, good)
