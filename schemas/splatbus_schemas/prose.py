@@ -38,6 +38,7 @@ _REQUIREMENT = re.compile(
     r"(?:> Why: (?P<why>.+)\n)?",
     re.MULTILINE,
 )
+_STATUS = re.compile(r"^\*\*Status: (.+)\.\*\*", re.MULTILINE)
 _ANY_ID = re.compile(r"^\*\*\[([^\]]+)\]\*\*", re.MULTILINE)
 _KEYWORD = re.compile(r"\b(?:MUST NOT|MUST|SHOULD NOT|SHOULD|MAY)\b")
 _EXAMPLE = re.compile(
@@ -117,6 +118,13 @@ def chapters(version: str, root: Path = CHECKOUT) -> list[Path]:
     return sorted((root / "spec" / version).glob("*.md"))
 
 
+def _status(version: str, root: Path) -> str:
+    said = _STATUS.search((root / "spec" / version / "README.md").read_text("utf-8"))
+    if said is None:
+        raise ProseError(f"spec/{version}/README.md: no line says the status")
+    return said[1]
+
+
 def collect(version: str, root: Path = CHECKOUT) -> dict[str, Any]:
     """The registry of one version, as it is written to `requirements.json`.
 
@@ -135,6 +143,7 @@ def collect(version: str, root: Path = CHECKOUT) -> dict[str, Any]:
     return {
         "$schema": "urn:splatbus:schema:requirements",
         "version": version,
+        "status": _status(version, root),
         "requirements": list(requirements.values()),
     }
 

@@ -13,9 +13,10 @@ ONE = """\
 
 
 def chapter(root: Path, text: str, version: str = "1.0", name: str = "02-framing.md") -> None:
-    path = root / "spec" / version / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, "utf-8")
+    folder = root / "spec" / version
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "README.md").write_text("**Status: draft 3.** So far.\n", "utf-8")
+    (folder / name).write_text(text, "utf-8")
 
 
 def test_a_requirement_is_read_whole() -> None:
@@ -63,6 +64,14 @@ def test_a_registry_holds_the_chapters_in_order(tmp_path: Path) -> None:
     assert [each["id"] for each in found["requirements"]] == ["FRM-3", "CHN-1"]
     assert found["requirements"][0]["chapter"] == "spec/1.0/02-framing.md"
     assert json.loads(prose.rendered_registry("1.0", tmp_path)) == found
+
+
+def test_a_registry_says_how_far_its_text_has_come(tmp_path: Path) -> None:
+    chapter(tmp_path, ONE)
+    assert prose.collect("1.0", tmp_path)["status"] == "draft 3"
+    chapter(tmp_path, "Nothing yet.", name="README.md")
+    with pytest.raises(prose.ProseError, match="status"):
+        prose.collect("1.0", tmp_path)
 
 
 def test_an_id_that_stands_twice_is_an_error(tmp_path: Path) -> None:

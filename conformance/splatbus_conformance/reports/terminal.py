@@ -18,6 +18,7 @@ from rich.table import Column
 from rich.text import Text
 from splatbus_schemas.requirements import Requirement, requirements
 
+from splatbus_conformance.reports.claim import claim
 from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.reports.triage import in_order, start_with
 from splatbus_conformance.selection import RULE
@@ -251,6 +252,8 @@ def print_run(console: Console, report: RunReport) -> None:
     print_what_next(console, report.results, report.traffic.advice, recorded=report.recorded)
     print_complaints(console, report.complaints)
     print_end(console, report.sentence, report.traffic.sentence(report.seconds), report.status)
+    if claimed := claim(report):
+        console.print(f"it may be claimed: {claimed}", style="dim", markup=False)
 
 
 def print_end(console: Console, sentence: str, more: str, status: int) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from splatbus_schemas.version import installed_version
 
 from splatbus_conformance.reports import latencies
+from splatbus_conformance.reports.claim import claim
 from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.reports.thresholds import observed
 from splatbus_conformance.reports.triage import start_with
@@ -29,6 +30,7 @@ def json_report(report: RunReport) -> dict[str, Any]:
         "side": report.side,
         "version": traffic.version,
         "summary": report.sentence,
+        "claim": claim(report),
         "exitCode": report.status,
         "level": reached(report.results),
         "observed": len(observed(report.results, report.judged, report.least)),
