@@ -63,7 +63,7 @@ class Result:
     delivered: int = 0
     """Cases that were delivered, each followed by a control that the testee met."""
     missed: bool = False
-    """A skip, though the testee has shown all that the check needs."""
+    """A skip, though the testee has shown all that the check needs, while the harness came late."""
     code: str = ""
     """Of a failure, which of the ways to fail this check it is: by this it is told from others,
     however the text puts it.

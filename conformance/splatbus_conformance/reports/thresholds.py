@@ -7,11 +7,6 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
 
-LATE_SECONDS = 0.1
-"""Half of the shortest time that a check gives a testee: one that the machine keeps waiting for so
-long may not have had the other half.
-"""
-
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -39,13 +34,12 @@ def missing(
     results: Iterable[Result], judged: Mapping[str, Requirement], late_seconds: float, load: str
 ) -> str:
     """Which requirements a busy machine may have kept from being observed, in words: of each the
-    testee has shown what it takes, and yet nothing came of it. Nothing where the harness was never
-    so late that it could be by that.
+    testee has shown what it takes, and yet nothing came of a check in which the harness was late.
     """
     results = list(results)
     shown = {it.requirement for it in results if it.missed and it.requirement in judged}
     missed = [name for name in judged if name in shown - observed(results, judged)]
-    if not missed or late_seconds < LATE_SECONDS:
+    if not missed:
         return ""
     return (
         f"Fewer than usual were observed: {', '.join(missed)}, of which the testee has shown what "

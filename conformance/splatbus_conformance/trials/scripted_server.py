@@ -135,6 +135,8 @@ class ScriptedServer:
         self.lends_frames = True
         """Lends one frame of each generation that is opened, and of each pose with a tag; a check
         lends more itself."""
+        self.has_image = True
+        """Until then sizes are told as [0,0] (REQ-4), and nothing is lent."""
         self.viewpoint: Viewpoint | None = None
         self.replies = True
         self.spoil: Callable[[Json], Json] = lambda reply: reply
@@ -314,9 +316,8 @@ class ScriptedServer:
         if typed and request.get("type") == "set_viewport" and (code := self._resize(request)):
             return messages.error(code, **{"id": request["id"]} if "id" in request else {})
         lens = "intrinsics" in dealings.granted
-        reply = messages.reply(
-            request, typed=typed, width=self.width, height=self.height, lens=lens
-        )
+        width, height = (self.width, self.height) if self.has_image else (0, 0)
+        reply = messages.reply(request, typed=typed, width=width, height=height, lens=lens)
         if reply and "intrinsics" in reply:
             reply["intrinsics"] = self.lens
         return reply and self.spoil(reply)
@@ -352,6 +353,7 @@ class ScriptedServer:
             return "unsupported"
         if any(set(d.generations[:-1]) - d.closed - d.failed for d in readers.values()):
             return "busy"
+        self.has_image = True
         if (width, height) != (self.width, self.height):
             self.width, self.height = width, height
             for connection in readers:
@@ -372,10 +374,10 @@ class ScriptedServer:
     def _show(self, reader: Connection) -> None:
         """Lend a frame of new memory or from a new viewpoint, once the last has come back."""
         dealings = self.with_(reader)
-        waits = self.lends_frames and "frames" in dealings.granted and not dealings.lends
+        may = self.lends_frames and self.has_image and "frames" in dealings.granted
         opened = reader.open and dealings.generation in dealings.opened - dealings.closed
         new = dealings.lent_of < dealings.generation or self.viewpoint is not dealings.shown
-        if waits and opened and new:
+        if may and opened and new and not dealings.lends:
             self.lend(reader)
 
     def _on_ipc(self, connection: Connection, dealings: ServedConnection, message: Json) -> None:

@@ -216,7 +216,7 @@ class Peer:
         self.listens_since: dict[Channel, float] = dict.fromkeys(CHANNELS, 0.0)
         """When it began to listen on each channel, since it last refused there."""
         self.late_seconds = 0.0
-        """By how much the longest of all waits was longer than asked for."""
+        """By how much the longest of all waits on this record was longer than asked for."""
         self._start = self._looked = time.monotonic()
         self._absent = 0.0
         self._count = dict.fromkeys(CHANNELS, 0)
@@ -318,6 +318,7 @@ class Peer:
             for channel in self._listeners:
                 while self._accepted(channel):
                     pass
+        self.late_seconds = 0.0
         self.close_all()
         self.connections = []
         self.entries = []

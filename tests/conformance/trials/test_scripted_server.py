@@ -125,6 +125,17 @@ def test_every_request_is_answered(stage, request_, kind):
     assert ("intrinsics" in answer) == (kind == "camera")
 
 
+def test_until_there_is_an_image_no_size_is_told(stage):
+    stage.role.has_image = False
+    steering, reader = stage.steering(), stage.reading()
+    camera, size = steering.hear({**ASK_CAMERA, "id": 1}, {"type": "get_viewport_size", "id": 2})
+    assert camera["intrinsics"]["width"] == 64
+    assert size["viewport_size"] == [0, 0]
+    assert [it.get("type") for it in reader.said] == ["welcome", None]
+    (size,) = steering.hear(resize(128, 96))
+    assert size["viewport_size"] == [128, 96]
+
+
 def test_before_welcome_requests_of_1_1_are_not_known(stage):
     stage.role.welcomes = False
     assert stage.steering().hear({"type": "ping", "t": 0.5}) == []

@@ -21,7 +21,9 @@ def holders(name: str) -> list[int]:
 
 
 def writers(name: str) -> list[int]:
-    """Those of the holders that have it open for writing, or have mapped what they so opened."""
+    """Those of the holders that have it open for writing, or have mapped what they so opened; a
+    mapping of their own (`p`) shows nobody what is written there.
+    """
     path = f"/dev/shm/{name}"
     return [pid for pid in holders(name) if _may_write(pid, path) or _writes(pid, path)]
 
@@ -82,6 +84,7 @@ def _may_write(pid: int, path: str) -> bool:
         for line in (PROC / str(pid) / "smaps").read_text("utf-8", "replace").splitlines():
             if not line.split(" ", 1)[0].endswith(":"):  # where the next mapping begins
                 here = line.removesuffix(" (deleted)").endswith(f" {path}")
+                here = here and line.split()[1].endswith("s")
                 if here and "w" in line.split()[1]:
                     return True
             elif here and line.startswith("VmFlags:") and "mw" in line.split():

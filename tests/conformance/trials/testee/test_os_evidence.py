@@ -86,6 +86,14 @@ def test_who_may_write_is_told_from_who_reads(how: str, mode: str) -> None:
         assert writers(memory.name) == ([other.pid] if mode == "r+b" else [])
 
 
+def test_who_writes_to_a_copy_of_his_own_writes_to_nothing_of_ours() -> None:
+    code = MAPS.replace("access=mmap.ACCESS_READ", "access=mmap.ACCESS_COPY")
+    with HostMemory(4096) as memory, running(code, memory.name) as other:
+        assert says(other) == "mapped"
+        assert holders(memory.name) == [other.pid]
+        assert writers(memory.name) == []
+
+
 def test_nobody_holds_what_only_the_harness_has() -> None:
     with HostMemory(4096) as memory:
         assert holders(memory.name) == []

@@ -130,6 +130,11 @@ def check(kind, reply, asked):
         numbers(reply.get("position"), 3)
         if abs(math.hypot(*numbers(reply.get("rotation"), 4)) - 1) > 0.01:
             raise Refused("no rotation")
+        if "intrinsics" in reply:
+            lens = reply["intrinsics"]
+            numbers([lens.get(name) for name in ("width", "height", "fx", "fy", "near", "far")], 6, 1e-6)
+            if lens["near"] >= lens["far"]:
+                raise Refused("no lens")
     elif kind == "ping":
         if reply.get("t") != asked["t"] or not isinstance(reply.get("serverTime"), float):
             raise Refused("no pong")

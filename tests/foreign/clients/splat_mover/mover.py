@@ -109,7 +109,7 @@ class Ring:
             raise Bad(str(error)) from None
         try:
             need(os.fstat(file).st_size >= size, "the memory is shorter than announced (MEM-6)")
-            self.memory = mmap.mmap(file, size, prot=mmap.PROT_READ)
+            self.memory = mmap.mmap(file, size, access=mmap.ACCESS_COPY)
         finally:
             os.close(file)
 

@@ -157,8 +157,8 @@ class Server
         var pointer = Breach(hello);
         var spoken = new[] { "1.1", "1.0" };
         ending = true;
-        if (!Right(Of(hello, "token"))) { Fail("unauthorized", "/token", null); return; }
         if (pointer != null) { Fail("invalid_message", pointer, null); return; }
+        if (!Right(Of(hello, "token"))) { Fail("unauthorized", "/token", null); return; }
         var version = ((List<object>)hello["versions"]).Cast<string>().FirstOrDefault(each => spoken.Contains(each));
         if (version == null)
         {

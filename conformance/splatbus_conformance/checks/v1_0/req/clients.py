@@ -141,12 +141,11 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     """The size is [0,0] at first; the request that follows is timed."""
     if "get_viewport_size" not in trial.facts.asks:
         trial.not_observable("the testee does not ask for the size when it connects")
-    real = trial.role.width, trial.role.height
-    trial.role.width = trial.role.height = 0
+    trial.role.has_image = False
     connection = trial.connection("msg")
     dealings = trial.role.with_(connection)
     asks = trial.wait(lambda: dealings.count("get_viewport_size") or connection.ended)
-    trial.role.width, trial.role.height = real
+    trial.role.has_image = True
     if not (asks and connection.packets):
         trial.not_observable("the testee does not ask for the size when it connects again")
     told = connection.packets[-1].ended

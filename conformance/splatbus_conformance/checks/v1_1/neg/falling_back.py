@@ -26,7 +26,7 @@ def fall_back(trial: ClientTrial, channel: Channel) -> Fallen:
     trial.role.speaks, trial.role.replies = "1.0", False
     if channel == "ipc":
         return Fallen(trial.connection(channel), 0)
-    trial.role.width = trial.role.height = 0  # who waits for images asks on (REQ-12)
+    trial.role.has_image = False  # who waits for images asks on (REQ-12)
     connection = trial.connection(channel)
     dealings = trial.role.with_(connection)
     if not trial.wait(lambda: dealings.count("get_viewport_size")):

@@ -362,8 +362,5 @@ def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
     silent = trial.viewer.with_(trial.before_hello("ipc"))
     trial.wait(lambda: silent.heard)
     trial.expect(silent.init_packets, "no-init-packet", "no init packet came before hello")
-    version = silent.heard[0].get("version")
-    trial.expect(
-        version == "1.1", "another-version", f"the version of its init packet is {show(version)}"
-    )
+    trial.expect("version" in silent.heard[0], "no-version", "its init packet names no version")
     trial.delivered += 1

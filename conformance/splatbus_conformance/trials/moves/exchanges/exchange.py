@@ -86,7 +86,7 @@ def _replies(trial: ClientTrial) -> Exchange:
     [0,0], shows by that that it has read one, first where it is whole. Others must at least keep
     the connection.
     """
-    trial.role.width = trial.role.height = 0
+    trial.role.has_image = False
     if trial.facts.asks_on is None:
         whole = asked_on(trial, asking(trial))
         for reply in whole.awaited:

@@ -278,7 +278,7 @@ def at_once(patch: Patch, made: list[Memory], *, version: bool = True) -> None:
     server.HEARS_OF_MEMORY.replace(patch, lambda *_: None)
 
 
-@mutant("NEG-15", check="check_sends_cuda_memory_at_once", code="another-version")
+@mutant("NEG-15", check="check_sends_cuda_memory_at_once", code="no-version")
 def server_announces_cuda_memory_as_in_1_0(patch: Patch) -> None:
     """Sends each connection at once what 1.0 has, although it speaks 1.1."""
     at_once(patch, announces_cuda_memory(patch), version=False)
