@@ -108,7 +108,9 @@ OTHERS = {
     "client": re.compile(
         r"(?:A|An|The|Two|Every|No) (?:server|renderer)s?\b(?![\s\S]*\b[Cc]lient)"
         r"|The usual 1 −|Turning Gaussians|Cameras far from the origin"
-        r"|A pose (?:that arrives|crosses)|For the pixel in the top-left corner"
+        r"|A pose (?:that arrives|crosses)|Where the name of its host|To say nothing is no offence"
+        r"|Control passes on|Who is sent no init packet|The value that there was"
+        r"|For the pixel in the top-left corner"
         r"|\| \| t₀|A restart, as the client"
         r"|```\n +client +server\n +\|(?:=|<--- end)|Each client holds"
     ),

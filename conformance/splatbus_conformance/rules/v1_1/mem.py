@@ -77,7 +77,7 @@ def announced(conversation: Conversation) -> tuple[AnnouncedMemory, ...]:
         added: tuple[Judgement, ...] = ()
         if speaks_1_1 or _is_of_1_1(message.value):
             added = tuple(additions(message.value, newest, granted or frozenset()))
-            newest = whole(message.value.get("generation"), 1) or newest
+            newest = max(newest, whole(message.value.get("generation"), 1) or newest)
         shown = tuple(layout(message.value))
         is_one = "meta" in message.value and "type" not in message.value  # INI-11
         sound = is_one and not message.faults and not any(j.breach for j in shown + added)

@@ -79,7 +79,8 @@ def server_closes_on_what_is_broken(patch: Patch) -> None:
     """Closes a message connection of 1.0 on broken text and broken poses."""
 
     def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.welcome is None and self.channel == "msg" and error.code != "unknown_type":
+        is_1_0 = self.welcome is None and type_and_id(payload)[0] != "hello"
+        if is_1_0 and self.channel == "msg" and error.code != "unknown_type":
             self.end("it is broken", now)
         return original(self, error, payload, now)
 
