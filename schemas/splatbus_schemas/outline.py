@@ -111,6 +111,7 @@ OTHERS = {
         r"|A pose (?:that arrives|crosses)|Where the name of its host|To say nothing is no offence"
         r"|Control passes on|Who is sent no init packet|The value that there was"
         r"|For the pixel in the top-left corner"
+        r"|How depth and alpha follow|Which pixels are covered|\| what happens \||Vectors for"
         r"|\| \| t₀|A restart, as the client"
         r"|```\n +client +server\n +\|(?:=|<--- end)|Each client holds"
     ),
