@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from rich.console import Console
 from rich.markup import escape
@@ -63,6 +63,8 @@ class LiveProgress:
         """By check, what it says that it judges."""
         self._skipped: dict[str, list[str]] = {}
         """By reason, the requirements whose checks were skipped for it."""
+        self._judged: set[str] = set()
+        """Those of which another check has said something."""
         self._bar = _bar(console) if console.is_terminal else None
         self._task = self._bar.add_task("meeting the testee", total=None) if self._bar else None
 
@@ -89,6 +91,7 @@ class LiveProgress:
         if result.verdict is Verdict.SKIP:
             self._skipped.setdefault(result.text, []).append(result.requirement)
         else:
+            self._judged.add(result.requirement)
             self._console.print(
                 _line(result, f"{self._done:4}/{self._total}"),
                 no_wrap=True,
@@ -101,8 +104,8 @@ class LiveProgress:
         """The run is over."""
         if self._bar:
             self._bar.stop()
-        print_skipped(self._console, self._skipped)
-        self._skipped = {}
+        print_skipped(self._console, self._skipped, self._judged)
+        self._skipped, self._judged = {}, set()
 
     def _show(self) -> None:
         if self._bar and self._task is not None:
@@ -135,9 +138,13 @@ def _line(result: Result, place: str) -> Text:
     return line
 
 
-def print_skipped(console: Console, skipped: Mapping[str, Sequence[str]]) -> None:
+def print_skipped(
+    console: Console, skipped: Mapping[str, Sequence[str]], judged: Collection[str]
+) -> None:
     """Why checks were skipped, the most frequent reason first, and what they would have judged."""
-    _print_by_reason(console, "\nSkipped, and why:", skipped)
+    told = {why: [f"({it})" if it in judged else it for it in ids] for why, ids in skipped.items()}
+    others = " (in brackets, what other checks have judged)" if told != dict(skipped) else ""
+    _print_by_reason(console, f"\nSkipped, and why{others}:", told)
 
 
 def print_unseen(console: Console, unseen: Mapping[str, Sequence[str]]) -> None:

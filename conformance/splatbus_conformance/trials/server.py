@@ -153,6 +153,9 @@ class ServerTrial(Trial):
         dealings = self.viewer.with_(connection)
         if not self.wait(lambda: dealings.memory or dealings.refusal or connection.ended):
             self.not_observable("the server announced no memory")
+        if not (dealings.memory or dealings.refusal):
+            told = f", saying {', '.join(codes)}" if (codes := dealings.errors()) else ""
+            self.not_observable(f"the server ended a reader's connection{told}")
         if dealings.memory is None:
             self.not_observable(f"the memory cannot be opened here: {dealings.refusal}")
         return connection

@@ -56,6 +56,17 @@ def test_a_reason_for_skips_is_told_once_with_all_that_it_hid() -> None:
     assert text(out).count(NO_ADAPTER) == 1, "told twice"
 
 
+def test_what_another_check_has_judged_is_told_from_what_none_has() -> None:
+    out = console()
+    live = LiveProgress(out)
+    live.begin(3)
+    for name in ("CNV-1", "CNV-2"):
+        live.done(Result(name, "check_a", Level.ADAPTER, Verdict.SKIP, NO_ADAPTER))
+    live.done(Result("CNV-2", "check_b", Level.WIRE, Verdict.PASS))
+    live.end()
+    assert "      CNV-1 (CNV-2)" in text(out).splitlines()
+
+
 def test_a_terminal_sees_what_runs_and_a_file_does_not() -> None:
     outs = console(terminal=True, TERM="xterm"), console()
     for out in outs:
