@@ -99,7 +99,7 @@ def _writes(pid: int, path: str) -> bool:
                 if str(entry.readlink()).removesuffix(" (deleted)") == path:
                     told = (PROC / str(pid) / "fdinfo" / entry.name).read_text()
                     flags = next(it for it in told.splitlines() if it.startswith("flags:"))
-                    if int(flags.split()[1], 8) & os.O_ACCMODE != os.O_RDONLY:
+                    if int(flags.split()[1], 8) & (os.O_WRONLY | os.O_RDWR):
                         return True
     return False
 
