@@ -19,7 +19,7 @@ from splatbus_schemas import LIMITS
 from splatbus_wire.errors import ProtocolError
 
 _MAX_DEPTH: int = LIMITS["max_json_depth"]
-MAX_VALUES: int = LIMITS["max_json_values"]
+MAX_VALUES: int = LIMITS["max_server_values"]
 _MAX_POINTER_CHARS = 512
 _DEEPER = dict.fromkeys(b"[{", 1) | dict.fromkeys(b"]}", 0xFF)
 _DEPTH_STEPS = bytes(_DEEPER.get(byte, 0) for byte in range(256))

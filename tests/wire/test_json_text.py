@@ -229,8 +229,8 @@ def test_deep_nesting_is_never_sent():
 
 
 def test_more_values_than_there_may_be_are_never_sent():
-    most = {"type": "x", "list": ([0] * (LIMITS["max_json_values"] - 6), {"a": None})}
-    assert len(serialize(most)) > 2 * LIMITS["max_json_values"]
+    most = {"type": "x", "list": ([0] * (LIMITS["max_server_values"] - 6), {"a": None})}
+    assert len(serialize(most)) > 2 * LIMITS["max_server_values"]
     serialize(most | {"list": "0," * 100_000})
     with pytest.raises(ProtocolError) as caught:
         serialize(most | {"more": 0})

@@ -6,12 +6,15 @@ from functools import cached_property
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-from splatbus_conformance.wire.json_reading import PayloadFault, read, take_numbers
+from splatbus_schemas import LIMITS
+
+from splatbus_conformance.wire.json_reading import PayloadFault, read, take_numbers, too_many
 from splatbus_conformance.wire.message_kinds import kind_of, shape_of
 from splatbus_conformance.wire.packets import Packet, Splitter
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
 
 SENDER = {"c2s": "client", "s2c": "server"}
+MOST_VALUES = {"c2s": LIMITS["max_client_values"], "s2c": LIMITS["max_server_values"]}
 
 
 class Message(NamedTuple):
@@ -198,6 +201,7 @@ def _message(entry: Entry, packet: Packet, *, negotiated: bool) -> Message:
     value, faults = read(packet.payload)
     if value is None:
         return Message(entry.dir, packet, None, faults)
+    values = too_many(packet.payload, value, MOST_VALUES[entry.dir])
     kind = kind_of(entry.channel, entry.dir, value)
     value, strings = take_numbers(value, shape_of(kind, negotiated=negotiated))
-    return Message(entry.dir, packet, value, (*faults, *strings), kind)
+    return Message(entry.dir, packet, value, (*faults, *values, *strings), kind)

@@ -16,7 +16,6 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.wire.message_kinds import NUMBER, Shape
 
-MAX_VALUES: int = LIMITS["max_json_values"]
 LONG_NUMBER = 300
 """Digits from which an integer may overflow double precision."""
 _NO_BRACKET = re.compile(r'"(?:[^"\\]|\\.?)*(?:"|\Z)|[^][{}"]+', re.DOTALL)
@@ -53,7 +52,7 @@ def read(payload: bytes) -> ReadPayload:
         if shallow and "\\u" not in text:
             value = _FAULTLESS.decode(text)
             if isinstance(value, dict):
-                return ReadPayload(value, _too_many(payload, value))
+                return ReadPayload(value, ())
     return _read_closely(payload)
 
 
@@ -165,14 +164,14 @@ def _read_closely(payload: bytes) -> ReadPayload:
             None,
             (*faults, PayloadFault("JSN-1", "no-object", f"the payload is a {kind}, no object")),
         )
-    return ReadPayload(value, (*faults, *_too_many(payload, value)))
+    return ReadPayload(value, tuple(faults))
 
 
-def _too_many(payload: bytes, value: dict[str, Any]) -> tuple[PayloadFault, ...]:
+def too_many(payload: bytes, value: dict[str, Any], most: int) -> tuple[PayloadFault, ...]:
     """Counted only where so many bytes can hold more values than there may be."""
-    if len(payload) <= 2 * MAX_VALUES or (count := _values(value)) <= MAX_VALUES:
+    if len(payload) <= 2 * most or (count := _values(value)) <= most:
         return ()
-    text = f"{count:,} values, {MAX_VALUES:,} are allowed"
+    text = f"{count:,} values, {most:,} are allowed"
     return (PayloadFault("JSN-12", "too-many-values", text),)
 
 
