@@ -25,7 +25,7 @@ QUOTATIONS = {
     ("close_seconds", "CHN-13"): "within {}",
     ("max_json_depth", "JSN-5"): "more than {} deep",
     ("max_client_values", "JSN-12"): "more than {} values into a payload as a client",
-    ("max_server_values", "JSN-12"): "more than {} values as a server",
+    ("max_server_values", "JSN-12"): "more than {} as a server",
     ("max_safe_integer", "REQ-2"): "from −({}) to {}",
     ("max_safe_integer", "INI-5"): "from 0 to {}",
     ("max_safe_integer", "INI-6"): "from 0 to {}",
