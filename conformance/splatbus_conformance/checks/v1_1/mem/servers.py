@@ -25,9 +25,10 @@ def opened(trial: ServerTrial, connection: Connection) -> Opened:
 @check("MEM-1", observable="the version that welcome names", needs=("opens",))
 def check_speaks_the_version_that_it_announces(trial: ServerTrial) -> None:
     """Says hello anew, with the version of the init packet before 1.1."""
-    announced = trial.viewer.with_(trial.ready("ipc")).init_packets[-1].get("version")
+    told = trial.viewer.with_(trial.ready("ipc")).init_packets
+    announced = told[-1].get("version") if told else None
     if not isinstance(announced, str):
-        trial.not_observable("the init packet names no version")
+        trial.not_observable("no init packet names a version")
     spoken = named(trial, "ipc", [announced, "1.1"])
     trial.expect(
         spoken == announced,
