@@ -230,10 +230,11 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
 def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
     """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
     end of its table; one then accepts, and later the other, and the first connection of each is
-    closed as soon as it is made.
+    closed as soon as it is made, without a word that could begin the table anew.
     """
     channels = coming_back(trial)
     refuse(trial, channels)
+    trial.role.welcomes = trial.role.offers_memory = trial.role.replies = False
     trial.rest(LONG_SECONDS)
     for channel in channels:
         listening = time.monotonic()

@@ -25,7 +25,9 @@ def opened(trial: ServerTrial, connection: Connection) -> Opened:
 @check("MEM-1", observable="the version that welcome names", needs=("opens",))
 def check_speaks_the_version_that_it_announces(trial: ServerTrial) -> None:
     """Says hello anew, with the version of the init packet before 1.1."""
-    told = trial.viewer.with_(trial.ready("ipc")).init_packets
+    connection = trial.ready("ipc")
+    told = trial.viewer.with_(connection).init_packets
+    connection.close()
     announced = told[-1].get("version") if told else None
     if not isinstance(announced, str):
         trial.not_observable("no init packet names a version")
