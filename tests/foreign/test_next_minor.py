@@ -20,6 +20,7 @@ from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.recording import RecordingError, load
 
 from tests.foreign.programs import FOLDERS, Lacking, command, read
+from tests.pair.behind_a_proxy import NAMES
 from tests.waiting import eventually
 
 ENOUGH = 5
@@ -43,8 +44,7 @@ def later(side: str) -> str:
 @contextlib.contextmanager
 def started(line: str, at: Endpoint) -> Iterator[None]:
     """A program that is told where to connect or to listen."""
-    names = ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT")
-    environment = os.environ | SIMULATES | dict(zip(names, map(str, at), strict=True))
+    environment = os.environ | SIMULATES | dict(zip(NAMES, map(str, at), strict=True))
     with subprocess.Popen(shlex.split(line), env=environment) as running:
         try:
             yield
