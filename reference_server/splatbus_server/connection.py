@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import NamedTuple, Union
+from typing import Any, NamedTuple, Union
 
 from splatbus_schemas import LIMITS, VERSIONS
 from splatbus_wire.errors import FramingError, ProtocolError
-from splatbus_wire.json_text import parse_object
 from splatbus_wire.messages import (
     Channel,
     ClientMessage,
@@ -222,7 +221,7 @@ class Connection:
             if isinstance(message, Hello) and self.state is not State.AGREED_ON_1_0:
                 return self.greet(message, now)
         except ProtocolError as error:
-            return self.refuse_packet(error, payload, now)
+            return self.refuse_packet(error, now)
         if isinstance(message, Hello):
             return Refusal("unknown_type", "hello is none of 1.0, which was agreed upon [NEG-33]")
         if self.is_heard:
@@ -252,9 +251,9 @@ class Connection:
             self.welcome = answer
         return hello
 
-    def refuse_packet(self, error: ProtocolError, payload: bytes, now: float) -> Refusal:
+    def refuse_packet(self, error: ProtocolError, now: float) -> Refusal:
         """An `error` after hello [NEG-29]; before, silence, or an end for who awaits a reply."""
-        kind, request = type_and_id(payload)
+        kind, request = type_and_id(error.received)
         if self.welcome is None and self.is_heard and kind in REQUESTS:
             self.end("a client that awaits the reply to a bad request learns so [REQ-9]", now)
         if self.state is State.NEW and kind == "hello":
@@ -287,12 +286,8 @@ def read_message(payload: bytes, channel: Channel, agreed: tuple[str, ...] | Non
 read_short_message = lru_cache(maxsize=64)(read_message)
 
 
-def type_and_id(payload: bytes) -> tuple[object, int | None]:
-    """What can be said of a packet that is refused: its type, and its `id` if that is one."""
-    try:
-        message = parse_object(payload)
-    except ProtocolError:
-        return None, None
+def type_and_id(message: Mapping[str, Any]) -> tuple[object, int | None]:
+    """What can be said of a message that is refused: its type, and its `id` if that is one."""
     request = message.get("id", -1)
     is_number = type(request) in (int, float)
     is_id = is_number and 0 <= request <= LIMITS["max_safe_integer"] and request % 1 == 0

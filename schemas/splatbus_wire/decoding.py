@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any, Literal
 
-from splatbus_schemas import read_json
+from splatbus_schemas import LIMITS, read_json
 
 from splatbus_wire import from_client, from_server
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import Field
 from splatbus_wire.init_packet import InitPacket, is_init_packet, parse_init_packet
+from splatbus_wire.json_bounds import check_values
 from splatbus_wire.json_text import brief, parse_object
 from splatbus_wire.message_types import (
     ClientMessage,
@@ -31,6 +32,7 @@ from splatbus_wire.plain_frames import plain_frame
 from splatbus_wire.plain_poses import plain_pose
 
 Channel = Literal["ipc", "msg"]
+MAX_CLIENT_VALUES: int = LIMITS["max_client_values"]
 
 _CHANNELS: dict[str, Channel] = {"ipc": "ipc", "message": "msg"}
 CAPABILITIES: dict[tuple[Channel, str], str] = {
@@ -68,13 +70,25 @@ def decode_from_client(
     Raises:
         ProtocolError: `malformed_json`, `not_an_object`, `invalid_number`, `invalid_rotation`,
             `invalid_message`, `unknown_type` for a message that is to be ignored [REQ-8, NEG-9],
-            and `unsupported` for one whose capability was not agreed upon [NEG-5, NEG-36].
+            and `unsupported` for one whose capability was not agreed upon [NEG-5, NEG-36]. Its
+            `received` holds the message, if that could be parsed.
     """
     if channel == "msg" and (pose := plain_pose(payload)) is not None:
         if said_hello or isinstance(pose, PointCloudPose) or pose.tag is None:
             return pose
         return pose._replace(tag=None)
-    message = Field(parse_object(payload), "", "")
+    check_values(payload, MAX_CLIENT_VALUES)
+    received = parse_object(payload)
+    try:
+        return _from_client(Field(received, "", ""), channel, said_hello, agreed)
+    except ProtocolError as error:
+        error.received = received
+        raise
+
+
+def _from_client(
+    message: Field, channel: Channel, said_hello: bool, agreed: Collection[str] | None
+) -> ClientMessage:
     found: ClientMessage | None = None
     kind = message.value.get("type")
     needed = CAPABILITIES.get((channel, str(kind)))

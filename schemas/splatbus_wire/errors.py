@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class ProtocolError(ValueError):
     """A message breaks a requirement; the connection goes on.
@@ -12,6 +14,9 @@ class ProtocolError(ValueError):
         requirement: id of the clause that is broken, such as `POS-3`.
         pointer: JSON pointer (RFC 6901) to the offending value, where there is one.
         offset: offset in bytes of the fault within the payload or stream, where there is one.
+
+    Attributes:
+        received: the message that is refused, as it was parsed; empty where it was not.
     """
 
     def __init__(
@@ -29,6 +34,7 @@ class ProtocolError(ValueError):
         self.requirement = requirement
         self.pointer = pointer
         self.offset = offset
+        self.received: dict[str, Any] = {}
 
     def __str__(self) -> str:
         where = "" if self.pointer is None else f" at {self.pointer or 'the root'}"

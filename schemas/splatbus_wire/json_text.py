@@ -11,22 +11,18 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
-from itertools import accumulate
 from typing import Any, NoReturn
 
 from splatbus_schemas import LIMITS
 
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.json_bounds import check_depth, check_values
 
-_MAX_DEPTH: int = LIMITS["max_json_depth"]
 MAX_VALUES: int = LIMITS["max_server_values"]
 _MAX_POINTER_CHARS = 512
-_DEEPER = dict.fromkeys(b"[{", 1) | dict.fromkeys(b"]}", 0xFF)
-_DEPTH_STEPS = bytes(_DEEPER.get(byte, 0) for byte in range(256))
 _WHITE_SPACE = re.compile(r"[ \t\n\r]*")
-ESCAPE = re.compile(
-    r"\\(?:u[dD][89abAB]..\\u[dD][c-fC-F]..|(?P<half>u[dD][89a-fA-F]..)|.)", re.DOTALL
-)
+SURROGATES = re.compile(r"\\u[dD](?:[89abAB]..\\u[dD][c-fC-F]..|(?P<half>[89a-fA-F]..))")
+"""Escapes of a pair, or of half of one, in a text without escaped backslashes."""
 
 
 def parse_object(payload: bytes) -> dict[str, Any]:
@@ -34,12 +30,15 @@ def parse_object(payload: bytes) -> dict[str, Any]:
 
     Raises:
         ProtocolError: `malformed_json`, with the offset of the fault or a pointer to it [JSN-1,
-            JSN-2, JSN-3, JSN-5]; `not_an_object` [JSN-1]; `invalid_number`, with a pointer, for a
-            number that is not finite in double precision [JSN-4].
+            JSN-2, JSN-3, JSN-5, JSN-12]; `not_an_object` [JSN-1]; `invalid_number`, with a
+            pointer, for a number that is not finite in double precision [JSN-4].
     """
+    check_values(payload, MAX_VALUES)
     text = _decode(payload)
     check_depth(payload)
     value = _parse(text)
+    if "\\ud" in text or "\\uD" in text:
+        _check_pairs(text, value)
     if not isinstance(value, dict):
         raise ProtocolError(
             "not_an_object",
@@ -130,34 +129,23 @@ def _decode(payload: bytes) -> str:
             requirement="JSN-2",
             offset=0,
         )
-    if "\\u" in text:
-        for escape in ESCAPE.finditer(text):
-            if escape["half"]:
-                raise ProtocolError(
-                    "malformed_json",
-                    f"\\{escape['half']} is half a surrogate pair, which no UTF-8 text holds",
-                    requirement="JSN-1",
-                    offset=len(text[: escape.start()].encode()),
-                )
     return text
 
 
-def check_depth(payload: bytes) -> None:
-    """Refuse deep nesting before anything recurses into it, in time linear in the payload."""
-    if payload.count(b"[") + payload.count(b"{") <= _MAX_DEPTH:
-        return
-    # Strings are blanked rather than left out, so that an index remains an offset. Where the text
-    # is no JSON this is right up to the fault, and no parser goes beyond it.
-    pieces = payload.replace(rb"\\", b"  ").replace(rb"\"", b"  ").split(b'"')
-    pieces[1::2] = [b" " * len(string) for string in pieces[1::2]]
-    steps = memoryview(b" ".join(pieces).translate(_DEPTH_STEPS)).cast("b")
-    for offset, depth in enumerate(accumulate(steps)):
-        if depth > _MAX_DEPTH:
+def _check_pairs(text: str, value: Any) -> None:
+    """Refuse an escape of half a surrogate pair, which no UTF-8 text holds."""
+    try:
+        _ENCODER.encode(value).encode()
+        return  # a hundred thousand escapes are looked at only where one of them is wrong
+    except UnicodeEncodeError:
+        pass
+    for escape in SURROGATES.finditer(text.replace(r"\\", "  ")):
+        if escape["half"]:
             raise ProtocolError(
                 "malformed_json",
-                f"arrays and objects are nested more than {_MAX_DEPTH} deep",
-                requirement="JSN-5",
-                offset=offset,
+                f"\\ud{escape['half']} is half a surrogate pair, which no UTF-8 text holds",
+                requirement="JSN-1",
+                offset=len(text[: escape.start()].encode()),
             )
 
 

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
+from splatbus_wire import json_text
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.json_bounds import check_values
 from splatbus_wire.json_text import parse_object, serialize
 
 DEPTH = LIMITS["max_json_depth"]
@@ -111,8 +113,8 @@ MALFORMED = {
     "half a pair in a name": ('{"ä":0,"\\\\\\ud800x":1}'.encode(), "JSN-1", 11),
     "byte-order mark": (b"\xef\xbb\xbf{}", "JSN-2", 0),
     "nested too deep": (nested(DEPTH + 1), "JSN-5", 5 * DEPTH),
-    "100,000 brackets": (b"[" * 100_000, "JSN-5", DEPTH),
-    "100,000 braces": (b'{"":' * 100_000, "JSN-5", 4 * DEPTH),
+    "10,000 brackets": (b"[" * 10_000, "JSN-5", DEPTH),
+    "10,000 braces": (b'{"":' * 10_000, "JSN-5", 4 * DEPTH),
     "deep after a string": (b'{"[[\\"\\\\":' + b"[" * 90, "JSN-5", 9 + DEPTH),
 }
 
@@ -178,9 +180,50 @@ def test_nesting_up_to_the_limit_is_taken():
     assert parse_object(b'{"a":[' + b"{}," * 1000 + b'"[[[\\"]"]}')
 
 
+MOST = LIMITS["max_server_values"]
+LIVELY = b'" \\\\\\" [{,:}] "'
+"""A string in which everything stands that structure is made of."""
+
+
+@given(
+    st.recursive(
+        st.sampled_from([b"0", b"[]", b"{ \t}", b'""', LIVELY]),
+        lambda inner: st.lists(inner, min_size=1, max_size=5).map(
+            lambda items: b"[ " + b" ,".join(items) + b"]"
+        ),
+    )
+)
+def test_values_are_counted_exactly(value):
+    def count(item):
+        return 1 + sum(map(count, item)) if isinstance(item, list) else 1
+
+    payload = b'{"a\\"[":' + value + b"}"
+    values = 1 + count(json.loads(payload)['a"['])
+    check_values(payload, values)
+    with pytest.raises(ProtocolError, match=f"more than {values - 1} values"):
+        check_values(payload, values - 1)
+
+
+@pytest.mark.parametrize(
+    "unit",
+    [b"0,", b"{},", b'"",', b"[", b"[]", b'{"":', LIVELY + b","],
+    ids=repr,
+)
+def test_too_many_values_are_refused_before_they_are_parsed(unit, monkeypatch):
+    monkeypatch.setattr(json_text, "STRICT", None)
+    error = refusal(b'{"a":[' + unit * (3 * MOST) + b"NaN]}")
+    assert (error.code, error.requirement) == ("malformed_json", "JSN-12")
+    assert str(MOST) in error.message
+
+
+def test_as_many_values_as_are_allowed_are_taken():
+    message = parse_object(b'{"a":[' + b",".join([LIVELY] * (MOST - 2)) + b"]}")
+    assert len(message["a"]) == MOST - 2
+
+
 def test_deep_nesting_is_refused_with_little_stack_left():
     def deep(frames: int) -> ProtocolError:
-        return refusal(b'{"":' * 100_000) if frames == 0 else deep(frames - 1)
+        return refusal(b'{"":' * 10_000) if frames == 0 else deep(frames - 1)
 
     # pytest and Hypothesis stand on some of it already
     assert deep(sys.getrecursionlimit() // 2).requirement == "JSN-5"

@@ -13,7 +13,8 @@ WIRE = tuple(
     f"splatbus_wire.{name}"
     for name in (
         *("compositing", "conventions", "decoding", "encoding", "errors", "fields"),
-        *("framing", "from_client", "from_server", "init_packet", "intrinsics", "json_text"),
+        *("framing", "from_client", "from_server", "init_packet", "intrinsics"),
+        *("json_bounds", "json_text"),
         *("lens", "message_types", "messages", "negotiation", "packet_reader", "parts"),
         *("plain", "plain_frames", "plain_poses", "poses", "rotations", "series"),
         "superseding",

@@ -78,11 +78,11 @@ def server_sends_byte_by_byte(patch: Patch) -> None:
 def server_closes_on_what_is_broken(patch: Patch) -> None:
     """Closes a message connection of 1.0 on broken text and broken poses."""
 
-    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        is_1_0 = self.welcome is None and type_and_id(payload)[0] != "hello"
+    def refuse(original: Any, self: Connection, error: Any, now: float) -> Any:
+        is_1_0 = self.welcome is None and type_and_id(error.received)[0] != "hello"
         if is_1_0 and self.channel == "msg" and error.code != "unknown_type":
             self.end("it is broken", now)
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, refuse)
 
@@ -91,10 +91,10 @@ def server_closes_on_what_is_broken(patch: Patch) -> None:
 def server_ignores_broken_requests(patch: Patch) -> None:
     """Leaves a message connection of 1.0 open after a broken request."""
 
-    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.welcome is None and type_and_id(payload)[0] in REQUESTS:
+    def refuse(original: Any, self: Connection, error: Any, now: float) -> Any:
+        if self.welcome is None and type_and_id(error.received)[0] in REQUESTS:
             return Refusal(error.code, str(error))
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, refuse)
 

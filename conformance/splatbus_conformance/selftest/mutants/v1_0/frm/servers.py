@@ -2,6 +2,7 @@
 
 import math
 import time
+from contextlib import suppress
 from typing import Any
 
 from splatbus_server.connection import Connection
@@ -9,6 +10,7 @@ from splatbus_server.service import Peer, Service
 from splatbus_server.states import OPEN
 from splatbus_wire import framing
 from splatbus_wire.errors import FramingError, ProtocolError
+from splatbus_wire.json_text import parse_object
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seams import server, wire
@@ -292,7 +294,9 @@ def _refuses_the_longest(patch: Patch, part: bytes, *, greeted: bool) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if len(payload) == LONGEST and part in payload and (self.welcome is not None) == greeted:
             error = ProtocolError("internal", "so long", requirement="FRM-2")
-            return self.refuse_packet(error, payload, now)
+            with suppress(ProtocolError):
+                error.received = parse_object(payload)
+            return self.refuse_packet(error, now)
         return original(self, payload, now)
 
     server.UNDERSTANDS.wrap(patch, understand)

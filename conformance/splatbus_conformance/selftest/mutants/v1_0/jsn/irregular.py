@@ -144,8 +144,8 @@ def refuses_a_camera_with_unknown_members(patch: Patch) -> None:
 @mutant("JSN-8", check="check_does_not_act_on_broken_text", code="accepts")
 def takes_half_a_pair_in_capitals(patch: Patch) -> None:
     """Looks for half a pair of surrogates among escapes in lower case alone."""
-    halves = r"\\(?:ud[89ab]..\\ud[c-f]..|(?P<half>ud[89a-f]..)|.)"
-    Seam(json_text, "ESCAPE").replace(patch, re.compile(halves, re.DOTALL))
+    halves = r"\\ud(?:[89ab]..\\ud[c-f]..|(?P<half>[89a-f]..))"
+    Seam(json_text, "SURROGATES").replace(patch, re.compile(halves))
 
 
 @mutant("CHN-21", check="check_paces_its_attempts", code="too-soon")

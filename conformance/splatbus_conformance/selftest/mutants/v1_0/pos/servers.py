@@ -204,10 +204,10 @@ def server_dies_of_what_is_no_time(patch: Patch) -> None:
 def server_turns_by_poses_of_no_time(patch: Patch) -> None:
     """Applies the rotation alone of a pose whose timestamp is no number."""
 
-    def handle(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
+    def handle(original: Any, self: Connection, error: Any, now: float) -> Any:
         if error.pointer == "/timestamp":
             return self.understand(TURNED, now)
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, handle)
 

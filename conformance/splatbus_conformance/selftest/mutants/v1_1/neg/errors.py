@@ -97,10 +97,8 @@ def server_repeats_its_last_error(patch: Patch) -> None:
 def server_closes_after_every_error(patch: Patch) -> None:
     """Ends a connection after whatever it reports on it."""
 
-    def refuse(
-        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
-    ) -> Any:
-        refusal = original(self, error, payload, now)
+    def refuse(original: Any, self: Connection, error: ProtocolError, now: float) -> Any:
+        refusal = original(self, error, now)
         self.end("enough is enough", now)
         return refusal
 
@@ -123,12 +121,10 @@ def server_forgets_ids(patch: Patch) -> None:
 def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
     """Says nothing to a request that breaks REQ-2."""
 
-    def refuse(
-        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
-    ) -> Any:
-        if type_and_id(payload)[0] in REQUESTS:
+    def refuse(original: Any, self: Connection, error: ProtocolError, now: float) -> Any:
+        if type_and_id(error.received)[0] in REQUESTS:
             return Refusal(error.code, str(error))
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, refuse)
 
@@ -208,10 +204,10 @@ def server_closes_with_bytes_unread(patch: Patch) -> None:
 def server_ignores_broken_hellos(patch: Patch) -> None:
     """Waits for a better `hello`."""
 
-    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if type_and_id(payload)[0] == "hello" and self.welcome is None:
+    def refuse(original: Any, self: Connection, error: Any, now: float) -> Any:
+        if type_and_id(error.received)[0] == "hello" and self.welcome is None:
             return Refusal(error.code, str(error))
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, refuse)
 

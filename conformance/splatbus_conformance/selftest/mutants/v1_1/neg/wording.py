@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from splatbus_server import connection as connections
@@ -10,6 +11,7 @@ from splatbus_server.connection import Connection
 from splatbus_server.states import State
 from splatbus_wire import fields, from_client, json_text
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.json_text import parse_object
 from splatbus_wire.messages import ViewportSize
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -220,7 +222,9 @@ def _refuses(patch: Patch, is_odd: Callable[[bytes], bool]) -> None:
     def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
         if is_odd(payload):
             error = ProtocolError("malformed_json", "so odd", requirement="JSN-6")
-            return self.refuse_packet(error, payload, now)
+            with suppress(ProtocolError):
+                error.received = parse_object(payload)
+            return self.refuse_packet(error, now)
         return original(self, payload, now)
 
     server.UNDERSTANDS.wrap(patch, understand)
