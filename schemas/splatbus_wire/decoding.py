@@ -11,7 +11,6 @@ from splatbus_wire import from_client, from_server
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import Field
 from splatbus_wire.init_packet import InitPacket, is_init_packet, parse_init_packet
-from splatbus_wire.json_bounds import check_values
 from splatbus_wire.json_text import brief, parse_object
 from splatbus_wire.message_types import (
     ClientMessage,
@@ -77,8 +76,7 @@ def decode_from_client(
         if said_hello or isinstance(pose, PointCloudPose) or pose.tag is None:
             return pose
         return pose._replace(tag=None)
-    check_values(payload, MAX_CLIENT_VALUES)
-    received = parse_object(payload)
+    received = parse_object(payload, MAX_CLIENT_VALUES)
     try:
         return _from_client(Field(received, "", ""), channel, said_hello, agreed)
     except ProtocolError as error:

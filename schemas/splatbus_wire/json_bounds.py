@@ -8,6 +8,7 @@ of those that Python does at a gigabyte a second, and their number is bounded.
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from itertools import accumulate
 from typing import Final
 
@@ -31,15 +32,13 @@ def check_values(payload: bytes, most: int) -> None:
     """
     if payload.count(b",") + payload.count(b"[") + payload.count(b"{") < most:
         return  # every value but the first follows one of these
-    marks = _without_escapes(payload)
-    if marks.count(b'"') <= 4 * most:  # a value has two, and its name two more
-        structure = _blank_strings(marks)
-        parted, begun = structure.count(b","), structure.count(b"[") + structure.count(b"{")
-        if max(parted, begun) <= most:
-            # Each value but the outermost follows a comma, or is the first of what holds it.
-            values = 1 + parted + begun - len(_EMPTY.findall(structure))
-            if values <= most:
-                return
+    structure = _structure(payload, most)
+    parted, begun = structure.count(b","), structure.count(b"[") + structure.count(b"{")
+    if max(parted, begun) <= most:
+        # Each value but the outermost follows a comma, or is the first of what holds it.
+        values = 1 + parted + begun - len(_EMPTY.findall(structure))
+        if values <= most:
+            return
     raise ProtocolError(
         "malformed_json",
         f"the payload holds more than {most} values",
@@ -48,8 +47,12 @@ def check_values(payload: bytes, most: int) -> None:
     )
 
 
-def check_depth(payload: bytes) -> None:
+def check_depth(payload: bytes, most: int) -> None:
     """Refuse deep nesting before anything recurses into it, in time linear in the payload.
+
+    Args:
+        payload: with at most so many values.
+        most: of values.
 
     Raises:
         ProtocolError: `malformed_json`, with the offset of the bracket [JSN-5]. Where the text is
@@ -57,7 +60,7 @@ def check_depth(payload: bytes) -> None:
     """
     if payload.count(b"[") + payload.count(b"{") <= MAX_DEPTH:
         return
-    structure = _blank_strings(_without_escapes(payload))
+    structure = _structure(payload, most)
     brackets = structure.translate(None, _NO_BRACKETS)
     # Where so many are closed, one was that had not been opened.
     brackets = brackets[: 2 * (brackets.count(b"[") + brackets.count(b"{"))]
@@ -73,13 +76,11 @@ def check_depth(payload: bytes) -> None:
             )
 
 
-def _without_escapes(payload: bytes) -> bytes:
-    """As long as before, and each quotation mark begins or ends a string."""
-    return payload.replace(rb"\\", b"  ").replace(rb"\"", b"  ")
-
-
-def _blank_strings(marks: bytes) -> bytes:
-    """As long as before, with spaces in strings."""
-    pieces = marks.split(b'"')
+@lru_cache(maxsize=1)
+def _structure(payload: bytes, most: int) -> bytes:
+    """As long as the payload, with spaces in its strings; kept for the second check of it."""
+    marks = payload.replace(rb"\\", b"  ").replace(rb"\"", b"  ")
+    # A value has two of these, and its name two more: what has further ones is no such JSON.
+    pieces = marks.split(b'"', 4 * most)
     pieces[1::2] = [b" " * len(string) for string in pieces[1::2]]
     return b'"'.join(pieces)

@@ -25,17 +25,21 @@ SURROGATES = re.compile(r"\\u[dD](?:[89abAB]..\\u[dD][c-fC-F]..|(?P<half>[89a-fA
 """Escapes of a pair, or of half of one, in a text without escaped backslashes."""
 
 
-def parse_object(payload: bytes) -> dict[str, Any]:
+def parse_object(payload: bytes, most: int = MAX_VALUES) -> dict[str, Any]:
     """Return the JSON object that a payload holds, with plain Python values.
+
+    Args:
+        payload: of one packet.
+        most: values in it.
 
     Raises:
         ProtocolError: `malformed_json`, with the offset of the fault or a pointer to it [JSN-1,
             JSN-2, JSN-3, JSN-5, JSN-12]; `not_an_object` [JSN-1]; `invalid_number`, with a
             pointer, for a number that is not finite in double precision [JSN-4].
     """
-    check_values(payload, MAX_VALUES)
+    check_values(payload, most)
     text = _decode(payload)
-    check_depth(payload)
+    check_depth(payload, most)
     value = _parse(text)
     if "\\ud" in text or "\\uD" in text:
         _check_pairs(text, value)
@@ -75,7 +79,7 @@ def serialize(message: Mapping[str, Any]) -> bytes:
             requirement="JSN-4",
             pointer=pointer,
         ) from None
-    check_depth(payload)
+    check_depth(payload, MAX_VALUES)
     # No value takes less than two bytes, with what parts it from others.
     if len(payload) > 2 * MAX_VALUES and (values := _count(message)) > MAX_VALUES:
         raise ProtocolError(

@@ -180,8 +180,8 @@ def takes_a_type_that_is_no_string_for_none(patch: Patch) -> None:
 
 
 def _takes(patch: Patch, overlooked: Any) -> None:
-    def parse(original: Any, payload: bytes) -> Json:
-        message: Json = original(payload)
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
+        message: Json = original(payload, *most)
         if "meta" in message and overlooked(message.get("type")):
             message.pop("type", None)
         return message

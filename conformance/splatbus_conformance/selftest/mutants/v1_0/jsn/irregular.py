@@ -25,8 +25,8 @@ def on_parsing(patch: Patch, look: Callable[[bytes, Json], object]) -> None:
     """Look at each payload that is received, and at its object, before anything else does."""
     Seam(decoding, "plain_frame").replace(patch, lambda payload: None)
 
-    def parse(original: Any, payload: bytes) -> Json:
-        message: Json = original(payload)
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
+        message: Json = original(payload, *most)
         look(payload, message)
         return message
 

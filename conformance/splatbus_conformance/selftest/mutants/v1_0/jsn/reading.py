@@ -26,10 +26,10 @@ BROKEN = "check_does_not_act_on_broken_text"
 def _refuses(patch: Patch, unwanted: Any) -> None:
     """Take payloads that something does not suit for broken."""
 
-    def parse(original: Any, payload: bytes) -> Json:
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
         if unwanted(payload):
             raise ProtocolError("malformed_json", "it does not suit", requirement="JSN-6")
-        value: Json = original(payload)
+        value: Json = original(payload, *most)
         return value
 
     wire.READS_OBJECT.wrap(patch, parse)
@@ -38,12 +38,12 @@ def _refuses(patch: Patch, unwanted: Any) -> None:
 def _reads(patch: Patch, read: Any) -> None:
     """Read payloads by a parser of its own; what it cannot read is broken."""
 
-    def parse(original: Any, payload: bytes) -> Json:
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
         with contextlib.suppress(Exception):
             value = read(payload)
             if isinstance(value, dict):
                 return value
-        given: Json = original(payload)
+        given: Json = original(payload, *most)
         return given
 
     wire.READS_OBJECT.wrap(patch, parse)
@@ -198,11 +198,11 @@ def reads_the_first_object_of_a_payload(patch: Patch) -> None:
 @mutant("JSN-8", check=BROKEN, code="accepts")
 def does_not_count_levels(patch: Patch) -> None:
     """Reads arrays and objects as deep as its parser goes."""
-    wire.CHECKS_DEPTH.replace(patch, lambda payload: None)
+    wire.CHECKS_DEPTH.replace(patch, lambda payload, most: None)
 
-    def parse(original: Any, payload: bytes) -> Json:
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
         try:
-            value: Json = original(payload)
+            value: Json = original(payload, *most)
         except RecursionError:
             raise ProtocolError("malformed_json", "too deep", requirement="JSN-5") from None
         return value
@@ -262,9 +262,9 @@ def crashes_on_a_missing_member(patch: Patch) -> None:
 def exits_on_text_that_is_no_object(patch: Patch) -> None:
     """Does not handle that a payload may be no object, and exits."""
 
-    def parse(original: Any, payload: bytes) -> Any:
+    def parse(original: Any, payload: bytes, *most: int) -> Any:
         try:
-            return original(payload)
+            return original(payload, *most)
         except ProtocolError as problem:
             if problem.code == "not_an_object":
                 raise TypeError("no object") from None

@@ -159,7 +159,7 @@ def _refuses(patch: Patch, channel: str, wrong: Callable[[bytes], bool], kind: s
 def _reads(patch: Patch, holding: bytes, change: Callable[[bytes], bytes]) -> None:
     """Read payloads that hold some text as if they were others."""
 
-    def parse(original: Any, payload: bytes) -> Any:
+    def parse(original: Any, payload: bytes, *most: int) -> Any:
         return original(change(payload) if holding in payload else payload)
 
     wire.READS_OBJECT.wrap(patch, parse)

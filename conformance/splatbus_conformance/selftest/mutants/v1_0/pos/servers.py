@@ -23,8 +23,8 @@ from splatbus_conformance.wire.messages import camera_pose, encode
 def server_takes_members_as_they_come(patch: Patch) -> None:
     """Takes the numbers of a rotation in the order in which they stand."""
 
-    def parse(original: Any, payload: bytes) -> Json:
-        message: Json = original(payload)
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
+        message: Json = original(payload, *most)
         rotation = message.get("rotation")
         if isinstance(rotation, dict) and set(rotation) == set("xyzw"):
             message["rotation"] = dict(zip("xyzw", rotation.values(), strict=True))
@@ -131,8 +131,8 @@ def server_closes_its_readers_at_a_far_camera(patch: Patch) -> None:
 def _repairs(patch: Patch, repair: Any) -> None:
     """Repair camera poses before they are judged."""
 
-    def parse(original: Any, payload: bytes) -> Json:
-        message: Json = original(payload)
+    def parse(original: Any, payload: bytes, *most: int) -> Json:
+        message: Json = original(payload, *most)
         return repair(message) if message.get("type") == "camera_pose" else message
 
     wire.READS_OBJECT.wrap(patch, parse)

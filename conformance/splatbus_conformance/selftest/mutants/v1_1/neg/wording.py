@@ -56,10 +56,10 @@ def server_reads_sizes_as_plain_integers(patch: Patch) -> None:
 def server_counts_brackets_in_strings(patch: Patch) -> None:
     """Counts brackets in strings when it looks how deep a text is nested."""
 
-    def depth(original: Any, payload: bytes) -> None:
+    def depth(original: Any, payload: bytes, *most: int) -> None:
         if payload.count(b"[{" * 50):
             raise ProtocolError("malformed_json", "so deep", requirement="JSN-5")
-        original(payload)
+        original(payload, *most)
 
     wire.CHECKS_DEPTH.wrap(patch, depth)
 
