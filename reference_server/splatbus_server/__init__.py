@@ -16,6 +16,7 @@ from splatbus_wire.poses import Pose
 from splatbus_wire.relative import PixelErrors
 
 from splatbus_server.api import Address, Bus, serve
+from splatbus_server.limits import Limits
 from splatbus_server.statistics import Statistics
 from splatbus_server.view import Intrinsics, View, field_of_view
 
@@ -24,6 +25,7 @@ __all__ = [
     "Box",
     "Bus",
     "Intrinsics",
+    "Limits",
     "PixelErrors",
     "Pose",
     "SceneObject",

@@ -27,6 +27,7 @@ from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_server.connection import Terms
 from splatbus_server.control import Poses
 from splatbus_server.exchange import Exchange
+from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.memory import FrameMemory, Memory
 from splatbus_server.publish import DepthKind
 from splatbus_server.service import Service
@@ -67,6 +68,7 @@ def serve(
     ipc_port: int | None = None,
     message_port: int | None = None,
     token: str | None = None,
+    limits: Limits = DEFAULT,
 ) -> Bus:
     """Starts to serve both channels, beside the caller's render loop.
 
@@ -94,6 +96,7 @@ def serve(
         ipc_port: SPLATBUS_IPC_PORT or 6001 if not given; 0 lets the system choose.
         message_port: SPLATBUS_MSG_PORT or 6000 if not given; 0 lets the system choose.
         token: what clients have to say; SPLATBUS_TOKEN or none if not given.
+        limits: to what clients may take, all together.
 
     Raises:
         ValueError: a setting is out of its range, the scene could not be told of [SCN-2], or an
@@ -125,7 +128,7 @@ def serve(
             where.token,
         )
         session = Session(exchange, cameras, readers, statistics, scene, readings)
-        service = Service({"ipc": ipc, "msg": message}, session, terms, statistics)
+        service = Service({"ipc": ipc, "msg": message}, session, terms, statistics, limits)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
         bus = Bus(address, exchange, session, service, readings, statistics)
         undo.pop_all()
@@ -156,7 +159,7 @@ class Bus:
         self._service = service
         self._readings = readings
         self._statistics = statistics
-        self._thread = threading.Thread(target=self._serve, name="splatbus", daemon=True)
+        self._thread = threading.Thread(target=service.run, name="splatbus", daemon=True)
         self._thread.start()
 
     def __enter__(self) -> Bus:
@@ -184,9 +187,6 @@ class Bus:
         Args:
             timeout: seconds to wait; 0 returns at once.
             contents_changed: the scene itself is not as it was in the image published last.
-
-        Raises:
-            RuntimeError: the thread that serves the clients has died of a defect.
         """
         view = self._exchange.next_view(timeout, contents_changed)
         return view and replace(view, origin=self._session.scene.origin)
@@ -315,13 +315,6 @@ class Bus:
         self._session.viewport.close()
         for memory in (*self._exchange.replaced, self._exchange.memory):
             memory.close()
-
-    def _serve(self) -> None:
-        try:
-            self._service.run()
-        except BaseException as error:
-            self._exchange.fail(error)
-            raise
 
 
 def checked_scene(scene: Scene) -> Scene:

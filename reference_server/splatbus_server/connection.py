@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Union
 
 from splatbus_schemas import LIMITS, VERSIONS
 from splatbus_wire.errors import FramingError, ProtocolError
+from splatbus_wire.framing import MAX_PAYLOAD_BYTES
 from splatbus_wire.messages import (
     Channel,
     ClientMessage,
@@ -40,6 +41,13 @@ closing a socket with unread input resets it, and a reset discards what the peer
 SHORT_BYTES = 256
 """Payloads up to this long are decoded once while they repeat, as viewers do: the same request, the
 same pose fifty times a second. Longer ones are not kept, so that nobody can fill the memory."""
+
+FULL_BYTES = 1 << 18
+"""Unsent, above which nothing more is taken from who does not read."""
+LONG_BYTES = 1 << 16
+REST_SECONDS = 0.5
+"""After a payload of the greatest length, and less after a shorter one, down to none for one that
+is not long: to read one takes milliseconds, which all others wait for."""
 
 
 class Terms(NamedTuple):
@@ -78,6 +86,8 @@ class Connection:
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
+        rests_until: when what it sent after a long packet is looked at.
+        is_known: it has sent something valid [CHN-25].
         state: in which of its states it is.
         reader: what was received, as packets.
         hello_by: when `hello` has to have come; infinity if it need not [NEG-12].
@@ -90,6 +100,8 @@ class Connection:
         self.welcome: Welcome | None = None
         self.ending: str | None = None
         self.is_held = False
+        self.rests_until = -math.inf
+        self.is_known = False
         self.state = State.NEW
         self._terms = terms
         self.reader = PacketReader()
@@ -107,7 +119,8 @@ class Connection:
     @property
     def deadline(self) -> float:
         """The moment at which to call `expire`; infinity if there is none."""
-        return min(self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
+        deadlines = (self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
+        return min(*deadlines, self.rests_until if self.is_resting else math.inf)
 
     @property
     def is_open(self) -> bool:
@@ -134,7 +147,7 @@ class Connection:
 
         A `hello` has been answered when it is returned.
         """
-        if self.is_held or not self.is_open:
+        if not (self.is_ready and self.is_open):
             return None
         try:
             payload = self.reader.next_packet(now)
@@ -143,11 +156,30 @@ class Connection:
             self.end(f"{error.code}, after which nothing can be read [FRM-3]", now)
             return refusal
         if payload is not None:
-            return self.understand(payload, now)
+            if len(payload) > LONG_BYTES:
+                self.rest(now + REST_SECONDS * len(payload) / MAX_PAYLOAD_BYTES)
+            event = self.understand(payload, now)
+            self.is_known = self.is_known or not isinstance(event, Refusal)
+            return event
         if self.input_ended:
             where = ", in the middle of a packet [FRM-6]" if self.reader.incomplete else ""
             self.end(f"the client closed it{where}", now)
         return None
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether what it sent can be looked at, as far as that hangs on this connection."""
+        return not self.is_held and not self.is_resting and len(self.unsent) <= FULL_BYTES
+
+    @property
+    def is_resting(self) -> bool:
+        """Whether what it sent after a long packet waits."""
+        return self.rests_until > -math.inf
+
+    def rest(self, until: float) -> None:
+        """Has no more events until then, so that whoever sends long packets holds up few others."""
+        self.rests_until = until
+        self.reader.hold()
 
     def hold(self) -> None:
         """Has no more events until it is told to `go_on`."""
@@ -157,7 +189,8 @@ class Connection:
     def go_on(self, now: float) -> None:
         """Has events again, of what was received meanwhile."""
         self.is_held = False
-        self.reader.go_on(now)
+        if not self.is_resting:
+            self.reader.go_on(now)
 
     def send(self, message: ServerMessage) -> None:
         """Queues a message."""
@@ -200,6 +233,10 @@ class Connection:
             self.end(f"a packet was not complete after {COMPLETION_SECONDS:g} s [FRM-5]", now)
         elif now >= self.hello_by:
             self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)
+        elif self.is_resting and now >= self.rests_until:
+            self.rests_until = -math.inf
+            if not self.is_held:
+                self.reader.go_on(now)
 
     def abort(self, reason: str) -> None:
         """Ends without waiting for what is unsent."""

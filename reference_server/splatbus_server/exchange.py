@@ -70,7 +70,6 @@ class Exchange:
         self.shown: View | None = None
         self._written: FrameMemory | None = None
         self._is_awaited = False
-        self._failure: BaseException | None = None
 
     # The render loop's side
 
@@ -79,8 +78,6 @@ class Exchange:
         with self.lock:
             if not self.changed.wait_for(lambda: self._is_due(contents_changed), timeout):
                 return None
-            if self._failure is not None:
-                raise RuntimeError("the server's I/O thread died") from self._failure
             self._statistics.views += 1
             self._statistics.poses_superseded += sum(n - 1 for n in self._pending.values())
             self._pending.clear()
@@ -204,15 +201,7 @@ class Exchange:
             self.replaced.remove(memory)
             return True
 
-    def fail(self, error: BaseException) -> None:
-        """Lets the render loop know that nobody serves its images any more."""
-        with self.lock:
-            self._failure = error
-            self.changed.notify_all()
-
     def _is_due(self, contents_changed: bool) -> bool:
-        if self._failure is not None:
-            return True
         if not self._wanted:
             return False
         shown = self.shown

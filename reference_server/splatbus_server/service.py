@@ -1,7 +1,8 @@
 """The sockets of both channels, on one thread: bytes to connections, messages to the session.
 
-No connection can hold up another or the renderer: every socket is non-blocking, what a client does
-not read waits within limits, and whatever goes wrong with one connection ends that one only.
+No connection can hold up another or the renderer: every socket is non-blocking, each connection has
+its turn and rests after it, what a client does not read waits within limits, and whatever goes
+wrong with one connection ends that one only.
 """
 
 from __future__ import annotations
@@ -11,49 +12,29 @@ import math
 import selectors
 import socket
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
 
 from splatbus_wire.messages import Channel, ClientMessage, GetCameraPose, GetViewportSize, Hello
 
 from splatbus_server.connection import Connection, Refusal, Terms
+from splatbus_server.limits import DEFAULT, Limits
+from splatbus_server.logs import log
+from splatbus_server.peer import Peer
 from splatbus_server.session import Session
 from splatbus_server.statistics import Statistics
 
-MOST_CONNECTIONS = 8
-"""On each channel [LIM-1]."""
 READ_BYTES = 16384
 """Taken from one connection before the others have their turn."""
+TURN_SECONDS = 0.0005
+"""For the packets of one connection, of which one is always taken, and for new connections."""
+REST = 10.0
+"""Turns as long that go by, for each connection that has more to say than a turn allows, before it
+is heard again: the renderer has nine tenths of the interpreter's time, however many clients send as
+much as they can."""
 PAUSE_SECONDS = 1.0
 """After a connection that the system would not accept, before the next is tried."""
-
-log = logging.getLogger("splatbus_server")
-
-
-@dataclass(eq=False)
-class Peer:
-    """A connection and its socket.
-
-    Attributes:
-        name: for the log.
-        awaits: what the selector looks out for; nothing while it is not registered there.
-        noted: how often was refused what, by the error's code.
-        is_held: what it sends is not looked at for the time being.
-        is_ending: the log says already why the connection ends.
-        is_shut: the client has been told that nothing more will come.
-    """
-
-    name: str
-    socket: socket.socket
-    connection: Connection
-    awaits: int = selectors.EVENT_READ
-    noted: Counter[str] = field(default_factory=Counter)
-    is_held: bool = False
-    is_shut: bool = False
-    is_ending: bool = False
 
 
 class Service:
@@ -65,8 +46,10 @@ class Service:
         session: Session,
         terms: Terms,
         statistics: Statistics,
+        limits: Limits = DEFAULT,
     ) -> None:
         self._listeners = listeners
+        self._limits = limits
         self._session = session
         self._terms = terms
         self._statistics = statistics
@@ -99,7 +82,11 @@ class Service:
         """Serves; closes every socket at the end."""
         try:
             while not self._stopping:
-                self._turn()
+                try:
+                    self._turn()
+                except Exception:
+                    log.exception("a defect of this server: every connection ends, others may come")
+                    self._begin_anew()
         finally:
             for peer in self.peers:
                 peer.socket.close()
@@ -111,17 +98,20 @@ class Service:
             self._ringer.close()
 
     def _turn(self) -> None:
-        deadlines = [p.connection.deadline for p in self.peers]
+        deadlines = [min(p.connection.deadline, p.heard_from) for p in self.peers]
         deadline = min([self._accept_from, self._session.deadline, *deadlines])
-        wait = None if deadline == math.inf else max(0.0, deadline - time.monotonic())
+        now = time.monotonic()
+        wait = None if deadline == math.inf else max(0.0, deadline - now)
+        if self._session.has_news or any(self._is_due(p) for p in self.peers):
+            wait = 0.0
         for key, _ in self.selector.select(wait):
             key.data()
         now = time.monotonic()
         if now >= deadline:
             self._meet_deadlines(now)
-        while self._session.has_news:
+        self._hear_on()
+        if self._session.has_news:
             self._session.catch_up(now)
-            self._hear_on()
         self._do_chores()
         for peer in [p for p in self.peers if p.connection.unsent or p.connection.ending]:
             self.flush(peer, now)
@@ -132,13 +122,31 @@ class Service:
         for peer in self.peers:
             if now >= peer.connection.deadline:
                 peer.connection.expire(now)
+            if now >= peer.heard_from:
+                peer.heard_from = math.inf
         if now >= self._session.deadline:
             self._session.has_news = True
 
     def _hear_on(self) -> None:
-        """Goes on with what clients sent behind a request whose reply took time."""
-        for peer in [p for p in self.peers if p.is_held and not p.connection.is_held]:
-            self._guarded(peer, self._handle_all)
+        """Goes on with what clients sent that had to wait."""
+        for peer in [p for p in self.peers if self._is_due(p)]:
+            self._guarded(peer, self._go_on)
+
+    def _is_due(self, peer: Peer) -> bool:
+        return peer.waits and peer.heard_from == math.inf and peer.connection.is_ready
+
+    def _begin_anew(self) -> None:
+        """Ends all connections, whatever state they are in."""
+        for peer in self.peers[:]:
+            with suppress(Exception):
+                self.drop(peer)
+            peer.socket.close()
+        self.peers.clear()
+        for key in [*self.selector.get_map().values()]:
+            with suppress(Exception):
+                self.selector.unregister(key.fileobj)
+        self.selector.register(self._bell, selectors.EVENT_READ, self._on_bell)
+        self._accept_from = time.monotonic() + PAUSE_SECONDS
 
     def _do_chores(self) -> None:
         chores = self._session.viewport.chores
@@ -162,47 +170,94 @@ class Service:
     def _accept_again(self) -> None:
         self._accept_from = math.inf
         for channel, listener in self._listeners.items():
-            accept = self.accepting(channel, listener)
-            self.selector.register(listener, selectors.EVENT_READ, accept)
+            if listener not in self.selector.get_map():
+                accept = self.accepting(channel, listener)
+                self.selector.register(listener, selectors.EVENT_READ, accept)
+
+    def _pause_accepting(self, until: float) -> None:
+        self._accept_from = until
+        for listener in self._listeners.values():
+            if listener in self.selector.get_map():
+                self.selector.unregister(listener)
 
     def accepting(self, channel: Channel, listener: socket.socket) -> Callable[[], None]:
-        """What is to be done when a client knocks."""
-        return lambda: self.accept(channel, listener)
+        """What is to be done when clients knock: take them in, as long as a turn lasts."""
 
-    def accept(self, channel: Channel, listener: socket.socket) -> None:
-        """Takes a client in, or turns it away where there are too many [LIM-1]."""
-        now = time.monotonic()
+        def accept() -> None:
+            began = time.monotonic()
+            while self._accept_from == math.inf and self.accept(channel, listener):
+                now = time.monotonic()
+                if now - began > TURN_SECONDS:
+                    self._pause_accepting(now + REST * (now - began))
+
+        return accept
+
+    def accept(self, channel: Channel, listener: socket.socket) -> bool:
+        """Takes a client in, or turns it away where there are too many [LIM-1, CHN-13].
+
+        Returns whether there may be another.
+        """
         try:
             accepted, address = listener.accept()
         except (BlockingIOError, InterruptedError, ConnectionError):
-            return
+            return False
         except OSError as error:  # no more files, no more memory
             log.error("%s: cannot accept a connection: %s", channel, error)
-            self._accept_from = now + PAUSE_SECONDS
-            for paused in self._listeners.values():
-                self.selector.unregister(paused)
-            return
+            self._pause_accepting(time.monotonic() + PAUSE_SECONDS)
+            return False
         name = f"{channel} {address[0]}:{address[1]}"
-        if sum(p.connection.channel == channel for p in self.peers) >= MOST_CONNECTIONS:
-            log.warning("%s: refused, %d connections are open [LIM-1]", name, MOST_CONNECTIONS)
+        if not self._has_room(channel):
+            most = self._limits.connections
+            log.warning("%s: refused, %d connections are open [LIM-1]", name, most)
             self._statistics.refused["too_many_connections"] += 1
             accepted.close()
-            return
+            return True
         accepted.setblocking(False)
         with suppress(OSError):  # where the client is gone already
             accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        peer = Peer(name, accepted, Connection(channel, self._terms, now))
+            accepted.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        peer = Peer(name, accepted, Connection(channel, self._terms, time.monotonic()))
         self.peers.append(peer)
         self._statistics.connections += 1
         if channel == "ipc" and self._terms.token is None:
             self._session.join(peer.connection)
         self.selector.register(accepted, selectors.EVENT_READ, lambda: self._serve(peer))
         log.info("%s: connected", name)
+        return True
+
+    def _has_room(self, channel: Channel) -> bool:
+        """Whether one more can be served, after the one that has least to lose made room [CHN-25].
+
+        Such are connections that end, and those that have said nothing valid, the oldest first, but
+        never the only one. With a token, they have half of the places.
+        """
+        most = self._limits.connections
+        there = [p for p in self.peers if p.connection.channel == channel]
+        strangers = [p for p in there if not p.connection.is_known]
+        is_guarded = self._terms.token is not None
+        if len(there) < most and not (is_guarded and len(strangers) >= most // 2 > 0):
+            return True
+        if len(there) == 1:
+            return False
+        ending = [p for p in there if not p.connection.is_open]
+        for peer in (*ending, *strangers):
+            if peer.connection.is_open:
+                self._serve(peer)  # what it said may wait to be read
+            if peer in self.peers:
+                if peer.connection.is_open and peer.connection.is_known:
+                    continue
+                peer.connection.abort("it made room for another client [CHN-25]")
+                self._statistics.refused["made_room"] += 1
+                self.flush(peer, time.monotonic())
+            return True
+        return len(there) < most
 
     def _serve(self, peer: Peer) -> None:
         self._guarded(peer, self._read)
 
     def _guarded(self, peer: Peer, work: Callable[[Peer], None]) -> None:
+        if peer not in self.peers:  # it made room for another in this turn
+            return
         try:
             work(peer)
         except Exception:
@@ -212,7 +267,7 @@ class Service:
 
     def _read(self, peer: Peer) -> None:
         connection = peer.connection
-        if not connection.input_ended and not peer.is_held:
+        if not connection.input_ended and not peer.waits:
             try:
                 data = peer.socket.recv(READ_BYTES)
             except (BlockingIOError, InterruptedError):
@@ -230,13 +285,24 @@ class Service:
         peer.connection.receive(data, time.monotonic())
         self._handle_all(peer)
 
+    def _go_on(self, peer: Peer) -> None:
+        self._handle_all(peer)
+        self.flush(peer, time.monotonic())
+
     def _handle_all(self, peer: Peer) -> None:
-        connection, now = peer.connection, time.monotonic()
+        """Handles what has come, as long as the connection's turn lasts."""
+        connection, began = peer.connection, time.monotonic()
+        now = began
         while (event := connection.next_event(now)) is not None:
             refusal = event if isinstance(event, Refusal) else self._handle(peer, event, now)
             if refusal is not None:
                 self._note(peer, refusal)
-        peer.is_held = connection.is_held
+            now = time.monotonic()
+            if now - began > TURN_SECONDS:
+                others = sum(p.heard_from < math.inf for p in self.peers)
+                peer.heard_from = now + REST * (now - began) * (1 + others)
+                break
+        peer.waits = peer.heard_from < math.inf or not connection.is_ready
 
     def _handle(self, peer: Peer, message: ClientMessage, now: float) -> Refusal | None:
         """Does what a message asks for; a defect in that is not the client's, who may go on."""
@@ -285,7 +351,7 @@ class Service:
             peer.is_shut = True
             with suppress(OSError):
                 peer.socket.shutdown(socket.SHUT_WR)
-        events = 0 if connection.input_ended or peer.is_held else selectors.EVENT_READ
+        events = 0 if connection.input_ended or peer.waits else selectors.EVENT_READ
         events |= selectors.EVENT_WRITE if connection.unsent else 0
         self._await(peer, events)
 

@@ -8,6 +8,11 @@ import socket
 from splatbus_wire.settings import Settings
 from splatbus_wire.settings import settings as wire_settings
 
+BACKLOG = 4096
+"""Connections that the system keeps until they are accepted, as far as it lets us."""
+LEAST_TOKEN_CHARS = 16
+"""Of a token that others can try: with fewer it could be guessed."""
+
 
 def settings(
     host: str | None = None,
@@ -19,14 +24,22 @@ def settings(
 
     Raises:
         ValueError: a port or token is out of its range, or the address can be reached from other
-            machines and no token is required [NEG-17].
+            machines and no token is required, or a short one [NEG-17].
         OSError: the host's name cannot be resolved.
     """
     chosen = wire_settings(host, ipc_port, message_port, token, least_port=0)
-    if chosen.token is None and not is_loopback(chosen.host):
+    if is_loopback(chosen.host):
+        return chosen
+    if chosen.token is None:
         raise ValueError(
             f"{chosen.host} can be reached from other machines: require a token "
             "(--token-file, or SPLATBUS_TOKEN), or listen on 127.0.0.1 [NEG-17]"
+        )
+    if len(chosen.token) < LEAST_TOKEN_CHARS:
+        raise ValueError(
+            f"{chosen.host} can be reached from other machines, and a token of fewer than "
+            f"{LEAST_TOKEN_CHARS} characters can be guessed; one that cannot: "
+            "python -c 'import secrets; print(secrets.token_urlsafe())'"
         )
     return chosen
 
@@ -46,7 +59,7 @@ def listen(host: str, port: int) -> socket.socket:
         host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
     )[0]
     try:
-        listener = socket.create_server(address[:2], family=family, backlog=16)
+        listener = socket.create_server(address[:2], family=family, backlog=BACKLOG)
     except OSError as error:
         raise OSError(error.errno, f"cannot listen on {host}:{port}: {error.strerror}") from None
     listener.setblocking(False)

@@ -6,19 +6,17 @@ that asked sends after its request waits, since replies come in order [NEG-29].
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 
 from splatbus_wire.messages import SetViewport, ViewportSize
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import Exchange
+from splatbus_server.logs import log
 from splatbus_server.memory import FrameMemory
 
 Chore = Callable[[], None]
 """Work that takes long, to be done off the I/O thread, which is rung afterwards."""
-
-log = logging.getLogger("splatbus_server")
 
 
 class Change:

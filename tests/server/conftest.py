@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import splatbus_server
+from splatbus_server import logs
 
 from tests.server.stage import Stage
 
@@ -37,6 +39,12 @@ def bus() -> Iterator[splatbus_server.Bus]:
         stop.set()
         renderer.join(10)
     assert not renderer.is_alive()
+
+
+@pytest.fixture(autouse=True)
+def whole_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many lines of a kind there are."""
+    monkeypatch.setattr(logs, "LINES_A_SECOND", math.inf)
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import splatbus_server
 from splatbus_server import View
-from splatbus_server.service import Service
 
 from tests.peers.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello
 from tests.waiting import eventually
@@ -331,22 +330,6 @@ def test_a_taken_port_is_named_and_nothing_is_left_open(bus: splatbus_server.Bus
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_the_renderer_learns_that_nobody_serves_its_images(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def run(self: Service) -> None:
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(Service, "run", run)
-    bus = splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0)
-    with pytest.raises(RuntimeError, match="died"):
-        bus.next_view(10.0)
-    monkeypatch.undo()
-    bus._service._stopping = True
-    bus._service.run()
-    bus.close()
-
-
 def test_a_kind_of_memory_that_is_not_known_is_refused() -> None:
     with pytest.raises(ValueError, match="host_shm"):
         splatbus_server.serve(4, 2, memory="vram", ipc_port=0, message_port=0)  # type: ignore[arg-type]

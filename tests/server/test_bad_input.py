@@ -33,7 +33,7 @@ IGNORED = {
     "invalid UTF-8": (b'{"type":"\xff"}', "JSN-1"),
     "an array": (text([camera_pose(9.0)]), "JSN-1"),
     "NaN": (text(camera_pose(float("nan"))), "JSN-4"),
-    "100,000 brackets": (b'{"type":' + b"[" * 100_000, "JSN-5"),
+    "2,000 brackets": (b'{"type":' + b"[" * 2_000, "JSN-5"),
     "beyond single precision": (text(camera_pose(1e39)), "POS-2"),
     "null for x": (text(pose_with(position={"x": None, "y": 0, "z": 0})), "/position/x"),
     "an unknown type": (text({"type": "shutdown"}), "REQ-8"),

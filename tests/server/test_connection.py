@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
-from splatbus_server.connection import LINGER_SECONDS, Connection, Event, Refusal, Terms
+from splatbus_server.connection import (
+    FULL_BYTES,
+    LINGER_SECONDS,
+    LONG_BYTES,
+    REST_SECONDS,
+    Connection,
+    Event,
+    Refusal,
+    Terms,
+)
 from splatbus_wire.messages import (
     CameraPose,
     Channel,
@@ -398,3 +407,55 @@ def test_an_ended_connection_waits_for_the_client_to_read_the_last_packet() -> N
     assert events(connection, REQUEST, 2.5) == []
     connection.receive(b"", 2.6)
     assert connection.over
+
+
+def long_pose(length: int) -> bytes:
+    pose = json.dumps({**camera_pose(1.0), "note": ""})
+    return packet((pose[:-2] + "x" * (length - len(pose)) + pose[-2:]).encode())
+
+
+def test_who_sends_long_packets_rests_so_that_others_need_not() -> None:
+    """[FRM-2] Each is taken; what follows it waits, and half a packet is not late meanwhile."""
+    connection = Connection("msg", OPEN, 0.0)
+    longest = LIMITS["max_payload_bytes"]
+    (pose,) = events(connection, long_pose(longest) + REQUEST + REQUEST[:5], 1.0)
+    assert isinstance(pose, CameraPose)
+    assert connection.is_resting
+    assert connection.deadline == 1.0 + REST_SECONDS
+    connection.expire(1.0 + REST_SECONDS)
+    assert isinstance(connection.next_event(1.0 + REST_SECONDS), GetViewportSize)
+    assert connection.next_event(1.0 + REST_SECONDS) is None
+    late = 1.0 + REST_SECONDS + LIMITS["packet_completion_seconds"]
+    assert connection.deadline == late
+    assert len(events(connection, REQUEST[5:] + long_pose(LONG_BYTES) + REQUEST, late)) == 3
+
+
+def test_a_request_that_takes_time_and_a_rest_end_apart() -> None:
+    connection = Connection("msg", OPEN, 0.0)
+    events(connection, long_pose(LONG_BYTES + 1) + REQUEST)
+    connection.hold()
+    connection.expire(connection.deadline)
+    assert connection.next_event(1.0) is None
+    connection.go_on(1.0)
+    assert isinstance(connection.next_event(1.0), GetViewportSize)
+
+
+def test_who_does_not_read_is_not_heard_before_it_does() -> None:
+    """[LIM-2]"""
+    connection = Connection("msg", OPEN, 0.0)
+    connection.unsent += bytes(FULL_BYTES + 1)
+    assert events(connection, REQUEST) == []
+    connection.sent(1, 0.0)
+    assert len(events(connection, REQUEST)) == 2
+
+
+@pytest.mark.parametrize(
+    ("message", "known"),
+    [(hello(), True), ({"type": "get_viewport_size"}, True), (camera_pose(), True), (b"{}", False)],
+)
+def test_who_sent_something_valid_is_known(message: object, known: bool) -> None:
+    """[CHN-25]"""
+    connection = Connection("msg", OPEN, 0.0)
+    assert not connection.is_known
+    events(connection, packet(message))
+    assert connection.is_known == known

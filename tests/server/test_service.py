@@ -12,11 +12,13 @@ import pytest
 import splatbus_server
 from splatbus_schemas import LIMITS
 from splatbus_server import connection as connection_module
-from splatbus_server.service import MOST_CONNECTIONS, Peer, Service
+from splatbus_server import service as service_module
+from splatbus_server.limits import DEFAULT, Limits
+from splatbus_server.peer import Peer
+from splatbus_server.service import Service
 from splatbus_server.session import Session
-from splatbus_server.statistics import Statistics
 from splatbus_wire import packet_reader
-from splatbus_wire.messages import Channel, GetCameraPose
+from splatbus_wire.messages import GetCameraPose
 
 from tests.peers.raw_client import RawClient, Reader, camera_pose, hello, packet
 from tests.server.conftest import SIZE
@@ -89,7 +91,9 @@ def test_one_connection_too_many_is_closed(
     """[LIM-1, CHN-13]"""
     number = getattr(bus.address, port)
     with ExitStack() as stack:
-        clients = [stack.enter_context(RawClient(number)) for _ in range(MOST_CONNECTIONS)]
+        clients = [stack.enter_context(RawClient(number)) for _ in range(DEFAULT.connections)]
+        for client in clients:
+            assert client.ask(hello()) is not None
         for _ in range(3):
             with RawClient(number) as surplus:
                 assert surplus.receive() is None
@@ -103,6 +107,74 @@ def test_one_connection_too_many_is_closed(
 
         assert eventually(is_served_again)
     assert bus.statistics.refused["too_many_connections"] >= 3
+
+
+@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
+def test_who_says_nothing_makes_room_the_oldest_first(bus: splatbus_server.Bus, port: str) -> None:
+    """[CHN-25]"""
+    number = getattr(bus.address, port)
+    with ExitStack() as stack:
+
+        def comes() -> RawClient:
+            return stack.enter_context(RawClient(number))
+
+        known = comes()
+        assert known.ask(hello()) is not None
+        idle = [comes() for _ in range(DEFAULT.connections - 1)]
+        idle[0].send(hello())  # which may not have been read yet when others come
+        newest = [comes() for _ in range(3)]
+        assert [client.receive() for client in idle[1:4]] == [None] * 3
+        for client in (*newest, *idle[4:]):
+            assert client.ask(hello()) is not None
+        said = idle[0].receive()
+        assert said is not None
+        assert said["type"] == "welcome"
+    assert bus.statistics.refused["made_room"] == 3
+
+
+def test_with_a_token_strangers_have_half_of_the_places() -> None:
+    """[CHN-25]"""
+    token = {"token": "of this server"}
+    limits = Limits(connections=4)
+    with ExitStack() as stack:
+        bus = stack.enter_context(
+            splatbus_server.serve(
+                *SIZE, ipc_port=0, message_port=0, token=token["token"], limits=limits
+            )
+        )
+
+        def comes() -> RawClient:
+            return stack.enter_context(RawClient(bus.address.message_port))
+
+        strangers = [comes() for _ in range(3)]
+        assert strangers[0].receive() is None
+        friend = comes()
+        assert strangers[1].receive() is None
+        assert friend.ask(hello(**token)) is not None
+        other = comes()
+        assert other.ask(hello(**token)) is not None
+        assert strangers[2].ask(hello(**token)) is not None
+
+
+@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
+def test_the_only_connection_makes_no_room(port: str) -> None:
+    with splatbus_server.serve(
+        *SIZE, ipc_port=0, message_port=0, limits=Limits(connections=1)
+    ) as bus:
+        number = getattr(bus.address, port)
+        with RawClient(number) as only, RawClient(number) as further:
+            assert further.receive() is None
+            assert only.ask(hello()) is not None
+
+
+def test_ever_so_many_can_connect_at_once(bus: splatbus_server.Bus) -> None:
+    """None is lost, though most are closed for there is no place for them [CHN-13]."""
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(1000)]
+        for each in sockets:
+            each.setblocking(False)
+            each.connect_ex(("127.0.0.1", bus.address.message_port))
+        assert eventually(lambda: bus.statistics.connections == len(sockets), 20)
 
 
 def test_requests_are_answered_after_the_client_has_ended_its_stream(
@@ -303,34 +375,90 @@ def test_a_flood_of_telemetry_does_not_hold_up_replies(bus: splatbus_server.Bus)
         assert message["id"] == 9
 
 
-class Exhausted:
-    """A listener of a process that has too many files open."""
-
-    def accept(self) -> object:
-        raise OSError(errno.EMFILE, "Too many open files")
+def out_of_files(self: object) -> object:
+    raise OSError(errno.EMFILE, "Too many open files")
 
 
-def test_a_connection_that_the_system_will_not_accept_is_tried_again_later(
-    caplog: pytest.LogCaptureFixture,
+def test_without_files_nobody_is_accepted_and_all_others_are_served(
+    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """In between the thread must not spin, though the listener is ready all the while."""
-    bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0)
-    bus.close()
-    ipc, message = (socket.create_server(("127.0.0.1", 0)) for _ in range(2))
-    listeners: dict[Channel, socket.socket] = {"ipc": ipc, "msg": message}
-    with ipc, message:
-        service = Service(listeners, bus._service._session, bus._service._terms, Statistics())
-        service.accept("ipc", Exhausted())  # type: ignore[arg-type]
-        assert "Too many open files" in caplog.text
-        assert all(listener not in registered(service) for listener in listeners.values())
-        service._meet_deadlines(service._accept_from)
-        assert all(listener in registered(service) for listener in listeners.values())
-        service._stopping = True
-        service.run()
+    """Both listeners are ready in one turn; and the thread must not spin, though they stay so."""
+    turns = []
+    turn = Service._turn
+    monkeypatch.setattr(service_module, "PAUSE_SECONDS", 0.2)
+    monkeypatch.setattr(Service, "_turn", lambda self: (turns.append(1), turn(self)))
+    with RawClient(bus.address.message_port) as client:
+        assert client.viewport() == list(SIZE)
+        with monkeypatch.context() as patch:
+            patch.setattr(socket.socket, "accept", out_of_files)
+            with RawClient(bus.address.message_port) as late, RawClient(bus.address.ipc_port):
+                assert eventually(lambda: caplog.text.count("Too many open files") >= 4)
+                assert len(turns) < 100
+                assert client.viewport() == list(SIZE)
+                patch.undo()
+                assert late.viewport() == list(SIZE)
 
 
-def registered(service: Service) -> list[object]:
-    return [key.fileobj for key in service.selector.get_map().values()]
+def test_a_defect_of_the_service_ends_connections_and_neither_thread(
+    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The renderer learns nothing of it, and whoever connects again is served."""
+
+    def breaks(self: Session, now: float) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(service_module, "PAUSE_SECONDS", 0.05)
+    with RawClient(bus.address.message_port) as client:
+        assert client.viewport() == list(SIZE)
+        with monkeypatch.context() as patch:
+            patch.setattr(Session, "catch_up", breaks)
+            client.send(camera_pose(1.0))
+            assert client.receive() is None
+    assert eventually(lambda: "a defect of this server" in caplog.text)
+    with RawClient(bus.address.message_port) as mover, Reader(bus.address.ipc_port) as reader:
+        mover.send(camera_pose(0.5))
+        reader.open()
+        while (frame := reader.frame())["camera"]["position"][0] != 0.5:
+            reader.release(frame)
+
+
+def test_who_sends_as_much_as_it_can_does_not_hold_up_others(bus: splatbus_server.Bus) -> None:
+    """A turn is bounded, and what was not handled in it waits its turn."""
+    flood = b"".join(map(packet, [camera_pose(0.5)] * 20_000))
+    with RawClient(bus.address.message_port) as busy, RawClient(bus.address.message_port) as other:
+        busy.socket.setblocking(False)
+        sent = busy.socket.send(flood)
+        answers = 0
+        while bus.statistics.poses_received < sent // len(packet(camera_pose(0.5))) - 1:
+            assert other.viewport() == list(SIZE)
+            answers += 1
+        assert answers > 20
+
+
+def test_who_does_not_read_is_not_read_from(bus: splatbus_server.Bus) -> None:
+    """[LIM-2]"""
+    requests = b"".join(map(packet, [{"type": "get_viewport_size"}] * 200_000))
+    with RawClient(bus.address.message_port) as client:
+        client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.socket.setblocking(False)
+        with suppress(BlockingIOError):
+            while requests:
+                requests = requests[client.socket.send(requests) :]
+        assert eventually(lambda: any(p.waits for p in bus._service.peers))
+        (peer,) = bus._service.peers
+        assert len(peer.connection.unsent) < 2 * connection_module.FULL_BYTES
+        with RawClient(bus.address.message_port) as other:
+            assert other.viewport() == list(SIZE)
+        client.socket.setblocking(True)
+        for _ in range(10_000):
+            assert client.receive() == {"viewport_size": list(SIZE)}
+
+
+def test_who_has_gone_is_noticed_by_the_system(bus: splatbus_server.Bus) -> None:
+    with RawClient(bus.address.message_port) as client:
+        client.viewport()
+        (peer,) = bus._service.peers
+        assert peer.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
 
 
 def test_small_packets_are_sent_at_once(bus: splatbus_server.Bus) -> None:

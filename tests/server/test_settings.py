@@ -31,7 +31,13 @@ def test_other_machines_need_a_token(host: str) -> None:
     """[NEG-17]"""
     with pytest.raises(ValueError, match=r"NEG-17"):
         settings(host)
-    assert settings(host, token="secret").token == "secret"
+    with pytest.raises(ValueError, match="16 characters can be guessed"):
+        settings(host, token="fifteen letters")
+    assert settings(host, token="sixteen letters!").token == "sixteen letters!"
+
+
+def test_a_token_among_oneself_may_be_short() -> None:
+    assert settings("127.0.0.1", token="a").token == "a"
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.9.9.9", "::1", "localhost"])

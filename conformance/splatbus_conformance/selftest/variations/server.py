@@ -4,7 +4,8 @@ from typing import Any
 
 from splatbus_server.connection import REQUESTS, Connection, Refusal, type_and_id
 from splatbus_server.control import Control
-from splatbus_server.service import Peer, Service
+from splatbus_server.peer import Peer
+from splatbus_server.service import Service
 from splatbus_server.session import Session
 from splatbus_wire import from_client
 from splatbus_wire.messages import GetViewportSize, Placement, ViewportSize

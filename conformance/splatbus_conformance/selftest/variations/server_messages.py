@@ -9,7 +9,8 @@ from splatbus_server import api
 from splatbus_server.api import Bus
 from splatbus_server.control import Poses
 from splatbus_server.memory import Memory
-from splatbus_server.service import Peer, Service
+from splatbus_server.peer import Peer
+from splatbus_server.service import Service
 from splatbus_server.viewport import Change
 from splatbus_wire.messages import SceneObject
 

@@ -5,7 +5,6 @@ from splatbus_server import (
     connection,
     exchange,
     memory,
-    service,
     settings,
     shared_memory,
     steering,
@@ -14,6 +13,7 @@ from splatbus_server import (
 from splatbus_server.connection import Connection
 from splatbus_server.control import Control, Poses
 from splatbus_server.exchange import Exchange
+from splatbus_server.limits import Limits
 from splatbus_server.memory import Memory
 from splatbus_server.reader import Reader
 from splatbus_server.ring import Ring
@@ -46,7 +46,7 @@ ENDS_CONNECTION = Seam(Connection, "end")
 
 LISTENS = Seam(api, "listen")
 IS_LOOPBACK = Seam(settings, "is_loopback")
-MOST_CONNECTIONS = Seam(service, "MOST_CONNECTIONS")
+MOST_CONNECTIONS = Seam(Limits, "connections")
 ACCEPTS_CLIENT = Seam(Service, "accept")
 TAKES_BYTES = Seam(Service, "take")
 FLUSHES = Seam(Service, "flush")

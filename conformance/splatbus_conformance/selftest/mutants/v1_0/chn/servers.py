@@ -8,7 +8,8 @@ from contextlib import suppress
 from typing import Any
 
 from splatbus_server.connection import Connection, Refusal
-from splatbus_server.service import Peer, Service
+from splatbus_server.peer import Peer
+from splatbus_server.service import Service
 from splatbus_server.session import Session
 
 from splatbus_conformance.selftest.faults.legacy import announces_at_once

@@ -6,7 +6,8 @@ from contextlib import suppress
 from typing import Any
 
 from splatbus_server.connection import Connection
-from splatbus_server.service import Peer, Service
+from splatbus_server.peer import Peer
+from splatbus_server.service import Service
 from splatbus_server.states import OPEN
 from splatbus_wire import framing
 from splatbus_wire.errors import FramingError, ProtocolError
