@@ -28,7 +28,8 @@ from splatbus_server.connection import Terms
 from splatbus_server.control import Poses
 from splatbus_server.exchange import Exchange
 from splatbus_server.limits import DEFAULT, Limits
-from splatbus_server.memory import FrameMemory, Memory
+from splatbus_server.logs import log
+from splatbus_server.memory import FrameMemory, LostMemoryError, Memory
 from splatbus_server.publish import DepthKind
 from splatbus_server.service import Service
 from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
@@ -127,7 +128,7 @@ def serve(
             },
             where.token,
         )
-        session = Session(exchange, cameras, readers, statistics, scene, readings)
+        session = Session(exchange, cameras, readers, statistics, scene, readings, limits)
         service = Service({"ipc": ipc, "msg": message}, session, terms, statistics, limits)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
         bus = Bus(address, exchange, session, service, readings, statistics)
@@ -249,6 +250,9 @@ class Bus:
         has_news = True  # former memory may have waited for an image that failed
         try:
             has_news = self._exchange.publish(view, time, fill)
+        except LostMemoryError as lost:
+            log.error("%s: images go on in memory that is made anew", lost)
+            self._replace(memory, memory.width, memory.height, None, is_own=False)
         finally:
             if has_news:
                 self._service.ring()
@@ -300,13 +304,25 @@ class Bus:
             ValueError: a size is out of its range.
             OSError: shared memory is full; the former size stays.
         """
-        while True:
-            former = self._exchange.memory
-            new = former.successor(width, height)
-            if self._exchange.replace(former, new, intrinsics):
-                break
-            new.close()  # a client's wish came before
+        while not self._replace(self._exchange.memory, width, height, intrinsics, is_own=True):
+            pass  # a client's wish came before
         self._service.ring()
+
+    def _replace(
+        self,
+        former: FrameMemory,
+        width: int,
+        height: int,
+        intrinsics: Intrinsics | None,
+        *,
+        is_own: bool,
+    ) -> bool:
+        """Has other memory take the place of this; False if other memory has already."""
+        new = former.successor(width, height)
+        if self._exchange.replace(former, new, intrinsics, is_own=is_own):
+            return True
+        new.close()
+        return False
 
     def close(self) -> None:
         """Ends all connections, then frees the memory of the images [OPN-9, CUD-4]."""

@@ -46,6 +46,7 @@ class Exchange:
     Attributes:
         memory: where images are published now.
         lens: the renderer's own, for images of that memory's size.
+        own_size: width and height that the renderer has chosen itself.
         poses: what the next image is to show.
         newest: the image published last in that memory.
         replaced: memory that was published in before and is not freed yet, oldest first.
@@ -58,6 +59,7 @@ class Exchange:
         self, memory: FrameMemory, intrinsics: Intrinsics, poses: Poses, statistics: Statistics
     ) -> None:
         self.memory = memory
+        self.own_size = memory.width, memory.height
         self.poses = poses
         self.newest: Image | None = None
         self.replaced: list[FrameMemory] = []
@@ -130,7 +132,12 @@ class Exchange:
     # Either's side
 
     def replace(
-        self, former: FrameMemory, memory: FrameMemory, intrinsics: Intrinsics | None = None
+        self,
+        former: FrameMemory,
+        memory: FrameMemory,
+        intrinsics: Intrinsics | None = None,
+        *,
+        is_own: bool = False,
     ) -> bool:
         """Renders into other memory from now on; False if `former` is not in use any more.
 
@@ -139,10 +146,13 @@ class Exchange:
             memory: what comes next.
             intrinsics: the renderer's own for its size; if not given, the view keeps the height
                 that those given last have.
+            is_own: the renderer has chosen the size itself.
         """
         with self.lock:
             if former is not self.memory:
                 return False
+            if is_own:
+                self.own_size = memory.width, memory.height
             if intrinsics is not None:
                 self._given_lens = lens_of(intrinsics, memory.width, memory.height)
             self.lens = as_high(self._given_lens, memory.width, memory.height)

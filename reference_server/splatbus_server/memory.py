@@ -21,6 +21,10 @@ Writer = Callable[[int, Set[str]], None]
 """Fills a slot with what is wanted of an image: `color`, `depth`, `legacy`."""
 
 
+class LostMemoryError(OSError):
+    """Another program has cut the memory short."""
+
+
 class FrameMemory(Protocol):
     """What every kind of memory has: see `Memory`, and `cuda.memory.DeviceMemory`.
 
@@ -42,6 +46,9 @@ class FrameMemory(Protocol):
 
     def successor(self, width: int, height: int) -> FrameMemory:
         """Memory for images of another size, the next generation."""
+
+    def free_bytes(self) -> int:
+        """How much more memory of this kind there is."""
 
     def close(self) -> None:
         """Frees it; once is enough."""
@@ -94,6 +101,7 @@ class Memory:
         self._semantics = semantics
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
+        self._is_whole = segment.is_whole
         self._remove = weakref.finalize(self, remove_if_owner, segment, os.getpid())
         # Only now: what it writes to for itself takes seconds for a size that cannot be had.
         self.publisher = Publisher(width, height, semantics.depth_empty)
@@ -121,6 +129,10 @@ class Memory:
         image = source(color, depth, alpha, depth_kind, self.width, self.height, premultiplied)
 
         def write(slot: int, wants: Set[str]) -> None:
+            if not self._is_whole():
+                raise LostMemoryError(
+                    f"another program has cut the memory of generation {self.generation} short"
+                )
             is_deep = "depth" in wants and image.depth is not None
             self.publisher.write(
                 image,
@@ -129,6 +141,10 @@ class Memory:
             )
 
         return write
+
+    def free_bytes(self) -> int:
+        """How much more shared memory there is."""
+        return shared_memory.free_bytes()
 
     def color(self, slot: int) -> Pixels:
         """(height, width, 4), bottom row first."""

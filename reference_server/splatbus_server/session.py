@@ -40,6 +40,7 @@ from splatbus_wire.superseding import subject
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control
 from splatbus_server.exchange import WITH_LEGACY, Exchange
+from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.memory import FrameMemory
 from splatbus_server.reader import Reader, receipt
 from splatbus_server.statistics import Statistics
@@ -79,6 +80,7 @@ class Session:
         statistics: Statistics,
         scene: Scene,
         readings: Readings,
+        limits: Limits = DEFAULT,
     ) -> None:
         """Starts without connections.
 
@@ -89,11 +91,12 @@ class Session:
             statistics: to count in.
             scene: what `get_scene` tells at first.
             readings: telemetry from the renderer.
+            limits: to what clients may take.
         """
         self.has_news = False
         self.deadline = math.inf
         self.scene = scene
-        self.viewport = Viewport(exchange)
+        self.viewport = Viewport(exchange, limits)
         self.exchange = exchange
         self._cameras = tuple(cameras) or (IDENTITY,)
         self._most_readers = readers
@@ -138,6 +141,7 @@ class Session:
         self.has_news = True
         self.told_busy.discard(connection)
         self.control.leave(connection)
+        self.viewport.leave(connection)
         self.readings.unsubscribe(connection)
         reader = self.readers.pop(connection, None)
         if reader is not None:
@@ -174,6 +178,8 @@ class Session:
         if self.exchange.replaced:
             self.end_who_keeps(now)
             self.free_replaced(now)
+        if self.viewport.is_left_over and self.can_all_follow:
+            self.viewport.go_back()
         self.readings.pass_on()
 
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:
@@ -216,18 +222,27 @@ class Session:
             connection.send(Pong(request.t, now, request.id))
         else:
             self.free_replaced(now)  # of what the messages before this one let go of
-            refusal = self.hindrance(connection)
-            if refusal is not None and not self.viewport.is_as(request):
-                return connection.complain(refusal._replace(id=request.id))
+            if not self.viewport.is_as(request):
+                refusal = self.hindrance(connection) or self.viewport.objection(request)
+                if refusal is not None:
+                    return connection.complain(refusal._replace(id=request.id))
             self.has_news = True
             self.viewport.set(connection, request)
         return None
 
+    @property
+    def can_all_follow(self) -> bool:
+        """Whether every client that reads takes an init packet of another size."""
+        return all(
+            connection.has("reinit")
+            for connection, reader in self.readers.items()
+            if reader.told and connection.is_open
+        )
+
     def hindrance(self, asker: Connection) -> Refusal | None:
         """Why images cannot have another size now, if a client asks for it."""
-        for connection, reader in self.readers.items():
-            if reader.told and connection.is_open and not connection.has("reinit"):
-                return Refusal("unsupported", "a client that reads takes no reinit [VPT-3]")
+        if not self.can_all_follow:
+            return Refusal("unsupported", "a client that reads takes no reinit [VPT-3]")
         if self.control.holder not in (None, asker):
             return Refusal("busy", "another client steers the scene [VPT-4]")
         if self.exchange.replaced or self.viewport.is_changing:

@@ -18,7 +18,7 @@ import re
 import secrets
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
@@ -27,6 +27,7 @@ import numpy as np
 PREFIX = "splatbus-ref-"  # of this implementation: others need not lock what they own
 NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,29}")
 DIRECTORY = Path("/dev/shm")
+MEMORY = Path("/proc/meminfo")
 
 
 class Segment:
@@ -35,11 +36,20 @@ class Segment:
     Attributes:
         name: what a client opens, as the init packet's ``memory.name`` says it.
         buffer: its bytes, zero at first, writable, every page already in memory.
+        is_whole: whether every byte is still there. Who writes where another program has cut the
+            file short is killed by a signal, so this is asked before; on Linux alone it can happen.
     """
 
-    def __init__(self, name: str, buffer: memoryview, cleanup: ExitStack) -> None:
+    def __init__(
+        self,
+        name: str,
+        buffer: memoryview,
+        cleanup: ExitStack,
+        is_whole: Callable[[], bool] = lambda: True,
+    ) -> None:
         self.name = name
         self.buffer = buffer
+        self.is_whole = is_whole
         self._cleanup = cleanup
 
     def close(self) -> None:
@@ -49,6 +59,9 @@ class Segment:
 
 def create(size: int, prefix: str = PREFIX) -> Segment:
     """Creates shared memory that only this user can open, under a name that was free [MEM-4].
+
+    On Linux nobody can open it for writing, or cut it short by its name, who does not change its
+    mode first; this process has it from when it made it.
 
     A forked child that does not exec keeps the segment's lock for as long as it lives.
 
@@ -119,16 +132,24 @@ def _unmap(buffer: memoryview, close: Callable[[], None]) -> None:
 if sys.platform == "linux":
     import fcntl
 
+    def free_bytes() -> int:
+        """How much more shared memory there is: of its file system, and of the machine."""
+        system = os.statvfs(DIRECTORY)
+        available = os.sysconf("SC_AVPHYS_PAGES") * mmap.PAGESIZE
+        with suppress(OSError):  # which tells what caches would let go of, too
+            (line,) = re.findall(r"^MemAvailable: +([0-9]+) kB$", MEMORY.read_text(), re.M)
+            available = int(line) * 1024
+        return min(system.f_bavail * system.f_frsize, available)
+
     def _create_named(name: str, size: int) -> Segment | None:
         """None if the name was taken, or a sweep got hold of the file before it was locked."""
         path = DIRECTORY / name
-        system = os.statvfs(DIRECTORY)
-        free = system.f_bavail * system.f_frsize
+        free = free_bytes()
         if size > free:  # told before a page is taken: reserving would first take what there is
             raise OSError(errno.ENOSPC, f"no {size} bytes in {DIRECTORY}: {free} are free")
         with ExitStack() as cleanup:
             try:
-                file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+                file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o400)
             except FileExistsError:
                 return None
             cleanup.callback(os.close, file)
@@ -149,7 +170,7 @@ if sys.platform == "linux":
             buffer = memoryview(mapping)
             cleanup.callback(_unmap, buffer, mapping.close)
             _touch(buffer)
-            return Segment(name, buffer, cleanup.pop_all())
+            return Segment(name, buffer, cleanup.pop_all(), lambda: os.fstat(file).st_size >= size)
 
     def _listed(prefix: str) -> list[Path]:
         return [path for path in DIRECTORY.iterdir() if path.name.startswith(prefix)]
@@ -169,6 +190,10 @@ if sys.platform == "linux":
 
 else:
     _create_named = create_with_standard_library
+
+    def free_bytes() -> int:
+        """How much more there is cannot be asked here: as much as anybody may want."""
+        return sys.maxsize
 
     def _listed(prefix: str) -> list[Path]:
         return []

@@ -1,7 +1,8 @@
 """Images of another size because a client asked for it: one change at a time, off the I/O thread.
 
 Memory for images takes up to seconds to be had. Meanwhile all others are served; what the client
-that asked sends after its request waits, since replies come in order [NEG-29].
+that asked sends after its request waits, since replies come in order [NEG-29]. A size lasts as long
+as somebody who asked for it is there.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ from splatbus_wire.messages import SetViewport, ViewportSize
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.exchange import Exchange
+from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.logs import log
 from splatbus_server.memory import FrameMemory
 
+PIXEL_BYTES = 20
+"""Colour and depth, in one slot."""
 Chore = Callable[[], None]
 """Work that takes long, to be done off the I/O thread, which is rung afterwards."""
 
@@ -23,13 +27,13 @@ class Change:
     """Memory of the size that a client asked for.
 
     Attributes:
-        asker: the client's connection.
+        asker: the client's connection; None for going back to the renderer's own size.
         request: what it asked for.
         former: memory in use then.
         outcome: the memory, or why there is none; None while it is being made.
     """
 
-    def __init__(self, asker: Connection, request: SetViewport, former: FrameMemory) -> None:
+    def __init__(self, asker: Connection | None, request: SetViewport, former: FrameMemory) -> None:
         self.asker = asker
         self.request = request
         self.former = former
@@ -50,12 +54,16 @@ class Viewport:
         chores: to be done; whoever does them takes them off the list.
         exchange: with the renderer.
         change: the one under way.
+        askers: who asked for the size that images have.
     """
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: Exchange, limits: Limits = DEFAULT) -> None:
         self.chores: list[Chore] = []
         self.exchange = exchange
         self.change: Change | None = None
+        self.askers: set[Connection] = set()
+        self._limits = limits
+        self._stays = 0
 
     @property
     def is_changing(self) -> bool:
@@ -67,14 +75,49 @@ class Viewport:
         memory = self.exchange.memory
         return (memory.width, memory.height) == (request.width, request.height)
 
+    def objection(self, request: SetViewport) -> Refusal | None:
+        """Why images do not get this size, whoever asks."""
+        memory, pixels = self.exchange.memory, request.width * request.height
+        if pixels > self._limits.pixels:
+            reason = f"{pixels} pixels: this server has images of at most {self._limits.pixels}"
+            return Refusal("unsupported", reason)
+        needed = memory.ring.slots * PIXEL_BYTES * pixels
+        most = int(self._limits.share * memory.free_bytes())
+        if needed > most:
+            return Refusal("unsupported", f"{needed} bytes: a client may have {most} of those free")
+        return None
+
     def set(self, asker: Connection, request: SetViewport) -> None:
         """Begins what nothing hinders; replies at once where nothing changes [VPT-6]."""
         if self.is_as(request):
+            self.askers.add(asker)
             asker.send(ViewportSize(*request))
             return
+        self.begin(asker, request)
+        asker.hold()
+
+    def leave(self, asker: Connection) -> None:
+        """Notes that a connection has ended."""
+        self.askers.discard(asker)
+
+    def go_back(self) -> None:
+        """Begins to make images as large as the renderer has them itself."""
+        self.begin(None, SetViewport(*self.exchange.own_size))
+
+    @property
+    def is_left_over(self) -> bool:
+        """Whether nobody is there any more who asked for the size that images have."""
+        memory = self.exchange.memory
+        return (
+            not (self.askers or self.is_changing or self.exchange.replaced)
+            and (memory.width, memory.height) != self.exchange.own_size
+            and memory.generation != self._stays
+        )
+
+    def begin(self, asker: Connection | None, request: SetViewport) -> None:
+        """Has memory made of another size."""
         self.change = Change(asker, request, self.exchange.memory)
         self.chores.append(self.change.allocate)
-        asker.hold()
 
     def settle(
         self, hindrance: Callable[[Connection], Refusal | None], now: float
@@ -88,15 +131,21 @@ class Viewport:
         change = self.change
         if change is None or change.outcome is None:
             return None
-        self.change = None
-        refusal = hindrance(change.asker) or self.replace(change)
+        self.change, asker = None, change.asker
+        refusal = asker and hindrance(asker)
+        refusal = refusal or self.replace(change)
         if refusal is None:
-            change.asker.send(ViewportSize(*change.request))
+            self.askers = {asker} if asker is not None and asker.is_open else set()
         else:
-            change.asker.complain(refusal._replace(id=change.request.id))
             log.warning("%d×%d refused: %s", *change.request[:2], refusal.reason)
             self._discard(change)
-        change.asker.go_on(now)
+            self._stays = self.exchange.memory.generation if asker is None else self._stays
+        if asker is not None:
+            if refusal is None:
+                asker.send(ViewportSize(*change.request))
+            else:
+                asker.complain(refusal._replace(id=change.request.id))
+            asker.go_on(now)
         return refusal
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 from splatbus_server.connection import Connection, Refusal, Terms
 from splatbus_server.control import Poses
 from splatbus_server.exchange import Exchange
+from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.memory import Memory
 from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
 from splatbus_server.statistics import Statistics
@@ -30,7 +31,7 @@ READERS = 2
 class Stage:
     """A session and its renderer, without sockets and threads."""
 
-    def __init__(self, memory: Memory | None = None) -> None:
+    def __init__(self, memory: Memory | None = None, limits: Limits = DEFAULT) -> None:
         self.memory = memory or Memory(4, 2, READERS, Semantics())
         self.statistics = Statistics()
         self.readings = Readings(self.statistics)
@@ -38,7 +39,7 @@ class Stage:
         poses = Poses(IDENTITY, OBJECTS)
         self.exchange = Exchange(self.memory, field_of_view(4, 2), poses, self.statistics)
         self.session = Session(
-            self.exchange, CAMERAS, READERS, self.statistics, SCENE, self.readings
+            self.exchange, CAMERAS, READERS, self.statistics, SCENE, self.readings, limits
         )
 
     def catch_up(self) -> None:
@@ -92,7 +93,7 @@ class Stage:
 
     def resize(self, width: int, height: int) -> Memory:
         former = self.exchange.memory
-        assert self.exchange.replace(former, former.successor(width, height))
+        assert self.exchange.replace(former, former.successor(width, height), is_own=True)
         self.catch_up()
         return self.exchange.memory
 

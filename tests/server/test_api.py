@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -343,3 +344,18 @@ def test_a_stream_is_nothing_to_memory_of_the_host(bus: splatbus_server.Bus) -> 
         image = np.zeros((view.height, view.width, 3), np.float32)
         with pytest.raises(ValueError, match="takes no stream"):
             bus.publish(view, image, image[..., 0], stream=1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory cannot be cut short")
+def test_memory_that_another_program_cuts_short_costs_one_image(
+    bus: splatbus_server.Bus, reader: Reader, caplog: pytest.LogCaptureFixture
+) -> None:
+    """To write there would end the process by a signal."""
+    view = next_view(bus)
+    name = bus._exchange.memory.init_packet.memory.name  # type: ignore[union-attr]
+    os.truncate(f"/dev/shm/{name}", 0)
+    bus.publish(view, RGB, DEPTH)
+    assert "cut the memory of generation 1 short" in caplog.text
+    reader.open()
+    reader.send({"type": "closed", "generation": 1})
+    assert np.array_equal(publish(bus, reader, RGB, DEPTH)[1], DEPTH)

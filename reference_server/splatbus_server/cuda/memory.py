@@ -218,6 +218,12 @@ class DeviceMemory:
             if not api.cuEventQuery(self._events[slot])[0]:
                 del self._in_use[slot]
 
+    def free_bytes(self) -> int:
+        """How much more memory the GPU has."""
+        with self._device.current():
+            free, _ = call(api.cuMemGetInfo)
+        return int(free)
+
     def close(self) -> None:
         """Frees the memory, once what writes it is done; once is enough."""
         if not self._events:
