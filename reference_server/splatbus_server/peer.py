@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import selectors
 import socket
 from collections import Counter
 from dataclasses import dataclass, field
 
 from splatbus_server.connection import Connection
+from splatbus_server.share import Share
 
 
 @dataclass(eq=False)
@@ -19,9 +19,8 @@ class Peer:
         name: for the log.
         awaits: what the selector looks out for; nothing while it is not registered there.
         noted: how often was refused what, by the error's code.
-        heard_from: when what it sends is looked at again, where a turn was too short for it;
-            infinity elsewhere.
-        waits: what it sends is not looked at for the time being.
+        share: of the thread's time.
+        is_behind: it has sent more than was handled in its last turn.
         is_ending: the log says already why the connection ends.
         is_shut: the client has been told that nothing more will come.
     """
@@ -31,7 +30,12 @@ class Peer:
     connection: Connection
     awaits: int = selectors.EVENT_READ
     noted: Counter[str] = field(default_factory=Counter)
-    heard_from: float = math.inf
-    waits: bool = False
+    share: Share = field(default_factory=Share)
+    is_behind: bool = False
     is_shut: bool = False
     is_ending: bool = False
+
+    @property
+    def waits(self) -> bool:
+        """Whether what it sends is not looked at for the time being."""
+        return self.is_behind or self.share.is_resting or not self.connection.is_ready

@@ -23,16 +23,11 @@ from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.logs import log
 from splatbus_server.peer import Peer
 from splatbus_server.session import Session
+from splatbus_server.share import TURN_SECONDS, Share, clock
 from splatbus_server.statistics import Statistics
 
 READ_BYTES = 16384
 """Taken from one connection before the others have their turn."""
-TURN_SECONDS = 0.0005
-"""For the packets of one connection, of which one is always taken, and for new connections."""
-REST = 10.0
-"""Turns as long that go by, for each connection that has more to say than a turn allows, before it
-is heard again: the renderer has nine tenths of the interpreter's time, however many clients send as
-much as they can."""
 PAUSE_SECONDS = 1.0
 """After a connection that the system would not accept, before the next is tried."""
 
@@ -54,6 +49,7 @@ class Service:
         self._terms = terms
         self._statistics = statistics
         self.peers: list[Peer] = []
+        self._share_of_accepting = Share()
         self.selector = selectors.DefaultSelector()
         self._aside = ThreadPoolExecutor(1, "splatbus-memory")
         self._bell, self._ringer = socket.socketpair()
@@ -98,11 +94,11 @@ class Service:
             self._ringer.close()
 
     def _turn(self) -> None:
-        deadlines = [min(p.connection.deadline, p.heard_from) for p in self.peers]
+        deadlines = [min(p.connection.deadline, p.share.rests_until) for p in self.peers]
         deadline = min([self._accept_from, self._session.deadline, *deadlines])
         now = time.monotonic()
         wait = None if deadline == math.inf else max(0.0, deadline - now)
-        if self._session.has_news or any(self._is_due(p) for p in self.peers):
+        if self._session.has_news or any(p.is_behind and self._is_due(p) for p in self.peers):
             wait = 0.0
         for key, _ in self.selector.select(wait):
             key.data()
@@ -122,18 +118,19 @@ class Service:
         for peer in self.peers:
             if now >= peer.connection.deadline:
                 peer.connection.expire(now)
-            if now >= peer.heard_from:
-                peer.heard_from = math.inf
+            if now >= peer.share.rests_until:
+                peer.share.expire(now)
+                peer.is_behind = True
         if now >= self._session.deadline:
             self._session.has_news = True
 
     def _hear_on(self) -> None:
         """Goes on with what clients sent that had to wait."""
-        for peer in [p for p in self.peers if self._is_due(p)]:
-            self._guarded(peer, self._go_on)
+        for peer in [p for p in self.peers if p.is_behind and self._is_due(p)]:
+            self._guarded(peer, self._handle_all)
 
     def _is_due(self, peer: Peer) -> bool:
-        return peer.waits and peer.heard_from == math.inf and peer.connection.is_ready
+        return peer.connection.is_ready and not peer.share.is_resting
 
     def _begin_anew(self) -> None:
         """Ends all connections, whatever state they are in."""
@@ -168,7 +165,7 @@ class Service:
         self._session.has_news = True
 
     def _accept_again(self) -> None:
-        self._accept_from = math.inf
+        self._accept_from = self._share_of_accepting.rests_until = math.inf
         for channel, listener in self._listeners.items():
             if listener not in self.selector.get_map():
                 accept = self.accepting(channel, listener)
@@ -184,11 +181,13 @@ class Service:
         """What is to be done when clients knock: take them in, as long as a turn lasts."""
 
         def accept() -> None:
-            began = time.monotonic()
+            began, share = clock(), self._share_of_accepting
             while self._accept_from == math.inf and self.accept(channel, listener):
-                now = time.monotonic()
-                if now - began > TURN_SECONDS:
-                    self._pause_accepting(now + REST * (now - began))
+                if clock() - began > TURN_SECONDS:
+                    break
+            self._charge(share, clock() - began)
+            if share.is_resting and self._accept_from == math.inf:
+                self._pause_accepting(share.rests_until)
 
         return accept
 
@@ -258,51 +257,51 @@ class Service:
     def _guarded(self, peer: Peer, work: Callable[[Peer], None]) -> None:
         if peer not in self.peers:  # it made room for another in this turn
             return
+        began = clock()
         try:
             work(peer)
+            if peer in self.peers:
+                self._charge(peer.share, clock() - began)
+                self.flush(peer, time.monotonic())
         except Exception:
             log.exception("%s: dropped because of a defect of this server", peer.name)
             if peer in self.peers:
                 self.drop(peer)
 
+    def _charge(self, share: Share, worked: float) -> None:
+        resting = sum(peer.share.is_resting for peer in self.peers)
+        share.charge(worked, resting, time.monotonic())
+
     def _read(self, peer: Peer) -> None:
-        connection = peer.connection
-        if not connection.input_ended and not peer.waits:
-            try:
-                data = peer.socket.recv(READ_BYTES)
-            except (BlockingIOError, InterruptedError):
-                data = None
-            except OSError as error:
-                log.info("%s: lost: %s", peer.name, error.strerror)
-                self.drop(peer)
-                return
-            if data is not None:
-                self.take(peer, data)
-        self.flush(peer, time.monotonic())
+        if peer.connection.input_ended or peer.waits:
+            return
+        try:
+            data = peer.socket.recv(READ_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as error:
+            log.info("%s: lost: %s", peer.name, error.strerror)
+            self.drop(peer)
+            return
+        self.take(peer, data)
 
     def take(self, peer: Peer, data: bytes) -> None:
         """Hands on what a read returned."""
         peer.connection.receive(data, time.monotonic())
         self._handle_all(peer)
 
-    def _go_on(self, peer: Peer) -> None:
-        self._handle_all(peer)
-        self.flush(peer, time.monotonic())
-
     def _handle_all(self, peer: Peer) -> None:
         """Handles what has come, as long as the connection's turn lasts."""
-        connection, began = peer.connection, time.monotonic()
-        now = began
+        connection, now, began = peer.connection, time.monotonic(), clock()
+        peer.is_behind = False
         while (event := connection.next_event(now)) is not None:
             refusal = event if isinstance(event, Refusal) else self._handle(peer, event, now)
             if refusal is not None:
                 self._note(peer, refusal)
-            now = time.monotonic()
-            if now - began > TURN_SECONDS:
-                others = sum(p.heard_from < math.inf for p in self.peers)
-                peer.heard_from = now + REST * (now - began) * (1 + others)
+            if clock() - began > TURN_SECONDS:
+                peer.is_behind = True
                 break
-        peer.waits = peer.heard_from < math.inf or not connection.is_ready
+        peer.is_behind = peer.is_behind or not connection.is_ready
 
     def _handle(self, peer: Peer, message: ClientMessage, now: float) -> Refusal | None:
         """Does what a message asks for; a defect in that is not the client's, who may go on."""

@@ -1,0 +1,1 @@
+"""What attackers can take from others: a client that behaves, beside each of many attacks."""

@@ -1,0 +1,122 @@
+"""A well-behaved client: forty poses a second, each seen in an image, and a ping beside each.
+
+    python -m benchmarks.hostile.canary PORT_OF_IPC PORT_OF_MESSAGES TOKEN
+
+For each line of seconds that comes, behaves for so long; prints poses, images that showed them in
+time, round trips (milliseconds), and how often it had to connect again, as JSON.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import socket
+import sys
+import time
+from typing import Any
+
+from benchmarks.hostile.attacks import packet
+
+HERTZ = 40.0
+POSE = {"rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "type": "camera_pose"}
+
+
+class Channel:
+    """One connection, as messages."""
+
+    def __init__(self, port: int, token: str, *capabilities: str) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", port), 5.0)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._came = b""
+        hello: dict[str, Any] = {"type": "hello", "versions": ["1.1"]}
+        hello |= {"client": {"name": "canary", "version": "1"}, "capabilities": capabilities}
+        self.send(hello | ({"token": token} if token else {}))
+
+    def send(self, message: dict[str, Any]) -> None:
+        self.socket.sendall(packet(message))
+
+    def read(self) -> list[dict[str, Any]]:
+        """What is there; ConnectionError at the end."""
+        data = self.socket.recv(65536)
+        if not data:
+            raise ConnectionError
+        self._came += data
+        found = []
+        while len(self._came) >= 4:
+            end = 4 + int.from_bytes(self._came[:4], "little")
+            if len(self._came) < end:
+                break
+            found.append(json.loads(self._came[4:end]))
+            self._came = self._came[end:]
+        return found
+
+
+class Canary:
+    def __init__(self, ipc: str, message: str, token: str) -> None:
+        self._where = int(ipc), int(message), token
+        self.number = self.seen = 0
+        self.again = -1
+        self.waits: list[float] = []
+        self.connect()
+
+    def connect(self) -> None:
+        """Connects both channels; the first image has to come."""
+        self.again += 1
+        ipc, message, token = self._where
+        self.ipc = Channel(ipc, token, "host_shm", "frames", "reinit")
+        self.message = Channel(message, token, "ping")
+
+    def behave(self, seconds: float) -> dict[str, Any]:
+        """Sends poses, and returns what became of them."""
+        self.seen, self.again, self.waits = 0, 0, []
+        count = round(seconds * HERTZ)
+        due = time.perf_counter()
+        for _ in range(count):
+            try:
+                self.number += 1
+                tag = str(self.number)
+                position = {"x": self.number * 1e-3, "y": 0.0, "z": 0.0}
+                self.message.send(POSE | {"position": position, "tag": tag})
+                self.message.send({"type": "ping", "t": time.perf_counter(), "id": self.number})
+                due += 1 / HERTZ
+                self.listen(tag, due)
+            except OSError:
+                with contextlib.suppress(OSError):
+                    self.connect()
+                time.sleep(0.05)
+                due = time.perf_counter()
+        return {"poses": count, "seen": self.seen, "waits": self.waits, "again": self.again}
+
+    def listen(self, tag: str, until: float) -> None:
+        """Takes what comes until the next pose is due."""
+        while (left := until - time.perf_counter()) > 0:
+            ready, _, _ = select.select([self.ipc.socket, self.message.socket], [], [], left)
+            now = time.perf_counter()
+            if self.message.socket in ready:
+                pongs = [it for it in self.message.read() if it["type"] == "pong"]
+                self.waits += [1e3 * (now - it["t"]) for it in pongs]
+            if self.ipc.socket in ready:
+                for message in self.ipc.read():
+                    self.take(message, tag)
+
+    def take(self, message: dict[str, Any], tag: str) -> None:
+        """Opens memory, and gives images back at once."""
+        if "meta" in message:
+            self.ipc.send({"type": "opened", "generation": message["generation"]})
+            for former in range(1, message["generation"]):
+                self.ipc.send({"type": "closed", "generation": former})
+        elif message["type"] == "frame":
+            self.seen += message["camera"].get("tag") == tag
+            given = {"generation": message["generation"], "seq": message["seq"]}
+            self.ipc.send({"type": "release"} | given)
+
+
+def main() -> None:
+    canary = Canary(*sys.argv[1:])
+    for line in sys.stdin:
+        print(json.dumps(canary.behave(float(line))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import math
+
+from splatbus_server.share import REST, TURN_SECONDS, Share
+
+
+def test_who_takes_little_never_rests() -> None:
+    share = Share()
+    for turn in range(1000):
+        share.charge(TURN_SECONDS / 10, 0, turn * TURN_SECONDS * REST / 10)
+        assert not share.is_resting
+
+
+def test_who_takes_all_it_can_has_its_share() -> None:
+    share, now, worked = Share(), 0.0, 0.0
+    while now < 10.0:
+        share.charge(TURN_SECONDS, 0, now)
+        worked += TURN_SECONDS
+        now += TURN_SECONDS
+        if share.is_resting:
+            assert share.rests_until > now
+            now = share.rests_until
+            share.expire(now)
+    assert 0.9 / REST < worked / now < 1.1 / REST
+
+
+def test_small_pieces_are_added_up() -> None:
+    """Otherwise whoever sends them faster than they are read would never rest."""
+    share = Share()
+    for piece in range(30):
+        share.charge(TURN_SECONDS / 10, 0, piece * TURN_SECONDS)
+    assert share.is_resting
+
+
+def test_the_more_rest_the_longer_each_does() -> None:
+    alone, among_three = Share(), Share()
+    for share, resting in ((alone, 0), (among_three, 2)):
+        share.charge(3 * TURN_SECONDS, resting, 1.0)
+    assert math.isclose(among_three.rests_until - 1.0, 3 * (alone.rests_until - 1.0))
+    alone.expire(alone.rests_until - 1e-6)
+    assert alone.is_resting
