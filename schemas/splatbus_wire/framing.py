@@ -10,6 +10,7 @@ from splatbus_wire.errors import FramingError, ProtocolError
 
 _HEADER_BYTES: int = FRAMING["length"]["bytes"]
 _BYTE_ORDER = FRAMING["length"]["byteOrder"]
+_OF_HTTP = (b"GET ", b"POST", b"HEAD", b"PUT ", b"OPTI", b"CONN", b"PRI ", b"HTTP")
 MIN_PAYLOAD_BYTES: int = LIMITS["min_payload_bytes"]
 MAX_PAYLOAD_BYTES: int = LIMITS["max_payload_bytes"]
 
@@ -94,11 +95,25 @@ class PacketDecoder:
         return bool(self.unfinished)
 
 
+def guess(stream: bytes) -> str:
+    """What else a peer seems to speak, as the end of a sentence; empty where nothing seems so.
+
+    Args:
+        stream: from the beginning of a packet.
+    """
+    if stream[:2] == b"\x16\x03":
+        return "; it looks like TLS, which is not spoken here: tunnel it (ssh -L)"
+    if stream[:4] in _OF_HTTP:
+        return "; it looks like HTTP, which is not spoken here"
+    return ""
+
+
 def _bad_header(length: int, offset: int) -> FramingError:
+    seems = guess(length.to_bytes(_HEADER_BYTES, _BYTE_ORDER))
     return FramingError(
         "packet_too_large" if length else "malformed_packet",
         f"a header announces {length} bytes; {MIN_PAYLOAD_BYTES} to {MAX_PAYLOAD_BYTES} are"
-        " allowed, and nothing after it can be trusted",
+        f" allowed, and nothing after it can be trusted{seems}",
         requirement="FRM-3",
         offset=offset,
     )

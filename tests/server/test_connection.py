@@ -459,3 +459,11 @@ def test_who_sent_something_valid_is_known(message: object, known: bool) -> None
     assert not connection.is_known
     events(connection, packet(message))
     assert connection.is_known == known
+
+
+def test_a_greeting_of_tls_that_reads_as_a_length_is_told_when_its_time_is_over() -> None:
+    """[FRM-5] One shorter than 256 bytes begins with a length that is allowed."""
+    connection = Connection("msg", OPEN, 0.0)
+    assert events(connection, b"\x16\x03\x01\x00\xf0\x01") == []
+    connection.expire(connection.deadline)
+    assert "TLS" in (connection.ending or "")

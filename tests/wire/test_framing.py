@@ -178,3 +178,16 @@ def test_work_is_linear_in_the_bytes_received(payload_bytes, step):
     segments_received = -(-len(stream) // step)
     header_reads = 4 * (segments_received + len(stream) // len(packet))
     assert bytes_copied(stream, step) <= 3 * len(stream) + header_reads
+
+
+@pytest.mark.parametrize(
+    ("stream", "seems"),
+    [(b"\x16\x03\x01\x02\x00\x01", "TLS"), (b"GET / HTTP/1.1\r\n", "HTTP"), (b"\xff" * 4, None)],
+)
+def test_an_error_says_what_else_the_peer_seems_to_speak(stream, seems):
+    decoder = PacketDecoder()
+    decoder.receive(stream)
+    with pytest.raises(FramingError) as caught:
+        decoder.next_packet()
+    assert ("looks like" in str(caught.value)) == (seems is not None)
+    assert (seems or "") in str(caught.value)
