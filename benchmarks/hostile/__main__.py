@@ -67,16 +67,14 @@ class Talker:
 
 def behaved(host: Talker, canary: Talker, seconds: float) -> dict[str, float]:
     """What the canary saw in so many seconds, and what the loop did."""
-    turns, _, _, since = host.ask()
-    seen = canary.ask(str(seconds))
-    turned, _, _, now = host.ask()
+    before, seen, after = host.ask(), canary.ask(str(seconds)), host.ask()
     waits = seen["waits"] or [np.inf]
     return {
         "frames": seen["seen"] / seen["poses"],
         "again": seen["again"],
         "p50_ms": float(np.percentile(waits, 50)),
         "p99_ms": float(np.percentile(waits, 99)),
-        "turns": (turned - turns) / (now - since),
+        "turns": (after["turns"] - before["turns"]) / (after["seconds"] - before["seconds"]),
     }
 
 
@@ -87,7 +85,7 @@ def attacked(name: str, token: str, seconds: float, loop: str) -> dict[str, Any]
         ports = [str(port) for port in host.hear()]
         canary = Talker(stack, "canary", *ports, token)
         canary.ask("1")
-        *_, before, _ = host.ask()
+        before = host.ask()["bytes"]
         peace = behaved(host, canary, seconds)
         line = [sys.executable, "-m", "benchmarks.hostile.attacks", name, *ports, token]
         attackers = [
@@ -100,8 +98,7 @@ def attacked(name: str, token: str, seconds: float, loop: str) -> dict[str, Any]
             each.wait()
         ended = time.monotonic()
         while True:
-            *_, after, _ = host.ask()
-            grown = (after - before) / (1 << 20)
+            grown = (host.ask()["bytes"] - before) / (1 << 20)
             if grown <= GOALS["mebibytes"] or time.monotonic() > ended + LET_GO_SECONDS:
                 break
             time.sleep(0.5)

@@ -2,14 +2,14 @@
 
     python -m benchmarks.hostile.host numpy|python TOKEN
 
-Prints its ports; then, for each line that comes, the turns that the loop has made, its images, the
-memory that the process has (bytes) and the seconds of its clock, as JSON.
+Prints its ports; then, for each line that comes, what it has of everything, as JSON.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import threading
 import time
@@ -31,6 +31,19 @@ def resident() -> int:
     return (pages - shared) * os.sysconf("SC_PAGESIZE")
 
 
+def state() -> dict[str, float]:
+    """What the process has, and the seconds of its clock."""
+    mine = re.findall(r"^(\w+)-(\w+) .*/dev/shm/.*$", Path("/proc/self/maps").read_text(), re.M)
+    return {
+        "bytes": resident(),
+        "files": len(list(Path("/proc/self/fd").iterdir())),
+        "threads": threading.active_count(),
+        "segments": len(mine),
+        "shared_bytes": sum(int(end, 16) - int(begin, 16) for begin, end in mine),
+        "seconds": time.monotonic(),
+    }
+
+
 def main() -> None:
     kind, token = sys.argv[1:3]
     bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0, token=token or None)
@@ -39,7 +52,7 @@ def main() -> None:
 
     def tell() -> None:
         for _ in sys.stdin:
-            print(json.dumps([turns, images, resident(), time.monotonic()]), flush=True)
+            print(json.dumps({"turns": turns, "images": images, **state()}), flush=True)
         os._exit(0)
 
     threading.Thread(target=tell, daemon=True).start()

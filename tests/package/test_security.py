@@ -12,7 +12,9 @@ def test_every_limit_has_a_test_that_is_there() -> None:
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", TEXT)
     assert len(named) == len(rows) > 30
     for path, name in named:
-        assert re.search(rf"^    def {name}\(|^def {name}\(", (ROOT / path).read_text("utf-8"), re.M), name
+        assert re.search(
+            rf"^    def {name}\(|^def {name}\(", (ROOT / path).read_text("utf-8"), re.M
+        ), name
 
 
 def test_every_table_of_limits_has_a_test_in_each_row() -> None:

@@ -23,6 +23,7 @@ from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
     Size,
+    asked,
     changed,
     dealings_of,
     other_sizes,
@@ -115,12 +116,15 @@ def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
             answered = answers(trial, waiting)
             trial.expect(answered, "no-reply", "who waits for control was not answered")
         changed(trial, client, size, capture.reader)
+        asked(trial, waiting, size)  # or the server may go back to its own when the other has gone
         client.close()
         trial.wait(lambda: capture.new() and shows(frames_of(trial, capture.reader)[-1], camera))
         frame = trial.sees(capture.reader, camera, 0.0)
         what = f"images became {size[0]}×{size[1]}, and control passed on to who had sent a lens"
         trial.expect(frame, "no-frame", f"{what} before: no frame shows its camera")
-        wrong = in_force(frame or {}, scaled(lens, size))
+        width, height = (within(frame or {}, "camera", side) for side in ("width", "height"))
+        now = whole(width, 1) or size[0], whole(height, 1) or size[1]
+        wrong = in_force(frame or {}, scaled(lens, now))
         trial.expect(not wrong, "other-intrinsics", f"{what} for the former size; {wrong}")
         trial.delivered += 1
 
