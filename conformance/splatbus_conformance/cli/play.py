@@ -8,7 +8,6 @@ from rich.console import Console
 from splatbus_conformance.observe.audit import Audit, AuditFinding, audit
 from splatbus_conformance.observe.judgement import opinion
 from splatbus_conformance.observe.playback import Played, play, steps
-from splatbus_conformance.observe.screen import printable
 from splatbus_conformance.plan import SIDES, Plan, Side, Usage
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.terminal import STYLE
@@ -70,10 +69,9 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
 def _print(side: Side, played: Played, then: Audit, now: Audit, out: Console) -> None:
     out.print(
         f"Played {played.delivered:,} of {played.steps:,} pieces of the recorded {PEER[side]}.",
-        markup=False,
     )
     for text in played.missed[:MOST_MISSED]:
-        out.print(f"  not seen this time: {text}", style="dim", markup=False)
+        out.print(f"  not seen this time: {text}", style="dim")
     if more := played.missed[MOST_MISSED:]:
         out.print(f"  and {len(more)} more", style="dim")
     before, after = (_broken(it, side) for it in (then, now))
@@ -82,7 +80,7 @@ def _print(side: Side, played: Played, then: Audit, now: Audit, out: Console) ->
         style = STYLE[Verdict.PASS if word == "NOT AGAIN" else finding.verdict]
         assert finding.first
         out.print(f"{word}  ", style=style, end="")
-        out.print(f"{id}  {printable(finding.first.text)}", markup=False, soft_wrap=True)
+        out.print(f"{id}  {finding.first.text}", soft_wrap=True)
     if not before and not after:
         out.print(f"The {side} broke nothing then, and breaks nothing now.")
     out.print()

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
+from splatbus_schemas.visible import visible
+
 from splatbus_conformance.observe.relay import Relay, addresses
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.wire.recording import Channel, Entry, to_line
@@ -174,7 +176,7 @@ def listener(host: str, port: int) -> socket.socket:
 
 
 def _say(text: str) -> None:
-    print(text, flush=True)
+    print(visible(text), flush=True)
 
 
 if __name__ == "__main__":
