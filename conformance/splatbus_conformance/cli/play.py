@@ -13,7 +13,10 @@ from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.terminal import STYLE
 from splatbus_conformance.run.testbed import set_up
 from splatbus_conformance.verdicts import Verdict
-from splatbus_conformance.wire.recording import RecordingError, load, save
+from splatbus_conformance.wire.recording import RecordingError, load
+from splatbus_conformance.wire.redaction import restored
+from splatbus_conformance.wire.saving import save
+from splatbus_conformance.wire.secrets import TOKEN_VARIABLE, own_token
 
 SETTLE_SECONDS = 1.0
 REST_SECONDS = 0.3
@@ -43,9 +46,16 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
         recorded = load(file)
     except (OSError, RecordingError) as error:
         raise Usage(f"{file}: {error}") from error
-    given = steps(recorded, plan.side)
+    whole, lacking = restored(recorded, own_token()) if plan.side == "server" else (recorded, 0)
+    given = steps(whole, plan.side)
     if not given:
         raise Usage(f"{file}: the {PEER[plan.side]} says nothing in it that could be played")
+    if lacking:
+        out.print(
+            f"{lacking} `hello` lack the token that was left out of the recording, and a server "
+            "that requires one refuses them; those that came in one piece have it from "
+            f"{TOKEN_VARIABLE}."
+        )
     files.remove_former()
     testbed = set_up(plan)
     try:

@@ -13,6 +13,7 @@ from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 from splatbus_conformance.wire.capture import Capture
 from splatbus_conformance.wire.conversation import SENDER, Conversation, conversations
 from splatbus_conformance.wire.recording import Channel, Entry
+from splatbus_conformance.wire.redaction import redacted
 
 VERSIONS = ("1.0", "1.1")
 """Rules of 1.1 judge only what a `hello` or an init packet of 1.1 has brought into play."""
@@ -113,7 +114,7 @@ class Audit:
 
 def audit(entries: Iterable[Entry]) -> Audit:
     """Judge a recording by every rule; never raises for what it holds."""
-    return audit_of(conversations(entries))
+    return audit_of(conversations(redacted(entries)))
 
 
 def audit_of(found: Sequence[Conversation]) -> Audit:
@@ -123,7 +124,7 @@ def audit_of(found: Sequence[Conversation]) -> Audit:
 
 def audit_capture(capture: Capture) -> Audit:
     """Judge what a capture holds; nobody is blamed for what it lacks."""
-    whole = [each for entries in capture.sessions for each in conversations(entries)]
+    whole = [each for entries in capture.sessions for each in conversations(redacted(entries))]
     loose = conversations(capture.messages)
     of_one = (each for each in judge(loose) if each.requirement in OF_ONE_MESSAGE)
     judged = _audit(whole, chain(judge(whole), of_one))

@@ -89,11 +89,6 @@ def load(path: Path) -> list[Entry]:
         raise RecordingError(f"{path.name}: byte {error.start} is not UTF-8") from None
 
 
-def save(entries: Iterable[Entry], path: Path) -> None:
-    """Write a recording."""
-    path.write_text("".join(to_line(entry) + "\n" for entry in entries), "utf-8")
-
-
 def _entries(lines: Iterable[str], name: str) -> Iterator[Entry]:
     for number, line in enumerate(lines, 1):
         if line.strip():

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from splatbus_conformance.cases.script import Script, as_text
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.recording import Entry, save
+from splatbus_conformance.wire.recording import Entry
+from splatbus_conformance.wire.saving import save
 
 from tests.conformance.harness import run, said
 from tests.conformance.reports.stored_reports import failure, report_of
