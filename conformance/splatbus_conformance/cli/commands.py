@@ -86,7 +86,7 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
             if capture.is_capture(Path(name)):
                 judged.append((name, audit_capture(capture.load(Path(name), *ports))))
             else:
-                judged.append((name, judge_recording(recording.load(Path(name)))))
+                judged.append((name, judge_recording(recording.read(Path(name)))))
         except (OSError, recording.RecordingError) as error:
             raise Usage(f"{name}: {error}") from error
         except capture.CaptureError as error:
