@@ -8,6 +8,8 @@ from typing import Any, Literal, NamedTuple, TypeGuard
 
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.wire.given_files import from_json, shown
+
 Channel = Literal["ipc", "msg"]
 WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 """For people."""
@@ -15,7 +17,6 @@ Direction = Literal["c2s", "s2c"]
 Event = Literal["open", "eof", "reset"]
 MOST_LINE = 1 << 24
 """Bytes of a line. Eight packets of the greatest length fit, and no read returns as much."""
-MOST_SHOWN = 60
 _HEX = re.compile("([0-9a-fA-F]{2})*")
 
 
@@ -48,10 +49,7 @@ def to_line(entry: Entry) -> str:
 
 def from_line(line: str) -> Entry:
     """The entry in one line; ValueError says what is wrong with it."""
-    try:
-        members = json.loads(line)
-    except RecursionError:
-        raise ValueError("the line is nested too deep") from None
+    members = from_json(line)
     if not isinstance(members, dict):
         raise ValueError("the line is no JSON object")
     if nulls := [name for name, value in members.items() if value is None]:
@@ -74,12 +72,6 @@ def from_line(line: str) -> Entry:
         raise ValueError("hex is no text of two hexadecimal digits a byte")
     data = None if text is None else bytes.fromhex(text)
     return Entry(float(t), channel, int(conn), direction, data, event)
-
-
-def shown(value: object) -> str:
-    """A value of a file that is not as it should be, so short that a line holds it."""
-    text = repr(value)
-    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]} …"
 
 
 def _is_number(value: object) -> TypeGuard[int | float]:
