@@ -158,7 +158,8 @@ def parser(further: Iterable[Declare] = ()) -> argparse.ArgumentParser:
             "Stand between a real client and a real server: pass on what they say, show it as it "
             "goes, write it down, and judge both at the end. Start the server, start this, and "
             "have the client connect to the ports of --listen. Handles of memory pass through, so "
-            "images go their usual way.",
+            "images go their usual way. To listen to other machines, it wants the server's token "
+            "in SPLATBUS_TOKEN, and asks for it.",
         ),
     )
     proxy.add_argument(

@@ -25,6 +25,8 @@ STOP_SECONDS = 5.0
 MOST_STARTS = 4
 """How often somebody is asked to start a client by hand that never comes back by itself."""
 LEAVING_SECONDS = 1.0
+MOST_PRINTED = 8000
+"""Bytes that are read of what a testee printed: of one that prints all the time, its last."""
 WINDOWS_CRASH = 0xC0000000
 
 
@@ -140,7 +142,9 @@ class Command:
 
     def printed(self) -> str:
         """The end of what it printed."""
-        return self._log.read_text("utf-8", errors="replace")[-2000:]
+        with self._log.open("rb") as log:
+            log.seek(max(0, self._log.stat().st_size - MOST_PRINTED))
+            return log.read(MOST_PRINTED).decode("utf-8", "replace")[-2000:]
 
     def forget(self) -> None:
         """Remove what it printed."""
