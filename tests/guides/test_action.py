@@ -173,6 +173,19 @@ def test_a_hostile_launch_line_runs_nothing(installed: dict[str, str], tmp_path:
     assert not (job.folder / "hit").exists()
 
 
+@pytest.mark.parametrize("name", ["reports", "working_directory"])
+@pytest.mark.parametrize("end", ["\n", "\r", "\r\n"])
+def test_no_input_forges_an_output(
+    name: str, end: str, installed: dict[str, str], tmp_path: Path
+) -> None:
+    folder = f"here{end}status=0"
+    (tmp_path / folder).mkdir()
+    job = judged(installed, tmp_path, launch="./not-there", **{name: folder})
+    assert job.status == 2, job.log
+    assert job.outputs == {}
+    assert "one line each" in job.log
+
+
 def test_the_page_describes_every_input_and_output() -> None:
     described = re.findall(r"^\| `([\w-]+)` \|", PAGE, re.MULTILINE)
     assert described == [*ACTION["inputs"], *ACTION["outputs"]]

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from splatbus_client import Pose
 from splatbus_conformance.cli import main
-from splatbus_conformance.cli.commands import console
 from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.plan import Usage
+from splatbus_conformance.reports.console import console
 from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.recording import load
 

@@ -10,7 +10,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from splatbus_conformance.plan import Side, Usage
+from splatbus_schemas import LIMITS
+from splatbus_schemas.requirements import requirements
+
+from splatbus_conformance.plan import SIDES, Side, Usage
+from splatbus_conformance.wire.given_files import read_text, shown
 
 FORMAT = "1"
 
@@ -63,10 +67,8 @@ def save(script: Script, path: Path) -> None:
 def load(path: Path) -> Script:
     """Read a script. Raises ScriptError for what is none, OSError for the file."""
     try:
-        return from_text(path.read_text("utf-8"))
-    except UnicodeDecodeError as error:
-        raise ScriptError(f"{path}: byte {error.start} is not UTF-8") from None
-    except ScriptError as error:
+        return from_text(read_text(path))
+    except (ScriptError, ValueError) as error:
         raise ScriptError(f"{path}: {error}") from None
 
 
@@ -80,7 +82,7 @@ def as_text(script: Script) -> str:
 def from_text(text: str) -> Script:
     """The reverse of `as_text`. Raises ScriptError."""
     try:
-        members = json.loads(text)
+        members = json.loads(text)  # a case may hold what no JSON of the wire does
         if members.pop("format") != FORMAT:
             raise ScriptError(f"it is of another format than {FORMAT}")
         members["cases"] = tuple(
@@ -88,11 +90,29 @@ def from_text(text: str) -> Script:
         )
         members["viewport"] = tuple(members["viewport"])
         members["transcript"] = tuple(members["transcript"])
-        return Script(**members)
+        return _sound(Script(**members))
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
         if isinstance(error, ScriptError):
             raise
-        raise ScriptError(f"it is no script: {type(error).__name__}: {error}") from None
+        told = shown(f"{type(error).__name__}: {error}")
+        raise ScriptError(f"it is no script: {told}") from None
+
+
+def _sound(script: Script) -> Script:
+    """The script, whose members are what they should be. Raises ScriptError."""
+    texts = (script.requirement, script.check, script.profile, script.seen, *script.transcript)
+    counts = (script.seed, script.tried, script.again, *script.viewport)
+    wrong: list[object] = [it for it in texts if not isinstance(it, str)]
+    wrong += [it for it in counts if not isinstance(it, int) or isinstance(it, bool)]
+    wrong += [] if isinstance(script.by_rule, bool) else [script.by_rule]
+    wrong += [] if script.side in SIDES else [script.side]
+    if not wrong:
+        fits = all(0 <= it <= LIMITS["max_image_size"] for it in script.viewport)
+        wrong += [] if fits and len(script.viewport) == len("wh") else [script.viewport]
+        wrong += [] if script.requirement in requirements("1.1") else [script.requirement]
+    if wrong:
+        raise ScriptError(f"it is no script: {shown(wrong[0])} is not what stands there")
+    return script
 
 
 def _case_as_json(case: Case) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """What each command of `splatbus-conformance` does."""
 
 import argparse
-import io
 import os
 import sys
 from dataclasses import replace
@@ -24,20 +23,8 @@ from splatbus_conformance.run.options import DEPLOYED_PORTS
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_USAGE
 from splatbus_conformance.wire import capture, recording
 
-PLAIN_WIDTH = 240
 DEMO_TESTEES = 16
 """More than cores: most of the time a check waits."""
-
-
-def console(plain: bool) -> Console:
-    """Where people read."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # not every terminal knows → and ✓
-    out = Console(highlight=False, no_color=plain or None, force_terminal=False if plain else None)
-    if not (out.is_terminal or sys.stdout.isatty()):
-        out.width = PLAIN_WIDTH
-    return out
 
 
 def client(arguments: argparse.Namespace, out: Console) -> int:
@@ -99,7 +86,7 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
             if capture.is_capture(Path(name)):
                 judged.append((name, audit_capture(capture.load(Path(name), *ports))))
             else:
-                judged.append((name, judge_recording(recording.load(Path(name)))))
+                judged.append((name, judge_recording(recording.read(Path(name)))))
         except (OSError, recording.RecordingError) as error:
             raise Usage(f"{name}: {error}") from error
         except capture.CaptureError as error:
@@ -126,7 +113,7 @@ def peers_of(arguments: argparse.Namespace) -> tuple[Side, ...]:
 def report(arguments: argparse.Namespace, out: Console) -> int:
     """Make reports of a stored one."""
     if arguments.schema:
-        sys.stdout.write(read_text("report.schema.json"))
+        out.print(read_text("report.schema.json"), end="", soft_wrap=True)
         return EXIT_CONFORMING
     reports = load_reports(Path(arguments.file))
     files = files_of(arguments)
@@ -134,7 +121,7 @@ def report(arguments: argparse.Namespace, out: Console) -> int:
         raise Usage(f"what is to be made of {arguments.file}? Add --html FILE, say")
     files.write(reports)
     for each in reports:
-        out.print(f"{each['testee']}: {each['summary']}", markup=False)
+        out.print(f"{each['testee']}: {each['summary']}")
     return EXIT_CONFORMING
 
 

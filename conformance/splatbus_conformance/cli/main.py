@@ -6,11 +6,11 @@ import os
 import signal
 import sys
 import textwrap
-import traceback
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from splatbus_schemas.version import ShowVersion
+from splatbus_schemas.visible import visible
 
 from splatbus_conformance.cli import commands
 from splatbus_conformance.cli.examples import EXAMPLES
@@ -21,6 +21,7 @@ from splatbus_conformance.cli.options import (
     recording_options,
 )
 from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.reports.console import complain, complain_of_fault, console
 from splatbus_conformance.run.options import DEPLOYED_PORTS, USUAL_SIZE
 from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE
@@ -31,7 +32,11 @@ Declare = Callable[["argparse._SubParsersAction[Any]"], None]
 
 
 class Parser(argparse.ArgumentParser):
-    """One that suggests what is near to a word that it does not know."""
+    """One that suggests what is near to a word that it does not know, and repeats none as it is."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the arguments, and end."""
+        super().error(visible(message))
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         try:
@@ -153,7 +158,8 @@ def parser(further: Iterable[Declare] = ()) -> argparse.ArgumentParser:
             "Stand between a real client and a real server: pass on what they say, show it as it "
             "goes, write it down, and judge both at the end. Start the server, start this, and "
             "have the client connect to the ports of --listen. Handles of memory pass through, so "
-            "images go their usual way.",
+            "images go their usual way. To listen to other machines, it wants the server's token "
+            "in SPLATBUS_TOKEN, and asks for it.",
         ),
     )
     proxy.add_argument(
@@ -227,22 +233,22 @@ def main(argv: Sequence[str] | None = None, further: Iterable[Declare] = ()) -> 
     for ending in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, ending):
             signal.signal(getattr(signal, ending), signal.default_int_handler)
-    out = commands.console(arguments.plain)
+    out = console(arguments.plain)
     try:
         return int(arguments.run(arguments, out))
     except Usage as error:
-        out.print(f"splatbus-conformance: {error}", markup=False)
+        out.print(f"splatbus-conformance: {error}")
         return EXIT_USAGE
     except NoVerdict as error:
-        out.print(f"no verdict: {error}", markup=False)
+        out.print(f"no verdict: {error}")
         return EXIT_NO_VERDICT
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        complain("interrupted")
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_INTERRUPTED
     except Exception:
-        traceback.print_exc()
-        print("no verdict: the harness failed; the fault is its own", file=sys.stderr)
+        complain_of_fault()
+        complain("no verdict: the harness failed; the fault is its own")
         return EXIT_NO_VERDICT

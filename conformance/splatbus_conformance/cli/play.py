@@ -8,13 +8,15 @@ from rich.console import Console
 from splatbus_conformance.observe.audit import Audit, AuditFinding, audit
 from splatbus_conformance.observe.judgement import opinion
 from splatbus_conformance.observe.playback import Played, play, steps
-from splatbus_conformance.observe.screen import printable
 from splatbus_conformance.plan import SIDES, Plan, Side, Usage
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.terminal import STYLE
 from splatbus_conformance.run.testbed import set_up
 from splatbus_conformance.verdicts import Verdict
-from splatbus_conformance.wire.recording import RecordingError, load, save
+from splatbus_conformance.wire.recording import RecordingError, load
+from splatbus_conformance.wire.redaction import restored
+from splatbus_conformance.wire.saving import save
+from splatbus_conformance.wire.secrets import TOKEN_VARIABLE, own_token
 
 SETTLE_SECONDS = 1.0
 REST_SECONDS = 0.3
@@ -44,9 +46,16 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
         recorded = load(file)
     except (OSError, RecordingError) as error:
         raise Usage(f"{file}: {error}") from error
-    given = steps(recorded, plan.side)
+    whole, lacking = restored(recorded, own_token()) if plan.side == "server" else (recorded, 0)
+    given = steps(whole, plan.side)
     if not given:
         raise Usage(f"{file}: the {PEER[plan.side]} says nothing in it that could be played")
+    if lacking:
+        out.print(
+            f"{lacking} `hello` lack the token that was left out of the recording, and a server "
+            "that requires one refuses them; those that came in one piece have it from "
+            f"{TOKEN_VARIABLE}."
+        )
     files.remove_former()
     testbed = set_up(plan)
     try:
@@ -70,10 +79,9 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
 def _print(side: Side, played: Played, then: Audit, now: Audit, out: Console) -> None:
     out.print(
         f"Played {played.delivered:,} of {played.steps:,} pieces of the recorded {PEER[side]}.",
-        markup=False,
     )
     for text in played.missed[:MOST_MISSED]:
-        out.print(f"  not seen this time: {text}", style="dim", markup=False)
+        out.print(f"  not seen this time: {text}", style="dim")
     if more := played.missed[MOST_MISSED:]:
         out.print(f"  and {len(more)} more", style="dim")
     before, after = (_broken(it, side) for it in (then, now))
@@ -82,7 +90,7 @@ def _print(side: Side, played: Played, then: Audit, now: Audit, out: Console) ->
         style = STYLE[Verdict.PASS if word == "NOT AGAIN" else finding.verdict]
         assert finding.first
         out.print(f"{word}  ", style=style, end="")
-        out.print(f"{id}  {printable(finding.first.text)}", markup=False, soft_wrap=True)
+        out.print(f"{id}  {finding.first.text}", soft_wrap=True)
     if not before and not after:
         out.print(f"The {side} broke nothing then, and breaks nothing now.")
     out.print()

@@ -4,7 +4,7 @@ import time
 from dataclasses import replace
 
 from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.cases.script import Script
@@ -91,11 +91,12 @@ def _status(given: Replay) -> int:
 def _print(script: Script, given: Replay, out: Console) -> None:
     requirement = requirements("1.1")[script.requirement]
     style, verdict = ("green", "NOT AGAIN") if given.broken is None else ("bold red", "AGAIN")
-    out.print(f"[{style}]{verdict}[/] [bold]{requirement.id}[/] [dim]{words(script.check)}[/]")
-    out.print(f"  the standard   {escape(requirement.sentence)}")
+    title = (verdict, style), " ", (requirement.id, "bold"), " ", (words(script.check), "dim")
+    out.print(Text.assemble(*title))
+    out.print(f"  the standard   {requirement.sentence}")
     out.print(f"  acceptable     {', '.join(requirement.acceptable)}")
-    out.print(f"  seen before    {escape(script.seen)}")
-    out.print(f"  seen now       {escape(str(given.broken or 'nothing that breaks it'))}")
+    out.print(f"  seen before    {script.seen}")
+    out.print(f"  seen now       {given.broken or 'nothing that breaks it'}")
     if given.skipped:
-        out.print(f"  not judged     {escape(given.skipped)}")
+        out.print(f"  not judged     {given.skipped}")
     print_evidence(out, given.transcript)

@@ -35,7 +35,8 @@ def print_list(out: Console, peers: tuple[str, ...]) -> None:
                 table.add_row(requirement.id, requirement.level, "–", Text(reason, "dim"))
         musts = [r for r in bound(peer).values() if r.level.startswith("MUST")]
         count = sum(r.id in judged for r in musts)
-        out.print(f"\n[bold]{peer}[/]: {count} of {len(musts)} MUSTs are judged\n")
+        told = f": {count} of {len(musts)} MUSTs are judged\n"
+        out.print(Text.assemble("\n", (peer, "bold"), told))
         out.print(table)
 
 
@@ -45,7 +46,8 @@ def print_explanation(out: Console, name: str) -> bool:
     if requirement is None:
         out.print(f"{name}: {_what_there_is(name.upper())}")
         return False
-    out.print(f"\n[bold]{requirement.id}[/]  {requirement.level}  [dim]{requirement.chapter}[/]\n")
+    title = (requirement.id, "bold"), f"  {requirement.level}  ", (requirement.chapter, "dim")
+    out.print(Text.assemble("\n", *title, "\n"))
     grid = Table.grid(padding=(0, 2))
     grid.add_row("sentence", Text(requirement.sentence))
     if requirement.why:
@@ -53,7 +55,7 @@ def print_explanation(out: Console, name: str) -> bool:
     grid.add_row("acceptable", ", ".join(requirement.acceptable))
     for peer in requirement.binds:
         for judge in judges(peer).get(requirement.id, []):
-            grid.add_row(peer, f"[bold]{words(judge.name)}[/] at {judge.level}")
+            grid.add_row(peer, Text.assemble((words(judge.name), "bold"), f" at {judge.level}"))
             grid.add_row("", Text(f"{judge.what} Seen: {judge.observable}.", "dim"))
         if why := exclusions(peer).get(requirement.id):
             grid.add_row(peer, f"not judged (visible at {why.visible_at})")

@@ -13,6 +13,7 @@ from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 from splatbus_conformance.wire.capture import Capture
 from splatbus_conformance.wire.conversation import SENDER, Conversation, conversations
 from splatbus_conformance.wire.recording import Channel, Entry
+from splatbus_conformance.wire.redaction import redacted
 
 VERSIONS = ("1.0", "1.1")
 """Rules of 1.1 judge only what a `hello` or an init packet of 1.1 has brought into play."""
@@ -113,7 +114,7 @@ class Audit:
 
 def audit(entries: Iterable[Entry]) -> Audit:
     """Judge a recording by every rule; never raises for what it holds."""
-    return audit_of(conversations(entries))
+    return audit_of(conversations(redacted(entries), shelved=True))
 
 
 def audit_of(found: Sequence[Conversation]) -> Audit:
@@ -123,7 +124,7 @@ def audit_of(found: Sequence[Conversation]) -> Audit:
 
 def audit_capture(capture: Capture) -> Audit:
     """Judge what a capture holds; nobody is blamed for what it lacks."""
-    whole = [each for entries in capture.sessions for each in conversations(entries)]
+    whole = [each for entries in capture.sessions for each in conversations(redacted(entries))]
     loose = conversations(capture.messages)
     of_one = (each for each in judge(loose) if each.requirement in OF_ONE_MESSAGE)
     judged = _audit(whole, chain(judge(whole), of_one))
@@ -132,15 +133,15 @@ def audit_capture(capture: Capture) -> Audit:
 
 def _audit(found: Sequence[Conversation], seen: Iterable[Sighting]) -> Audit:
     known = requirements(VERSIONS[-1])
-    sightings: dict[tuple[str, str], list[Sighting]] = {}
+    counts: dict[tuple[str, str], _Count] = {}
     for sighting in seen:
-        sightings.setdefault((sighting.requirement, sighting.peer), []).append(sighting)
+        counts.setdefault((sighting.requirement, sighting.peer), _Count()).take(sighting)
     return Audit(
         tuple(
-            _finding(requirement, peer, sightings[name, peer])
+            _finding(requirement, peer, counts[name, peer])
             for name, requirement in known.items()
             for peer in ("client", "server")
-            if (name, peer) in sightings
+            if (name, peer) in counts
         ),
         tuple(found),
         tuple(line for conversation in found for line in _left_over(conversation)),
@@ -165,12 +166,25 @@ def results(judged: Audit, peer: str) -> list[Result]:
     ]
 
 
-def _finding(requirement: Requirement, peer: str, sightings: list[Sighting]) -> AuditFinding:
-    broken = [sighting for sighting in sightings if sighting.breach is not None]
-    first = min(broken, key=lambda sighting: sighting.t, default=None)
-    return AuditFinding(
-        requirement, peer, len(sightings), len(broken), None if first is None else _breach(first)
-    )
+@dataclass
+class _Count:
+    """What was seen of one requirement and one peer: of a long session too much to be kept."""
+
+    seen: int = 0
+    broken: int = 0
+    first: Sighting | None = None
+
+    def take(self, sighting: Sighting) -> None:
+        self.seen += 1
+        if sighting.breach is not None:
+            self.broken += 1
+            if self.first is None or sighting.t < self.first.t:
+                self.first = sighting
+
+
+def _finding(requirement: Requirement, peer: str, count: _Count) -> AuditFinding:
+    first = None if count.first is None else _breach(count.first)
+    return AuditFinding(requirement, peer, count.seen, count.broken, first)
 
 
 def _breach(sighting: Sighting) -> RecordedBreach:

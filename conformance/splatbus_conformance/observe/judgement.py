@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.text import Text
 from splatbus_schemas.requirements import requirements
 
@@ -45,7 +44,7 @@ def opinion(
             bound = {id: each for id, each in known.items() if peer in each.binds}
             print_failures(out, found, known)
             sentence, verdicts = summary(found, bound, reached(found))
-            out.print(f"{peer}: {sentence}", markup=False)
+            out.print(f"{peer}: {sentence}")
             took = latencies.of(judged.conversations, peer)
             reports.append(
                 RunReport(
@@ -71,6 +70,6 @@ def opinion(
 def _print_connections(out: Console, name: str, judged: Audit) -> None:
     """What a recording holds, before what is said of it."""
     seen = ", ".join(f"{count} on {channel}" for channel, count in judged.connections.items())
-    out.print(f"[bold]{escape(name)}[/]  connections: {seen}")
+    out.print(Text.assemble((name, "bold"), f"  connections: {seen}"))
     for line in judged.left_over:
         out.print(Text(f"  not judged: {line}", "dim"))

@@ -98,7 +98,7 @@ class LiveSession:
         if self._kept is None and self.seen_messages >= MOST_JUDGED:
             self._kept, self._kept_until = self.so_far(), self.now
         if self._kept is not None:
-            conversation.messages.clear()
+            conversation.messages = []
 
     def seen(self) -> Seen:
         """What is to be shown now."""

@@ -34,7 +34,6 @@ def session(listen: Endpoint, to: Endpoint, file: Path, seconds: float, out: Con
         f"  SPLATBUS_HOST={listen.host} SPLATBUS_IPC_PORT={listen.ipc}"
         f" SPLATBUS_MSG_PORT={listen.msg}\n"
         "Ctrl-C ends the session, and judges both sides.\n",
-        markup=False,
     )
     with contextlib.ExitStack() as stack:
         with relayed(listen, to, file) as relay:
@@ -65,5 +64,5 @@ def _show(title: str, relay: Relayed, follower: Follower, until: float, out: Con
                 drawn.update(screen(title, *state, out.width, out.height), refresh=True)
             elif time.monotonic() >= said + PLAIN_SECONDS:
                 said = time.monotonic()
-                out.print(line(*state), markup=False, soft_wrap=True)
+                out.print(line(*state), soft_wrap=True)
             time.sleep(DRAW_SECONDS)

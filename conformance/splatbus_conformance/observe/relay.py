@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import ipaddress
 import os
 import selectors
 import socket
@@ -17,6 +18,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from splatbus_conformance.observe.door import Door
 from splatbus_conformance.wire.recording import Channel, Direction, Entry, Event
 
 READ_BYTES = 65536
@@ -42,11 +44,24 @@ class _Stream:
 
 
 @dataclass(eq=False)
-class _Attempt:
-    """A client's connection, and the one to the server that is being made for it."""
+class _Caller:
+    """A client's connection, and what was heard at the door."""
 
     channel: Channel
     client: socket.socket
+    said: list[bytes] = field(default_factory=list)
+
+    @property
+    def sockets(self) -> tuple[socket.socket]:
+        """The client's."""
+        return (self.client,)
+
+
+@dataclass(eq=False)
+class _Attempt:
+    """A client's connection, and the one to the server that is being made for it."""
+
+    caller: _Caller
     server: socket.socket
     others: Sequence[Address]
     """Where else the server may be, if it is not there."""
@@ -54,7 +69,7 @@ class _Attempt:
     @property
     def sockets(self) -> tuple[socket.socket, socket.socket]:
         """The client's, and the one to the server."""
-        return self.client, self.server
+        return self.caller.client, self.server
 
 
 @dataclass(eq=False)
@@ -84,6 +99,7 @@ class Relay:
         note: is told of each piece and each end, after it was passed on; `t` is on the monotonic
             clock, counted from the start.
         missed: is told when a client comes and no server is there, and why; the client is reset.
+        door: lets clients in, before anything of theirs is passed on or told; without one, all.
 
     Raises:
         OSError: the name of a server's host means nothing.
@@ -95,15 +111,17 @@ class Relay:
         servers: Mapping[Channel, tuple[str, int]],
         note: Note,
         missed: Callable[[Channel, str], None] = lambda channel, reason: None,
+        door: Door | None = None,
     ) -> None:
         self._listeners = dict(listeners)
         # Asked once: the answer may take seconds, in which nothing would pass.
         self._servers = {channel: addresses(*place) for channel, place in servers.items()}
         self._note = note
         self._missed = missed
+        self._door = door
         self._start = time.monotonic()
         self._counts = dict.fromkeys(self._listeners, 0)
-        self._open: set[_Attempt | _Link] = set()
+        self._open: set[_Caller | _Attempt | _Link] = set()
         self._untold: list[Entry] = []
         self._stopping = False
         self._selector = selectors.DefaultSelector()
@@ -141,6 +159,8 @@ class Relay:
                     self._serve(key.data, key.fileobj, mask)
             elif isinstance(key.data, _Attempt):
                 self._connected(key.data)
+            elif isinstance(key.data, _Caller):
+                self._hear(key.data)
             else:
                 self._accept(key.data)
         if not events or len(self._untold) >= MOST_UNTOLD:
@@ -155,39 +175,66 @@ class Relay:
         with contextlib.suppress(OSError):  # gone before it was accepted
             client, _ = self._listeners[channel].accept()
             _prepare(client)
-            self._connect(channel, client, self._servers[channel])
+            if self._door is None:
+                self._connect(_Caller(channel, client), self._servers[channel])
+                return
+            caller = _Caller(channel, client)
+            self._open.add(caller)
+            self._selector.register(client, selectors.EVENT_READ, caller)
 
-    def _connect(
-        self, channel: Channel, client: socket.socket, places: Sequence[Address], reason: str = ""
-    ) -> None:
+    def _hear(self, caller: _Caller) -> None:
+        """Let a client in once it has said who may."""
+        assert self._door is not None
+        try:
+            data = caller.client.recv(READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        caller.said.append(data)
+        opens = self._door.opens(b"".join(caller.said)) if data else False
+        if opens is None:
+            return
+        self._open.discard(caller)
+        self._selector.unregister(caller.client)
+        if opens:
+            self._connect(caller, self._servers[caller.channel])
+        else:
+            self._door.refused(caller.channel)
+            _reset(caller.client)
+
+    def _connect(self, caller: _Caller, places: Sequence[Address], reason: str = "") -> None:
         """Connect to the first of these places that is not known at once to be empty."""
         for number, (family, address) in enumerate(places, 1):
             server = socket.socket(family, socket.SOCK_STREAM)
             _prepare(server)
             status = server.connect_ex(address)
             if status in UNDER_WAY:
-                attempt = _Attempt(channel, client, server, places[number:])
+                attempt = _Attempt(caller, server, places[number:])
                 self._open.add(attempt)
                 self._selector.register(server, selectors.EVENT_WRITE, attempt)
                 return
             server.close()
             reason = os.strerror(status)
-        self._missed(channel, reason)
-        _reset(client)
+        self._missed(caller.channel, reason)
+        _reset(caller.client)
 
     def _connected(self, attempt: _Attempt) -> None:
-        client, server = attempt.sockets
+        caller, (client, server) = attempt.caller, attempt.sockets
         self._open.discard(attempt)
         self._selector.unregister(server)
         if status := server.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             server.close()
-            self._connect(attempt.channel, client, attempt.others, os.strerror(status))
+            self._connect(caller, attempt.others, os.strerror(status))
             return
-        self._counts[attempt.channel] += 1
+        self._counts[caller.channel] += 1
         streams = _Stream("c2s", client, server), _Stream("s2c", server, client)
-        link = _Link(attempt.channel, self._counts[attempt.channel], streams)
+        link = _Link(caller.channel, self._counts[caller.channel], streams)
         self._open.add(link)
         self._untold.append(Entry(self._now(), link.channel, link.number, event="open"))
+        for data in caller.said:
+            self._tell_data(link, streams[0], data, self._now())
+        streams[0].pending = memoryview(b"".join(caller.said))
         self._await(link)
 
     def _serve(self, link: _Link, ready: object, mask: int) -> None:
@@ -294,6 +341,12 @@ def addresses(host: str, port: int) -> list[Address]:
     """Every place that a name stands for: `localhost` is ::1 and 127.0.0.1. Raises OSError."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     return [(family, address) for family, _, _, _, address in found]  # type: ignore[misc]
+
+
+def is_loopback(host: str) -> bool:
+    """Whether every address of the host is on this machine only [SEC-1]. Raises OSError."""
+    places = [str(address[0]).partition("%")[0] for _, address in addresses(host, 0)]
+    return all(ipaddress.ip_address(each).is_loopback for each in places)
 
 
 def _prepare(each: socket.socket) -> None:

@@ -8,15 +8,21 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import NamedTuple
 
-from splatbus_conformance.observe.relay import Relay, addresses
+from splatbus_schemas.visible import visible
+
+from splatbus_conformance.observe.door import Door
+from splatbus_conformance.observe.relay import Relay, addresses, is_loopback
 from splatbus_conformance.plan import NoVerdict, Usage
-from splatbus_conformance.wire.recording import Channel, Entry, to_line
+from splatbus_conformance.wire.recording import Channel, Entry
+from splatbus_conformance.wire.saving import Recorder
+from splatbus_conformance.wire.secrets import TOKEN_VARIABLE, own_token
 from splatbus_conformance.wire.sockets import CHANNELS
 
 START_SECONDS = 10.0
 READY = "ready"
+LEAST_TOKEN = 16
 ANOTHER = "does something listen there? --listen names other ports"
 
 
@@ -108,17 +114,17 @@ def relayed(listen: Endpoint, to: Endpoint, file: Path) -> Iterator[Relayed]:
             process.wait(START_SECONDS)
 
 
-class _Recorder:
+class _Notes:
     """Writes what passes; if that fails, says so once, and the session goes on. Raises OSError."""
 
     def __init__(self, file: Path) -> None:
-        self._file: TextIO | None = file.open("w", buffering=1, encoding="utf-8", newline="\n")
+        self._file: Recorder | None = Recorder(file)
 
     def note(self, entry: Entry) -> None:
         """Take what has passed."""
         if self._file is not None:
             try:
-                self._file.write(to_line(entry) + "\n")
+                self._file.note(entry)
             except OSError as error:
                 self._file = None
                 _say(f"what passes from {entry.t:.3f} s on is not recorded: {error.strerror}")
@@ -132,6 +138,11 @@ def main(arguments: list[str]) -> None:
     # A user's Ctrl-C is for the process that started this one, which then ends it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     file, listen, to = arguments[0], endpoint(arguments[1]), endpoint(arguments[2])
+    try:
+        token = _required_token(listen.host)
+    except (OSError, ValueError) as error:
+        _say(str(error))
+        return
     listeners: dict[Channel, socket.socket] = {}
     for channel in CHANNELS:
         try:
@@ -140,7 +151,7 @@ def main(arguments: list[str]) -> None:
             _say(f"cannot listen on {listen.place(channel)}: {error.strerror}; {ANOTHER}")
             return
     try:
-        recorder = _Recorder(Path(file))
+        notes = _Notes(Path(file))
     except OSError as error:
         _say(f"cannot write {file}: {error.strerror}; --record names another file")
         return
@@ -151,9 +162,16 @@ def main(arguments: list[str]) -> None:
             f"{to.place(channel)} ({reason}): start it, or say with --to where it is"
         )
 
+    def refused(channel: Channel) -> None:
+        _say(
+            f"a client on the {channel} channel was turned away: its first message was no `hello` "
+            f"with the token of {TOKEN_VARIABLE}"
+        )
+
     servers = {channel: to.at(channel) for channel in CHANNELS}
+    door = None if token is None else Door(token, refused)
     try:
-        relay = Relay(listeners, servers, recorder.note, missed)
+        relay = Relay(listeners, servers, notes.note, missed, door)
     except OSError as error:
         _say(f"--to: no host {to.host!r} is known: {error.strerror}")
         return
@@ -167,6 +185,25 @@ def main(arguments: list[str]) -> None:
     relay.run()
 
 
+def _required_token(host: str) -> str | None:
+    """What clients have to say where others than this machine can connect, as to a server [NEG-17].
+
+    Raises ValueError where none is named, or one that could be guessed; OSError for no host.
+    """
+    try:
+        if is_loopback(host):
+            return None
+    except socket.gaierror as error:
+        raise OSError(f"cannot listen on {host}: {error.strerror}; {ANOTHER}") from None
+    token = own_token()
+    if len(token) < LEAST_TOKEN:
+        raise ValueError(
+            f"{host} can be reached from other machines: put the server's token, of at least "
+            f"{LEAST_TOKEN} characters, into {TOKEN_VARIABLE}, or listen on 127.0.0.1 [NEG-17]"
+        )
+    return token
+
+
 def listener(host: str, port: int) -> socket.socket:
     """A socket that listens there. Raises OSError."""
     [(family, address), *_] = addresses(host, port)
@@ -174,7 +211,7 @@ def listener(host: str, port: int) -> socket.socket:
 
 
 def _say(text: str) -> None:
-    print(text, flush=True)
+    print(visible(text), flush=True)
 
 
 if __name__ == "__main__":

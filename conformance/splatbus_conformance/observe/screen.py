@@ -72,7 +72,7 @@ def told(finding: AuditFinding) -> Text:
         (f"{finding.verdict.upper()} ", STYLE[finding.verdict]),
         (f"{finding.requirement.id} ", "bold"),
         f"{finding.peer}, {place.channel} #{place.conn}, {place.t:.3f} s: ",
-        printable(finding.first.text),
+        finding.first.text,
         (f"\n     {finding.requirement.sentence}", "dim"),
     )
 
@@ -82,15 +82,10 @@ def _brief(finding: AuditFinding) -> Text:
     return Text.assemble(
         (f"  {finding.requirement.id} ", STYLE[finding.verdict]),
         f"{finding.peer}, {finding.broken:,} of {finding.exercised:,} times: ",
-        printable(finding.first.text),
+        finding.first.text,
         no_wrap=True,
         overflow="ellipsis",
     )
-
-
-def printable(text: str) -> str:
-    """`text` without what a terminal could obey: a peer decides what stands in a message."""
-    return "".join(each if each.isprintable() else "·" for each in text)
 
 
 def _opinion(broken: Sequence[AuditFinding]) -> Text:

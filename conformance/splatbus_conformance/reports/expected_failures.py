@@ -20,6 +20,7 @@ from pathlib import Path
 
 from splatbus_conformance.selection import Item
 from splatbus_conformance.verdicts import Result, Verdict
+from splatbus_conformance.wire.given_files import read_text
 from splatbus_conformance.wire.json_reading import shorten
 
 MEMBERS = ("id", "check", "reason", "code")
@@ -54,8 +55,8 @@ class ExpectationsError(ValueError):
 def load(path: Path, items: Collection[Item]) -> tuple[Expectation, ...]:
     """Read a list. Raises ExpectationsError, also for what names no check; OSError for the file."""
     try:
-        given = tomllib.loads(path.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        given = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
         raise ExpectationsError(f"{path} is no TOML: {error}") from None
     entries = given.get("expected", [])
     if set(given) - {"expected"} or not isinstance(entries, list):

@@ -10,6 +10,8 @@ import math
 from collections import deque
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from heapq import merge
+from itertools import repeat
 from typing import Any, NamedTuple
 
 from splatbus_conformance.wire.conversation import Conversation, Message
@@ -130,10 +132,9 @@ class Stopwatch:
 
 def of(conversations: Iterable[Conversation], side: str) -> Latencies:
     """How long this side took for its answers in a recording."""
-    crossed = [(each, message) for each in conversations for message in each.messages]
-    crossed.sort(key=lambda it: it[1].packet.ended)
+    each_in_order = (zip(repeat(each), each.messages) for each in conversations)
     stopwatch, found = Stopwatch(), Latencies()
-    for conversation, message in crossed:
+    for conversation, message in merge(*each_in_order, key=lambda it: it[1].packet.ended):
         for took in stopwatch.take(conversation, message):
             if took.by == side:
                 found.setdefault(took.what, Histogram()).take(took.seconds)

@@ -5,7 +5,6 @@ import textwrap
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -70,7 +69,7 @@ class LiveProgress:
 
     def say(self, text: str) -> None:
         """Something that the user has to do or know."""
-        self._console.print(text, markup=False)
+        self._console.print(text)
         self._show()
 
     def begin(self, total: int) -> None:
@@ -178,8 +177,10 @@ def print_failures(
         how = "in what it sent" if result.check == RULE else words(result.check)
         console.print()
         console.print(
-            f"[{style}]{result.verdict.upper()}[/] [bold]{result.requirement}[/]  "
-            f"{escape(how)} [dim]({', '.join(filter(None, (result.level, result.code)))})[/]"
+            Text.assemble(
+                *((result.verdict.upper(), style), " ", (result.requirement, "bold"), f"  {how} "),
+                (f"({', '.join(filter(None, (result.level, result.code)))})", "dim"),
+            )
         )
         if requirement := known.get(result.requirement):
             _print_hanging(console, "  the standard   ", requirement.sentence)
@@ -191,7 +192,7 @@ def print_failures(
         if result.replay:
             _print_hanging(console, "  smallest       ", result.smallest)
             console.print("  see it again   ", end="")
-            console.print(result.replay, style="bold", markup=False, soft_wrap=True)
+            console.print(result.replay, style="bold", soft_wrap=True)
     console.print()
 
 
@@ -260,13 +261,13 @@ def print_run(console: Console, report: RunReport) -> None:
     print_complaints(console, report.complaints)
     print_end(console, report.sentence, report.traffic.sentence(report.seconds), report.status)
     if claimed := claim(report):
-        console.print(f"it may be claimed: {claimed}", style="dim", markup=False)
+        console.print(f"it may be claimed: {claimed}", style="dim")
 
 
 def print_end(console: Console, sentence: str, more: str, status: int) -> None:
     """The last lines of a run."""
-    console.print(sentence, style=_STYLE_OF_END.get(status, "bold yellow"), markup=False)
-    console.print(more, style="dim", markup=False)
+    console.print(sentence, style=_STYLE_OF_END.get(status, "bold yellow"))
+    console.print(more, style="dim")
 
 
 def print_complaints(console: Console, complaints: Iterable[str]) -> None:

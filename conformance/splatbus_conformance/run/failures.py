@@ -15,6 +15,7 @@ from splatbus_conformance.run.testbed import set_up
 from splatbus_conformance.trials.testee import diagnostics
 from splatbus_conformance.verdicts import Result, Verdict
 from splatbus_conformance.wire.json_reading import shorten
+from splatbus_conformance.wire.secrets import hidden
 
 Say = Callable[[str], None]
 
@@ -41,7 +42,8 @@ def work_out(
         seen = script.seen or results[place].text
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            save(replace(script, seen=seen), path)
+            told_ = tuple(map(hidden, script.transcript))
+            save(replace(script, seen=hidden(seen), transcript=told_), path)
         except OSError as error:
             say(diagnostics.scripts_not_written(str(folder), error))
             break

@@ -169,10 +169,9 @@ def write_expected(path: Path, found: Iterable[Result], wishes: RunOptions, out:
         out.print(
             f"{path} is not written: the harness failed in {', '.join(errors)}, so the run is not "
             "whole",
-            markup=False,
         )
         return EXIT_NO_VERDICT
     listed = expected_failures.listed(found, wishes.expectations, strict=wishes.strict)
     path.write_text(listed, "utf-8")
-    out.print(f"{path} is written; give each new entry a reason", markup=False)
+    out.print(f"{path} is written; give each new entry a reason")
     return 0

@@ -10,6 +10,7 @@ from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.thresholds import Thresholds
 from splatbus_conformance.run.plugin import selectable
 from splatbus_conformance.selection import RULE, Item
+from splatbus_conformance.wire.secrets import hidden
 
 USUAL_HOST = "127.0.0.1"
 USUAL_SIZE = (64, 48)
@@ -52,6 +53,7 @@ def as_options(plan: Plan) -> list[str]:
     how = ["--wait" if plan.side == "client" else "--connect"]
     if plan.starts_it:
         how = ["--adapter", plan.adapter] if plan.adapter else ["--launch", str(plan.launch)]
+        how = [hidden(each) for each in how]
     told = (
         ("--host", plan.host, USUAL_HOST, plan.host),
         ("--ports", plan.ports, usual_ports(plan.starts_it), "{},{}".format(*plan.ports)),

@@ -30,9 +30,9 @@ from splatbus_conformance.run.vital_signs import forbids_loss
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
-from splatbus_conformance.wire import recording
 from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.recording import Channel, Entry
+from splatbus_conformance.wire.saving import save
 from splatbus_conformance.wire.sockets import Peer
 from splatbus_conformance.wire.transcript import excerpt
 
@@ -270,7 +270,7 @@ class CheckPlugin:
         self.traffic.late_seconds = max(self.traffic.late_seconds, self.testbed.peer.late_seconds)
         self.traffic.waiting_seconds += max(0.0, time.monotonic() - self._began[0] - busy)
         if self.plan.record:
-            recording.save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
+            save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
 
     def _takes(self, check: Check) -> bool:
         return self.plan.selection.takes(selectable(check), self.plan.profile)

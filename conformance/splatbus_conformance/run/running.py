@@ -18,6 +18,7 @@ from splatbus_conformance.run.plugin import CheckPlugin, declared, selectable
 from splatbus_conformance.run.pytest_run import run_pytest
 from splatbus_conformance.run.testbed import set_up
 from splatbus_conformance.verdicts import Level, Result, Verdict
+from splatbus_conformance.wire.secrets import hidden
 from splatbus_conformance.wire.sockets import Peer
 
 FEWEST_CHECKS = 24
@@ -98,7 +99,8 @@ def _what_happens(peer: Peer, plan: Plan) -> str:
     where = f"IPC {peer.host}:{peer.ports['ipc']}, message {peer.host}:{peer.ports['msg']}"
     limit = f"for at most {plan.patience:g} s"
     if plan.starts_it:
-        return f"Starting {plan.adapter or plan.launch}; meeting it on {where}, {limit}."
+        command = hidden(str(plan.adapter or plan.launch))
+        return f"Starting {command}; meeting it on {where}, {limit}."
     if plan.side == "server":
         return f"Looking for a server at {where}, {limit}."
     return f"Waiting for a client on {where}, {limit}: start yours now (in an engine: press Play)."

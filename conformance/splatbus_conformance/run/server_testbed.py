@@ -1,7 +1,5 @@
 """A testbed for servers: the server, and a dialler."""
 
-import os
-
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.images.memory.device import STAND_IN
@@ -18,10 +16,9 @@ from splatbus_conformance.trials.testee.process import Awaited, Launched, Say, n
 from splatbus_conformance.trials.testee.server_probe import ServerFacts, introduce, reach
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, Stand
 from splatbus_conformance.wire.ports import free_port
+from splatbus_conformance.wire.secrets import own_token
 from splatbus_conformance.wire.sockets import CHANNELS, Peer
 
-TOKEN_VARIABLE = "SPLATBUS_TOKEN"
-"""Holds the token for a server that requires one, as NEG-21 advises."""
 RESTART_SECONDS = 60.0
 """Until a server that was met, and is started anew, must listen: the machine may be busy by now."""
 
@@ -42,7 +39,7 @@ class ServerTestbed:
             else Awaited(f"the server at {plan.host}", say)
         )
         self.facts = ServerFacts()
-        self._token = os.environ.get(TOKEN_VARIABLE) or None
+        self._token = own_token() or None
         self._viewer = ScriptedClient(self._token, self.device)
 
     def introduce(self) -> None:

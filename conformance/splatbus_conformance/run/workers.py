@@ -21,6 +21,7 @@ import pytest
 from splatbus_conformance.checks import Check
 from splatbus_conformance.data import read_json
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
+from splatbus_conformance.reports.console import complain_of_fault
 from splatbus_conformance.run.collector import Collector
 from splatbus_conformance.run.plugin import CheckPlugin
 from splatbus_conformance.run.pytest_run import isolated, run_pytest
@@ -139,8 +140,12 @@ def work(plan: Plan, environment: Mapping[str, str], facts: Facts, there: Connec
             signal.signal(getattr(signal, ending), signal.default_int_handler)
     os.environ.clear()
     os.environ.update(environment)
-    with contextlib.suppress(KeyboardInterrupt, OSError):  # nobody listens any more
-        _work(plan, facts, there)
+    try:
+        with contextlib.suppress(KeyboardInterrupt, OSError):  # nobody listens any more
+            _work(plan, facts, there)
+    except Exception:
+        complain_of_fault()
+        sys.exit(1)
 
 
 def _work(plan: Plan, facts: Facts, there: Connection) -> None:

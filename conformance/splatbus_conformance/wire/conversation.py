@@ -1,9 +1,10 @@
 """Conversations: a recording, put together again by connection and message."""
 
-from collections.abc import Iterable, Sequence
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from operator import itemgetter
+from itertools import chain
 from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
@@ -12,6 +13,7 @@ from splatbus_conformance.wire.json_reading import PayloadFault, read, take_numb
 from splatbus_conformance.wire.message_kinds import kind_of, shape_of
 from splatbus_conformance.wire.packets import Packet, Splitter
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
+from splatbus_conformance.wire.shelf import Picked, Row, Shelf
 
 SENDER = {"c2s": "client", "s2c": "server"}
 MOST_VALUES = {"c2s": LIMITS["max_client_values"], "s2c": LIMITS["max_server_values"]}
@@ -55,7 +57,7 @@ class Conversation:
     channel: Channel
     number: int
     opened: float
-    messages: list[Message] = field(default_factory=list)
+    messages: "list[Message] | Row[Message]" = field(default_factory=list)
     streams: dict[Direction, Splitter] = field(
         default_factory=lambda: {"c2s": Splitter(), "s2c": Splitter()}
     )
@@ -73,57 +75,56 @@ class Conversation:
         """The first conversation of the recording, which stands for the whole of it."""
         return self.beside[0] if self.beside else self
 
-    def sent_by(self, peer: str) -> list[Message]:
+    def sent_by(self, peer: str) -> Sequence[Message]:
         """The messages of `client` or `server`."""
-        return self._by_sender[peer]
+        return Picked(self.messages, self._places[1][peer])
 
-    def of(self, *kinds: str) -> list[Message]:
+    def of(self, *kinds: str) -> Sequence[Message]:
         """The messages of these kinds."""
-        return [message for message, *_ in self.placed(*kinds)]
+        return Picked(self.messages, self._of(kinds))
 
-    def placed(self, *kinds: str) -> Sequence["MessageInContext"]:
+    def placed(self, *kinds: str) -> Iterator["MessageInContext"]:
         """The messages of these kinds, or all, each with how far the negotiation had come."""
-        if not kinds:
-            return self._placed
-        found = [each for kind in kinds for each in self._by_kind.get(kind, ())]
-        return [each for _, each in sorted(found, key=itemgetter(0))]
+        (greeted, hello), (agreed, welcome) = self._negotiation
+        places = self._of(kinds) if kinds else range(len(self.messages))
+        messages = self.of(*kinds) if kinds else self.messages
+        for place, message in zip(places, messages, strict=True):
+            yield MessageInContext(
+                message, hello if greeted < place else None, welcome if agreed < place else None
+            )
 
-    @cached_property
+    @property
     def hello(self) -> Message | None:
         """The first readable `hello`, if there is one."""
-        return next((m for m in self.sent_by("client") if m.kind == "hello"), None)
+        return self._negotiation[0][1]
 
-    @cached_property
+    @property
     def welcome(self) -> Message | None:
         """The first readable `welcome` to 1.1, if there is one."""
-        return next((m for m in self.sent_by("server") if m.agrees), None)
+        return self._negotiation[1][1]
+
+    def _of(self, kinds: Sequence[str]) -> Sequence[int]:
+        """The places of the messages of these kinds."""
+        found = [self._places[0][kind] for kind in kinds if kind in self._places[0]]
+        return found[0] if len(found) == 1 else array("L", sorted(chain(*found)))
 
     @cached_property
-    def _by_sender(self) -> dict[str, list[Message]]:
-        found: dict[str, list[Message]] = {sender: [] for sender in SENDER.values()}
-        for message in self.messages:
-            found[message.sender].append(message)
-        return found
+    def _places(self) -> "tuple[dict[str | None, array[int]], dict[str, array[int]]]":
+        """The places of messages among all, by kind and by sender."""
+        kinds: dict[str | None, array[int]] = {}
+        senders = {sender: array("L") for sender in SENDER.values()}
+        for place, message in enumerate(self.messages):
+            kinds.setdefault(message.kind, array("L")).append(place)
+            senders[message.sender].append(place)
+        return kinds, senders
 
     @cached_property
-    def _by_kind(self) -> dict[str | None, list[tuple[int, "MessageInContext"]]]:
-        """With the place of each among all."""
-        found: dict[str | None, list[tuple[int, MessageInContext]]] = {}
-        for each in enumerate(self._placed):
-            found.setdefault(each[1].message.kind, []).append(each)
-        return found
-
-    @cached_property
-    def _placed(self) -> list["MessageInContext"]:
-        hello = welcome = None
-        found = []
-        for message in self.messages:
-            found.append(MessageInContext(message, hello, welcome))
-            if message.kind == "hello":
-                hello = hello or message
-            elif message.agrees:
-                welcome = welcome or message
-        return found
+    def _negotiation(self) -> tuple[tuple[int, Message | None], tuple[int, Message | None]]:
+        """The places of the first `hello` and `welcome`, and these; behind all if there is none."""
+        behind: tuple[int, Message | None] = len(self.messages), None
+        hellos = zip(self._of(["hello"]), self.of("hello"), strict=True)
+        welcomes = zip(self._of(["welcome"]), self.of("welcome"), strict=True)
+        return next(hellos, behind), next((it for it in welcomes if it[1].agrees), behind)
 
 
 class MessageInContext(NamedTuple):
@@ -135,13 +136,14 @@ class MessageInContext(NamedTuple):
 
 
 class Assembler:
-    """A recording put together as it grows.
+    """A recording put together as it grows; with `shelved`, most of a long one on disk.
 
     Attributes:
         conversations: in the order in which they were opened.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, shelved: bool = False) -> None:
+        self._shelf = Shelf(_plain, _made, _size) if shelved else None
         self.conversations: list[Conversation] = []
         self._by_key: dict[tuple[str, int], Conversation] = {}
         self._welcomed: set[tuple[str, int]] = set()
@@ -152,7 +154,11 @@ class Assembler:
         conversation = self._by_key.get(key)
         if conversation is None:
             conversation = Conversation(
-                entry.channel, entry.conn, entry.t, beside=self.conversations
+                entry.channel,
+                entry.conn,
+                entry.t,
+                Row(self._shelf) if self._shelf else [],
+                beside=self.conversations,
             )
             self._by_key[key] = conversation
             self.conversations.append(conversation)
@@ -163,7 +169,7 @@ class Assembler:
                 completed.append(message)
                 if message.agrees:
                     self._welcomed.add(key)
-            conversation.messages += completed
+            conversation.messages.extend(completed)
         elif entry.event in ("eof", "reset") and entry.dir is not None:
             conversation.ended.setdefault(entry.dir, entry.t)
             if entry.event == "reset":
@@ -188,9 +194,9 @@ class Assembler:
         return beside
 
 
-def conversations(entries: Iterable[Entry]) -> list[Conversation]:
+def conversations(entries: Iterable[Entry], *, shelved: bool = False) -> list[Conversation]:
     """Put a recording together, connections in the order in which they were opened."""
-    assembler = Assembler()
+    assembler = Assembler(shelved=shelved)
     for entry in entries:
         assembler.feed(entry)
     return assembler.conversations
@@ -205,3 +211,17 @@ def _message(entry: Entry, packet: Packet, *, negotiated: bool) -> Message:
     kind = kind_of(entry.channel, entry.dir, value)
     value, strings = take_numbers(value, shape_of(kind, negotiated=negotiated))
     return Message(entry.dir, packet, value, (*faults, *values, *strings), kind)
+
+
+def _plain(it: Message) -> tuple[object, ...]:
+    return it.direction, tuple(it.packet), it.value, [tuple(each) for each in it.faults], it.kind
+
+
+def _made(kept: Any) -> Message:
+    direction, packet, value, faults, kind = kept
+    found = tuple(PayloadFault(*each) for each in faults)
+    return Message(direction, Packet(*packet), value, found, kind)
+
+
+def _size(it: Message) -> int:
+    return len(it.packet.payload)

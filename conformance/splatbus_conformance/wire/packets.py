@@ -34,6 +34,11 @@ def packet(payload: bytes) -> bytes:
     return len(payload).to_bytes(HEADER, "little") + payload
 
 
+def is_length(length: int) -> bool:
+    """Whether a header may announce so many bytes (FRM-2)."""
+    return bool(LIMITS["min_payload_bytes"] <= length <= LIMITS["max_payload_bytes"])
+
+
 class Splitter:
     """Collects the bytes of one direction of one connection."""
 
@@ -68,7 +73,7 @@ class Splitter:
         while self.refused is None and len(rest) - at >= HEADER:
             length = int.from_bytes(rest[at : at + HEADER], "little")
             end = at + HEADER + length
-            if not LIMITS["min_payload_bytes"] <= length <= LIMITS["max_payload_bytes"]:
+            if not is_length(length):
                 self.refused = self.offset
             elif len(rest) < end:
                 alone = len(rest) - at == HEADER and len(data) < CROWD_BYTES

@@ -2,17 +2,21 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeGuard
 
 from splatbus_schemas import LIMITS
+
+from splatbus_conformance.wire.given_files import from_json, shown
 
 Channel = Literal["ipc", "msg"]
 WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
 """For people."""
 Direction = Literal["c2s", "s2c"]
 Event = Literal["open", "eof", "reset"]
+MOST_LINE = 1 << 24
+"""Bytes of a line. Eight packets of the greatest length fit, and no read returns as much."""
 _HEX = re.compile("([0-9a-fA-F]{2})*")
 
 
@@ -45,26 +49,23 @@ def to_line(entry: Entry) -> str:
 
 def from_line(line: str) -> Entry:
     """The entry in one line; ValueError says what is wrong with it."""
-    try:
-        members = json.loads(line)
-    except RecursionError:
-        raise ValueError("the line is nested too deep") from None
+    members = from_json(line)
     if not isinstance(members, dict):
         raise ValueError("the line is no JSON object")
     if nulls := [name for name, value in members.items() if value is None]:
-        raise ValueError(f"{nulls[0]} is null")
+        raise ValueError(f"{shown(nulls[0])} is null")
     names = ("t", "channel", "conn", "dir", "hex", "event")
     t, channel, conn, direction, text, event = (members.get(name) for name in names)
     if not _is_number(t):
-        raise ValueError(f"t is {t!r}, no number")
+        raise ValueError(f"t is {shown(t)}, no number")
     if channel not in ("ipc", "msg"):
-        raise ValueError(f'channel is {channel!r}, not "ipc" or "msg"')
+        raise ValueError(f'channel is {shown(channel)}, not "ipc" or "msg"')
     if not _is_number(conn) or conn != int(conn):
-        raise ValueError(f"conn is {conn!r}, no integer")
+        raise ValueError(f"conn is {shown(conn)}, no integer")
     if event not in (None, "open", "eof", "reset"):
-        raise ValueError(f'event is {event!r}, not "open", "eof" or "reset"')
+        raise ValueError(f'event is {shown(event)}, not "open", "eof" or "reset"')
     if direction not in ("c2s", "s2c") and not (direction is None and event == "open"):
-        raise ValueError(f'dir is {direction!r}, not "c2s" or "s2c"')
+        raise ValueError(f'dir is {shown(direction)}, not "c2s" or "s2c"')
     if (event is None) == (text is None):
         raise ValueError("a line has either hex or event")
     if text is not None and not (isinstance(text, str) and _HEX.fullmatch(text)):
@@ -81,23 +82,32 @@ def _is_number(value: object) -> TypeGuard[int | float]:
     )
 
 
-def load(path: Path) -> list[Entry]:
-    """Read a recording; RecordingError for a line that breaks the format, OSError for the file."""
-    try:
-        return list(_entries(path.read_text("utf-8").split("\n"), path.name))
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path.name}: byte {error.start} is not UTF-8") from None
+def read(path: Path) -> Iterator[Entry]:
+    """Read a recording line by line, no more of it in memory than a line.
 
-
-def save(entries: Iterable[Entry], path: Path) -> None:
-    """Write a recording."""
-    path.write_text("".join(to_line(entry) + "\n" for entry in entries), "utf-8")
-
-
-def _entries(lines: Iterable[str], name: str) -> Iterator[Entry]:
-    for number, line in enumerate(lines, 1):
-        if line.strip():
+    Raises RecordingError for a line that breaks the format, OSError for the file.
+    """
+    with path.open("rb") as file:
+        begins, number = 0, 0
+        while line := file.readline(MOST_LINE + 1):
+            number += 1
+            if len(line) > MOST_LINE:
+                text = f"the line has more than {MOST_LINE:,} bytes, which no read has"
+                raise RecordingError(f"{path.name}, line {number}: {text}")
             try:
-                yield from_line(line)
-            except ValueError as error:
-                raise RecordingError(f"{name}, line {number}: {error}") from None
+                text = line.decode("utf-8")
+            except UnicodeDecodeError as error:
+                place = begins + error.start
+                raise RecordingError(f"{path.name}: byte {place} is not UTF-8") from None
+            begins += len(line)
+            if text.strip():
+                try:
+                    entry = from_line(text)
+                except ValueError as error:
+                    raise RecordingError(f"{path.name}, line {number}: {error}") from None
+                yield entry
+
+
+def load(path: Path) -> list[Entry]:
+    """All of a recording, as `read`."""
+    return list(read(path))

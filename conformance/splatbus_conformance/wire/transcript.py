@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from splatbus_conformance.wire.packets import HEADER, Packet, Splitter
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
+from splatbus_conformance.wire.redaction import redacted
 
 SENDER = {"c2s": "client", "s2c": "server"}
 ARROW = {"c2s": "client → server", "s2c": "server → client"}
@@ -96,7 +97,7 @@ def _pieces(entries: Iterable[Entry], marks: Collection[Mark]) -> list[Piece]:
     pieces: list[Piece] = []
     streams: dict[tuple[object, ...], tuple[Splitter, Piece]] = {}
     sent: dict[tuple[object, ...], int] = {}
-    for entry in entries:
+    for entry in redacted(entries):
         data = entry.data or b""
         key = entry.channel, entry.conn, entry.dir
         stream, before = streams.get(key, (Splitter(), None))

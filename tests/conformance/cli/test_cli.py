@@ -12,11 +12,11 @@ import pytest
 import splatbus_renderer.cli
 import splatbus_viewer.cli
 from splatbus_conformance.cli.arguments import plan_of
-from splatbus_conformance.cli.commands import console
 from splatbus_conformance.cli.examples import EXAMPLES
 from splatbus_conformance.cli.main import main, parser
 from splatbus_conformance.cli.options import FORMATS
 from splatbus_conformance.plan import SIDES, Usage
+from splatbus_conformance.reports.console import console
 from splatbus_schemas import LIMITS, version
 
 LINES = [
@@ -100,7 +100,7 @@ def test_a_terminal_that_lacks_a_character_gets_another(
 ) -> None:
     raw = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
-    console(True).print("client → server ✓", markup=False)
+    console(True).print("client → server ✓")
     sys.stdout.flush()
     assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
 

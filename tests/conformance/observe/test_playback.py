@@ -7,15 +7,16 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.cli.commands import console
 from splatbus_conformance.cli.main import parser
 from splatbus_conformance.observe import playback
 from splatbus_conformance.observe.playback import play, steps
 from splatbus_conformance.plan import Side, Usage
+from splatbus_conformance.reports.console import console
 from splatbus_conformance.trials.testee.process import Awaited
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.recording import Entry, load, save
+from splatbus_conformance.wire.recording import Entry, load
+from splatbus_conformance.wire.saving import save
 from splatbus_conformance.wire.sockets import Peer
 
 RECORDINGS = Path(__file__).parents[2] / "data" / "recordings"

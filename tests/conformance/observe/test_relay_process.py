@@ -1,5 +1,7 @@
 """The relay as a process: what it says when it cannot start, and when something is amiss later."""
 
+import json
+import os
 import socket
 import sys
 from pathlib import Path
@@ -7,12 +9,15 @@ from pathlib import Path
 import pytest
 from splatbus_conformance.observe.relay_process import Endpoint, Relayed, endpoint, relayed
 from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.wire.packets import Splitter, packet
 from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.recording import load
 
 from tests.waiting import eventually
 
 MOST_SECONDS = 20.0
+TOKEN = "a token of the proxy's server"
+EVERYWHERE = "0.0.0.0"
 
 
 def listening(*, host: str = "127.0.0.1") -> Endpoint:
@@ -113,3 +118,95 @@ def test_what_cannot_be_recorded_passes_all_the_same() -> None:
             assert "is not recorded: No space left" in warned(relay)
             assert relay.runs
         assert len(relay.warnings) == 1
+
+
+def hello(token: object = TOKEN) -> bytes:
+    return packet(json.dumps({"type": "hello", "token": token}).encode())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="files have no such mode there")
+@pytest.mark.parametrize("existed", [False, True])
+def test_a_recording_is_for_its_owner_alone(existed: bool, tmp_path: Path) -> None:
+    file = tmp_path / "session.jsonl"
+    if existed:
+        file.write_text("what was here before\n")
+        file.chmod(0o666)
+    with relayed(listening(), listening(), file):
+        assert file.stat().st_mode & 0o777 == 0o600
+        assert file.read_text() == ""
+
+
+def test_a_token_passes_and_is_left_out_of_the_recording(tmp_path: Path) -> None:
+    listen, to, file = listening(), listening(), tmp_path / "session.jsonl"
+    answer = packet(json.dumps({"type": "error", "message": f"{TOKEN} is wrong"}).encode())
+    with (
+        socket.create_server(to.at("msg")) as server,
+        relayed(listen, to, file),
+        socket.create_connection(listen.at("msg"), timeout=MOST_SECONDS) as client,
+    ):
+        server.settimeout(MOST_SECONDS)
+        served, _ = server.accept()
+        with served:
+            client.sendall(hello())
+            assert served.recv(4096) == hello()
+            served.sendall(answer)
+            assert client.recv(4096) == answer
+    entries = load(file)
+    assert [len(it.data) for it in entries if it.data] == [len(hello()), len(answer)]
+    assert TOKEN not in "".join((it.data or b"").decode() for it in entries)
+
+
+@pytest.mark.parametrize("host", [EVERYWHERE, "::"])
+@pytest.mark.parametrize("token", ["", "fifteen letters"])
+def test_without_a_token_others_cannot_connect(
+    host: str, token: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SPLATBUS_TOKEN", token)
+    with (
+        pytest.raises(Usage, match=r"16 characters, into SPLATBUS_TOKEN, .*\[NEG-17\]"),
+        relayed(listening(host=host), listening(), tmp_path / "session.jsonl"),
+    ):
+        pass
+    assert not (tmp_path / "session.jsonl").exists()
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        *(hello("another token, as long"), hello(None), packet(b'{"type": "set_time"}')),
+        *(b"\0\0\0\0", b"\xff\xff\xff\xff", packet(b" " * 70_000), packet(b"[1]"), b"\x09\0"),
+    ],
+    ids=range(8),
+)
+def test_who_may_connect_from_elsewhere_says_the_token_first(
+    said: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SPLATBUS_TOKEN", TOKEN)
+    listen, to, file = listening(host=EVERYWHERE), listening(), tmp_path / "session.jsonl"
+    door = ("127.0.0.1", listen.msg)
+    with (
+        socket.create_server(to.at("msg")) as server,
+        relayed(listen, to, file) as relay,
+    ):
+        server.settimeout(MOST_SECONDS)
+        with socket.create_connection(door, timeout=MOST_SECONDS) as client:
+            client.sendall(said)
+            if len(said) < 4:
+                client.shutdown(socket.SHUT_WR)
+            with pytest.raises(ConnectionResetError):
+                client.recv(1)
+        assert "turned away" in warned(relay)
+        with socket.create_connection(door, timeout=MOST_SECONDS) as client:
+            for byte in hello():
+                client.sendall(bytes([byte]))
+            served, _ = server.accept()
+            with served:
+                stream = Splitter()
+                while not (packets := stream.feed(served.recv(4096), 0.0)):
+                    pass
+                assert packet(packets[0].payload) == hello()
+                client.sendall(b"more")
+                assert served.recv(4) == b"more"
+    entries = load(file)
+    assert {it.conn for it in entries} == {1}, "who was turned away was never passed on"
+    assert sum(len(it.data or b"") for it in entries) == len(hello()) + 4

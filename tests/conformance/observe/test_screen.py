@@ -5,12 +5,12 @@ import json
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 from splatbus_conformance.observe.audit import AuditFinding, audit_of
 from splatbus_conformance.observe.judgement import opinion
 from splatbus_conformance.observe.live import LiveSession
 from splatbus_conformance.observe.screen import line, screen, told
 from splatbus_conformance.plan import SIDES
+from splatbus_conformance.reports.console import CleanConsole
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.wire.message_kinds import CLIENT_1_0, CLIENT_1_1, REPLIES, SERVER_1_1
 from splatbus_conformance.wire.packets import packet
@@ -44,7 +44,7 @@ def broken(live: LiveSession) -> list[AuditFinding]:
 
 def drawn(live: LiveSession, columns: int, rows: int, *, colour: bool = False) -> str:
     text = io.StringIO()
-    out = Console(file=text, width=columns, height=rows, force_terminal=colour)
+    out = CleanConsole(file=text, width=columns, height=rows, force_terminal=colour)
     found = broken(live)
     out.print(screen("here → there", live.seen(), found, 0.0, columns, rows))
     return text.getvalue()
@@ -120,11 +120,11 @@ def test_nothing_that_a_peer_sends_reaches_the_terminal_as_a_command() -> None:
     assert found[0].first  # and if a rule quoted it as it is
     found[0] = replace(found[0], first=replace(found[0].first, text=HOSTILE))
     text = io.StringIO()
-    out = Console(file=text, width=100, no_color=True)
+    out = CleanConsole(file=text, width=100, no_color=True)
     for finding in found:
         out.print(told(finding), soft_wrap=True)
     out.print(screen("title", live.seen(), found, 0.0, 100, 60))
-    out.print(line(live.seen(), found, 0.0), markup=False, soft_wrap=True)
+    out.print(line(live.seen(), found, 0.0), soft_wrap=True)
     out.width = 2000
     opinion([("session.jsonl", live.judged())], SIDES, Files(), out, strict=False)
     shown = text.getvalue()

@@ -3,7 +3,7 @@
 import io
 
 import pytest
-from rich.console import Console
+from splatbus_conformance.reports.console import CleanConsole
 from splatbus_conformance.reports.terminal import (
     SHOWN_WITH_BYTES,
     LiveProgress,
@@ -20,17 +20,16 @@ NO_ADAPTER = "only an adapter could show it: --adapter"
 COMMAND = "splatbus-conformance replay splatbus-failures/FRM-3-bad.json --launch './viewer -h'"
 
 
-def console(width: int = 80, *, terminal: bool = False, **environment: str) -> Console:
-    return Console(
+def console(width: int = 80, *, terminal: bool = False, **environment: str) -> CleanConsole:
+    return CleanConsole(
         file=io.StringIO(),
         width=width,
         force_terminal=terminal,
-        highlight=False,
         _environ=environment,
     )
 
 
-def text(out: Console) -> str:
+def text(out: CleanConsole) -> str:
     assert isinstance(out.file, io.StringIO)
     return out.file.getvalue()
 

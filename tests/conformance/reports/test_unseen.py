@@ -3,9 +3,9 @@
 import io
 
 import pytest
-from rich.console import Console
 from splatbus_conformance.checks.registry import exclusions, judges
 from splatbus_conformance.plan import SIDES
+from splatbus_conformance.reports.console import CleanConsole
 from splatbus_conformance.reports.terminal import print_unseen
 from splatbus_conformance.reports.unseen import NOT_RUN, NOTHING_CAME, NOWHERE, unseen
 from splatbus_conformance.verdicts import Level, Result, Verdict
@@ -34,7 +34,7 @@ def test_what_a_check_has_said_is_not_said_again(verdict):
 
 
 def test_a_reason_stands_above_what_it_is_the_reason_of():
-    out = Console(file=io.StringIO(), width=80)
+    out = CleanConsole(file=io.StringIO(), width=80)
     print_unseen(out, {"why not": ["INI-1", "INI-2"], "nowhere": ["SEC-2"]})
     assert out.file.getvalue().splitlines() == [
         *("", "Not seen, and why:"),

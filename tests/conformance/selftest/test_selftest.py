@@ -9,9 +9,9 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 from splatbus_conformance import rules
 from splatbus_conformance.checks.registry import checks_of, judges
+from splatbus_conformance.reports.console import CleanConsole
 from splatbus_conformance.selftest import command, kill_matrix
 from splatbus_conformance.selftest import judge as trials
 from splatbus_conformance.selftest.judge import Cell, Fate, SpecimenResult, fate_of
@@ -164,7 +164,7 @@ def test_a_mutant_is_killed_by_its_check_with_its_code_alone(cell, fate):
 
 @pytest.fixture
 def out():
-    return Console(record=True, width=200, force_terminal=False)
+    return CleanConsole(record=True, width=200, force_terminal=False)
 
 
 def run_selftest(monkeypatch, out, rows, only="", path=None):

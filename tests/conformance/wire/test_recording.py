@@ -15,9 +15,9 @@ from splatbus_conformance.wire.recording import (
     RecordingError,
     from_line,
     load,
-    save,
     to_line,
 )
+from splatbus_conformance.wire.saving import save
 
 DATA = Path(__file__).parents[2] / "data" / "recordings"
 BYTES = {"t": 0.5, "channel": "msg", "conn": 1, "dir": "c2s", "hex": "1c00"}

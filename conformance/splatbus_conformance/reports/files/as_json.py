@@ -14,6 +14,7 @@ from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.reports.thresholds import observed
 from splatbus_conformance.reports.triage import start_with
 from splatbus_conformance.verdicts import Result, by_requirement, reached, worst
+from splatbus_conformance.wire.secrets import hidden_in
 
 FORMAT = "1"
 Report = Mapping[str, Any]
@@ -21,9 +22,9 @@ Report = Mapping[str, Any]
 
 
 def json_report(report: RunReport) -> dict[str, Any]:
-    """The report as one object, which satisfies report.schema.json."""
+    """The report as one object, which satisfies report.schema.json; no token is in it."""
     traffic, groups = report.traffic, by_requirement(report.results)
-    return {
+    document = {
         "format": FORMAT,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "testee": report.testee,
@@ -70,6 +71,7 @@ def json_report(report: RunReport) -> dict[str, Any]:
             if each.requirement not in report.judged
         ],
     }
+    return {name: hidden_in(each) for name, each in document.items()}
 
 
 def _result(result: Result) -> dict[str, Any]:

@@ -5,15 +5,18 @@ older one of Ant, which wants a package, a number, a host, empty output and a ty
 """
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from xml.etree import ElementTree
 
+from splatbus_schemas.visible import visible
+
 from splatbus_conformance.reports.files.as_json import Report
-from splatbus_conformance.reports.files.characters import printable
 from splatbus_conformance.reports.files.results import ReportedResult, results
 
 SKIPPED = {"skip": "", "warn": "warning: ", "expected": "expected failure: "}
 """What JUnit has no word for, and how the reason of its skipped test begins."""
 BROKEN = {"fail": "failure", "harness-error": "error"}
+_seen = partial(visible, kept="\n\t")
 PROPERTIES = ("summary", "side", "version", "level", "observed", "casesDelivered", "profile")
 
 
@@ -34,11 +37,11 @@ def _suite(report: Report, number: int) -> ElementTree.Element:
     package = f"splatbus.{report['side']}"
     suite = ElementTree.Element(
         "testsuite",
-        name=f"SplatBus conformance: {printable(report['testee'])}",
+        name=f"SplatBus conformance: {_seen(report['testee'])}",
         package=package,
         id=str(number),
         timestamp=report["made"][: len("2026-01-01T00:00:00")],
-        hostname=printable(report["environment"]["host"]).strip() or "localhost",
+        hostname=_seen(report["environment"]["host"]).strip() or "localhost",
         tests=str(len(told) + len(complaints)),
         failures=str(verdicts.count("fail") + len(complaints)),
         errors=str(verdicts.count("harness-error")),
@@ -47,10 +50,10 @@ def _suite(report: Report, number: int) -> ElementTree.Element:
     )
     properties = ElementTree.SubElement(suite, "properties")
     for name, value in _properties(report):
-        ElementTree.SubElement(properties, "property", name=name, value=printable(value))
+        ElementTree.SubElement(properties, "property", name=name, value=_seen(value))
     suite.extend(_case(each, package) for each in told)
-    suite.extend(_complaint(printable(text), package) for text in complaints)
-    said = printable("\n".join((report["summary"], *report["advice"], *report["notJudged"])))
+    suite.extend(_complaint(_seen(text), package) for text in complaints)
+    said = _seen("\n".join((report["summary"], *report["advice"], *report["notJudged"])))
     ElementTree.SubElement(suite, "system-out").text = said
     ElementTree.SubElement(suite, "system-err")
     return suite
@@ -71,15 +74,15 @@ def _case(told: ReportedResult, package: str) -> ElementTree.Element:
     case = ElementTree.Element(
         "testcase",
         classname=f"{package}.{requirement}",
-        name=printable(f"{requirement} {result['check']} ({result['assurance']})"),
+        name=_seen(f"{requirement} {result['check']} ({result['assurance']})"),
         time=f"{result['seconds']:.3f}",
     )
-    verdict, text = result["verdict"], printable(result["text"])
+    verdict, text = result["verdict"], _seen(result["text"])
     if verdict in BROKEN:
         broken = ElementTree.SubElement(
             case, BROKEN[verdict], type=result["code"] or verdict, message=text
         )
-        broken.text = printable("\n".join(_account(told)))
+        broken.text = _seen("\n".join(_account(told)))
     elif verdict in SKIPPED:
         ElementTree.SubElement(case, "skipped", message=SKIPPED[verdict] + text)
     return case

@@ -8,8 +8,9 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
+from splatbus_schemas.visible import visible
+
 from splatbus_conformance.reports.files.as_json import Report
-from splatbus_conformance.reports.files.characters import printable
 from splatbus_conformance.reports.files.results import ReportedResult, results
 
 MOST_BYTES = 1 << 20
@@ -24,6 +25,7 @@ VERDICTS = {
     "harness-error": "no verdict",
     "skip": "not observed",
 }
+CODE = re.compile("`([^`]+)`")
 LEFT_OUT = "Too long for a summary: {:,} parts more are in the other reports.\n"
 
 
@@ -81,7 +83,9 @@ def _circumstances(report: Report) -> str:
 
 def _title(told: ReportedResult) -> str:
     check = told.result["check"].removeprefix("check_").replace("_", " ")
-    return f"{told.requirement or 'the run'}, {check} ({told.result['assurance']})"
+    return " ".join(
+        f"{told.requirement or 'the run'}, {check} ({told.result['assurance']})".split()
+    )
 
 
 def _account(told: ReportedResult) -> str:
@@ -89,7 +93,7 @@ def _account(told: ReportedResult) -> str:
     result = told.result
     lines = [f"Seen: {code(result['text'])}\n"]
     if told.sentence:
-        lines.insert(0, f"> {' '.join(told.sentence.split())}\n")
+        lines.insert(0, f"> {_sentence(told.sentence)}\n")
         lines.insert(1, f"Acceptable: {plain(', '.join(told.acceptable))}\n")
     if result["evidence"]:
         lines.append(fenced("\n".join(result["evidence"]), "text"))
@@ -97,6 +101,12 @@ def _account(told: ReportedResult) -> str:
         lines.append(f"Smallest: {code(result['smallest'])}. To see it again:\n")
         lines.append(fenced(result["replay"], "sh"))
     return "\n".join(lines)
+
+
+def _sentence(text: str) -> str:
+    """A requirement, of whose Markdown only code is kept: a stored report may say anything."""
+    parts = enumerate(CODE.split(" ".join(text.split())))
+    return "".join(code(part) if place % 2 else _escaped(part) for place, part in parts)
 
 
 def _not_observed(report: Report) -> Iterator[str]:
@@ -126,7 +136,7 @@ def _folded(title: str, text: str) -> str:
 
 def code(text: str) -> str:
     """A code span of one line."""
-    text = " ".join(printable(_cut(text, MOST_LINE)).split()) or "…"
+    text = " ".join(visible(_cut(text, MOST_LINE), kept="\n\t").split()) or "…"
     ticks = "`" * (_longest_run(text) + 1)
     pad = " " if "`" in (text[0], text[-1]) else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"
@@ -134,14 +144,18 @@ def code(text: str) -> str:
 
 def fenced(text: str, language: str) -> str:
     """A block of code, a line feed at its end."""
-    text = printable(_cut(text, MOST_TRANSCRIPT))
+    text = visible(_cut(text, MOST_TRANSCRIPT), kept="\n\t")
     fence = "`" * max(3, _longest_run(text) + 1)
     return f"{fence}{language}\n{text}\n{fence}\n"
 
 
 def plain(text: str) -> str:
     """Words of ours, which may quote others: one line in which no character has a meaning."""
-    return re.sub(r"([\\`*_\[\]<>#|~&!/.+-])", r"\\\1", " ".join(printable(text).split()))
+    return _escaped(" ".join(visible(text, kept="\n\t").split()))
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\`*_\[\]<>#|~&!/.+-])", r"\\\1", visible(text))
 
 
 def _cut(text: str, most: int) -> str:

@@ -1,7 +1,7 @@
 """Reports that were stored: read, and measured by the schema before anything is made of them."""
 
-import json
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,12 @@ import jsonschema
 from splatbus_conformance.data import read_json
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.files.as_json import Report
+from splatbus_conformance.wire.given_files import from_json, read_text
 
 SHOWN = 3
 """Faults of a file that are told."""
+MOST_FAULTS = 100
+"""Of a file that are looked for."""
 Document = Report | Sequence[Report]
 """What a file holds: the report of a live run, or a list of those of a recording."""
 
@@ -25,15 +28,17 @@ def listed(document: Document) -> list[Report]:
 def load(path: Path) -> list[Report]:
     """The reports in a file. Raises Usage that says what is wrong with it, and where."""
     try:
-        document = json.loads(path.read_text("utf-8"))
+        document = from_json(read_text(path))
     except OSError as error:
         raise Usage(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise Usage(f"{path} is no JSON: {error}") from None
-    faults = sorted(validator().iter_errors(document), key=lambda fault: fault.json_path)
+    found = islice(validator().iter_errors(document), MOST_FAULTS)
+    faults = sorted(found, key=lambda fault: fault.json_path)
     if faults:
         told = "; ".join(f"{pointer(fault)}: {fault.message[:200]}" for fault in faults[:SHOWN])
-        more = f"; and {len(faults) - SHOWN} more" if len(faults) > SHOWN else ""
+        least = "at least " if len(faults) == MOST_FAULTS else ""
+        more = f"; and {least}{len(faults) - SHOWN} more" if len(faults) > SHOWN else ""
         raise Usage(f"{path} is no report: {told}{more}")
     return listed(document)
 

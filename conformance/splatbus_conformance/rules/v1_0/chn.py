@@ -13,8 +13,9 @@ def silent_client(conversation: Conversation) -> Iterator[Sighting]:
     """CHN-6: a client that never says `hello` sends nothing on the IPC channel."""
     if conversation.channel != "ipc" or conversation.hello is not None:
         return
-    sent = [message for message in conversation.sent_by("client") if message.value is not None]
-    for message in sent:
+    for message in conversation.sent_by("client"):
+        if message.value is None:
+            continue
         text = f"a message of type {show(message.type)} on the IPC channel, without hello"
         yield about(conversation, message, "CHN-6", Breach("sent-without-hello", text))
     stream = conversation.streams["c2s"]

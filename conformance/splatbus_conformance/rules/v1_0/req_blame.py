@@ -35,6 +35,8 @@ def caused(conversation: Conversation) -> tuple[Blamed, ...]:
     extra = {it.answer.packet.offset: it.cause for it in found.extra}
     nameless = any(p.welcomed and not _is_named_as(p.answer, p.question) for p in found.pairs)
     told: list[Blamed] = []
+    if not extra:
+        return ()
     silent: defaultdict[str, list[Message]] = defaultdict(list)
     waiting, all_answered = 0, False
     for message in sorted(conversation.messages, key=lambda it: it.packet.ended):

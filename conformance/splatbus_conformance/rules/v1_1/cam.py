@@ -175,7 +175,7 @@ def _is_object(value: object) -> bool:
 @lru_cache(maxsize=1)  # each conversation of a recording asks for the same
 def _only_once(recording: Conversation) -> dict[_Look, Message]:
     """Poses that have a tag, by where they put the camera, where no other pose put it."""
-    found: dict[_Look, list[tuple[Message, bool]]] = {}
+    found: dict[_Look, Message | None] = {}
     for each in recording.beside or [recording]:
         refused = bool(each.of("error"))
         for message, _, welcome in each.placed("camera_pose"):
@@ -183,8 +183,8 @@ def _only_once(recording: Conversation) -> dict[_Look, Message]:
             look, tag = _look(value, "xyz", "xyzw"), value.get("tag")
             sure = welcome is not None and isinstance(tag, str) and not refused
             if look is not None:
-                found.setdefault(look, []).append((message, sure))
-    return {look: poses[0][0] for look, poses in found.items() if len(poses) == 1 and poses[0][1]}
+                found[look] = message if sure and look not in found else None
+    return {look: pose for look, pose in found.items() if pose}
 
 
 def _look(value: Json, *names: str) -> _Look | None:

@@ -63,7 +63,8 @@ def members_are_defined_or_a_vendors(conversation: Conversation) -> Iterator[Sig
         return
     for placed in conversation.placed():
         message = placed.message
-        if message is conversation.hello or _is_of_1_1(placed):
+        greets = message.kind == "hello" and placed.hello is None
+        if greets or _is_of_1_1(placed):
             for pointer in strays(message.value, _defined(str(message.kind)), ""):
                 breach = Breach("unknown-member", f"{pointer} is a member that no version defines")
                 yield about(conversation, message, "EVO-4", breach, pointer)

@@ -23,11 +23,12 @@ from splatbus_conformance.wire.message_kinds import (
 @rule("NEG-1", "NEG-3")
 def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-1, NEG-3: `hello` comes first, and once."""
-    sent = [message for message in conversation.sent_by("client") if message.value is not None]
-    hellos = [message for message in sent if message.kind == "hello"]
+    hellos = conversation.of("hello")
     if hellos:
+        sent = (it for it in conversation.sent_by("client") if it.value is not None)
+        first = next(sent)
         breach = Breach("before-hello", "this came before hello")
-        yield about(conversation, sent[0], "NEG-1", None if sent[0] is hellos[0] else breach)
+        yield about(conversation, first, "NEG-1", None if first.kind == "hello" else breach)
         yield about(conversation, hellos[0], "NEG-3")
         for again in hellos[1:]:
             yield about(conversation, again, "NEG-3", Breach("sent-twice", "a further hello"))

@@ -1,7 +1,7 @@
 """Rules on the server's side of the negotiation, and on `error` (spec 1.1 chapter 2)."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from splatbus_schemas import LIMITS
@@ -97,14 +97,15 @@ def unsupported_version_ends(conversation: Conversation) -> Iterator[Sighting]:
 @rule("NEG-18")
 def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-18: a client that is told `unauthorized` is told nothing else."""
-    hellos = [m for m in conversation.sent_by("client") if m.kind == "hello"]
+    hellos = conversation.of("hello")
     for message, _ in _errors(conversation):
         if _code(message) == "unauthorized" and len(hellos) == 1:
-            others = [m for m in conversation.sent_by("server") if m is not message]
-            for other in others[:1]:
+            place = message.packet.offset
+            others = (m for m in conversation.sent_by("server") if m.packet.offset != place)
+            if other := next(others, None):
                 breach = Breach("beside-error", "sent beside unauthorized")
                 yield about(conversation, other, "NEG-18", breach)
-            if not others:
+            else:
                 yield about(conversation, message, "NEG-18")
             return
 
@@ -206,7 +207,7 @@ def _error(value: Json) -> Iterator[Judgement]:
         yield Judgement("NEG-23", breach, "/id")
 
 
-def _errors(conversation: Conversation) -> Iterator[tuple[Message, list[Message]]]:
+def _errors(conversation: Conversation) -> Iterator[tuple[Message, Sequence[Message]]]:
     """Every `error`, with what the server sent after it."""
     sent = conversation.sent_by("server")
     for i, message in enumerate(sent):

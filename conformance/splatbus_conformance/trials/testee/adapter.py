@@ -28,6 +28,7 @@ from splatbus_conformance.trials.testee.process import (
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.wire.secrets import hidden
 from splatbus_conformance.wire.sockets import Peer
 
 if TYPE_CHECKING:  # slow to import, and used where there is an adapter
@@ -76,7 +77,7 @@ class Adapted:
     def __init__(
         self, command: str, environment: Mapping[str, str], peer: Peer, patience: float
     ) -> None:
-        self.name = command
+        self.name = hidden(command)
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
         self._starts: list[float] = []

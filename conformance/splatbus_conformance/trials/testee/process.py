@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, Protocol
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.trials.testee import diagnostics
 from splatbus_conformance.wire.recording import WORDS, Channel
+from splatbus_conformance.wire.secrets import NAMED, TOKEN_VARIABLE, hidden, own_token
 
 Say = Callable[[str], None]
 
@@ -24,6 +25,8 @@ STOP_SECONDS = 5.0
 MOST_STARTS = 4
 """How often somebody is asked to start a client by hand that never comes back by itself."""
 LEAVING_SECONDS = 1.0
+MOST_PRINTED = 8000
+"""Bytes that are read of what a testee printed: of one that prints all the time, its last."""
 WINDOWS_CRASH = 0xC0000000
 
 
@@ -102,9 +105,14 @@ class Command:
             self.argv = shlex.split(line, posix=os.name == "posix")
         except ValueError as error:
             raise Usage(diagnostics.bad_quotes(line, error)) from None
-        # Windows splits command lines itself, and by rules of its own.
-        self._line = self.argv if os.name == "posix" else line
         self._environment = {**os.environ, **environment}
+        token = own_token()
+        if NAMED in line and not token:
+            raise Usage(f"{line!r} names a token that is to come from {TOKEN_VARIABLE}: set that")
+        # Windows splits command lines itself, and by rules of its own.
+        words = self.argv if os.name == "posix" else [line]
+        told = [word.replace(NAMED, token) for word in words]
+        self._line = told if os.name == "posix" else told[0]
         file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
         os.close(file)
         self._log = Path(name)
@@ -134,7 +142,9 @@ class Command:
 
     def printed(self) -> str:
         """The end of what it printed."""
-        return self._log.read_text("utf-8", errors="replace")[-2000:]
+        with self._log.open("rb") as log:
+            log.seek(max(0, self._log.stat().st_size - MOST_PRINTED))
+            return log.read(MOST_PRINTED).decode("utf-8", "replace")[-2000:]
 
     def forget(self) -> None:
         """Remove what it printed."""
@@ -211,7 +221,7 @@ class Launched:
     expendable = True
 
     def __init__(self, command: str, environment: Mapping[str, str]) -> None:
-        self.name = command
+        self.name = hidden(command)
         self._command = Command(command, environment)
         self.argv = self._command.argv
         self._starts: list[float] = []

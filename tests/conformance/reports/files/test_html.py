@@ -18,7 +18,7 @@ from splatbus_conformance.measurements import Measurement
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.files.html import html_report
 from splatbus_conformance.reports.files.html.clauses import CLAUSES
-from splatbus_conformance.reports.files.html.text import visible
+from splatbus_conformance.reports.files.html.text import seen
 from splatbus_conformance.reports.latencies import Histogram
 from splatbus_conformance.verdicts import Level, Result, Verdict
 from splatbus_schemas.requirements import requirements
@@ -221,8 +221,8 @@ def test_nothing_that_a_testee_sends_changes_the_page(texts: list[str]) -> None:
     assert read.structure == Read(html_report(tame)).structure
     assert not read.open
     said = "".join(read.text)
-    assert visible(hostile["testee"]) in said
-    assert visible(hostile["complaints"][0]) in said
+    assert seen(hostile["testee"]) in said
+    assert seen(hostile["complaints"][0]) in said
 
 
 @pytest.mark.parametrize("text", HOSTILE)
@@ -248,7 +248,7 @@ def test_a_known_attack_stays_text(text: str) -> None:
 
 def test_characters_that_steer_a_reader_are_told_by_number() -> None:
     page = html_report(report_of(failure("a\u202eb\x00c\x1bd\ud800e\u2028f")))
-    assert "a⟨U+202E⟩b⟨U+0000⟩c⟨U+001B⟩d⟨U+D800⟩e⟨U+2028⟩f" in page
+    assert r"a\u202eb\x00c\x1bd\ud800e\u2028f" in page
     assert all(c.isprintable() or c in "\n\t" for c in page)
 
 

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from splatbus_conformance.reports.files.as_json import Report
-from splatbus_conformance.reports.files.characters import printable
 from splatbus_conformance.reports.files.markdown import MOST_BYTES, markdown_report
 from splatbus_conformance.verdicts import Level, Result, Verdict
+from splatbus_schemas.visible import visible
 
 from tests.conformance.reports.stored_reports import EVERY_VERDICT, HOSTILE, failure, report_of
 
@@ -45,6 +45,10 @@ def of_a_testee(text: str) -> Report:
     )
 
 
+def seen(text: str) -> str:
+    return visible(text, kept="\n\t")
+
+
 @example("`")
 @example("```\n# heading\n````")
 @example("\\`")
@@ -60,9 +64,9 @@ def test_hostile_text_is_shown_in_code(text: str) -> None:
     made.encode()
     blocks = [token for token in tokens(made) if token.type == "fence"]
     assert [block.info for block in blocks] == ["text", "sh", "text"]
-    assert blocks[0].content == f"{printable(text)}\n{printable(text)}\n"
+    assert blocks[0].content == f"{seen(text)}\n{seen(text)}\n"
     (span,) = (it for it in tokens(made)[1].children or () if it.type == "code_inline")
-    assert span.content == (" ".join(printable(text).split()) or "…")
+    assert span.content == (" ".join(seen(text).split()) or "…")
 
 
 def test_it_says_the_verdict_counts_and_each_failure_with_its_sentence() -> None:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from splatbus_conformance.reports.files.html import plots
 from splatbus_conformance.reports.files.html.limits import Limits, first
-from splatbus_conformance.reports.files.html.text import transcript, visible, words
+from splatbus_conformance.reports.files.html.text import seen, transcript, words
 from splatbus_conformance.reports.files.html.view import view_of
 
 MOST_BYTES = 2_000_000
@@ -50,7 +50,7 @@ def _template() -> Template:
     environment = Environment(
         loader=PackageLoader("splatbus_conformance", "reports/files/html"),
         autoescape=True,
-        finalize=visible,
+        finalize=seen,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from markupsafe import Markup
+from splatbus_schemas.visible import visible
 
 INDENT = " " * 12
 """Of the lines of a transcript that belong to the line before, behind the margin (`excerpt`)."""
 MARK = ">"
 """In the margin of what a failure is about."""
-UNUSUAL = re.compile("[^ -~\n\t]+")
 HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
 ID = re.compile("([A-Z]{3}-[0-9]+)")
 ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
@@ -34,15 +34,11 @@ class SentencePart(NamedTuple):
     """It is code, or an id."""
 
 
-def visible(value: Any) -> Any:
-    """Text with every character to be seen: those that would steer its reader show their number.
-
-    Such are control characters, marks that turn the direction of writing, and half surrogates,
-    which no file in UTF-8 can hold. What is no text, or is markup, stays as it is.
-    """
+def seen(value: Any) -> Any:
+    """Text with every character to be seen; what is no text, or is markup, stays as it is."""
     if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
         return value
-    return UNUSUAL.sub(_seen, value)
+    return visible(value, kept="\n\t")
 
 
 def cut(text: str, most: int) -> str:
@@ -80,10 +76,6 @@ def ids(sentence: str) -> tuple[SentencePart, ...]:
 def words(check: str) -> str:
     """The name of a check as words."""
     return check.removeprefix("check_").replace("_", " ")
-
-
-def _seen(match: re.Match[str]) -> str:
-    return "".join(c if c.isprintable() else f"⟨U+{ord(c):04X}⟩" for c in match[0])
 
 
 def _line(text: str) -> TranscriptLine:
