@@ -77,6 +77,7 @@ class IpcProtocol:
         self._before_welcome: list[InitPacket | _Broken] = []
         self.last_generation = 0
         self.slots: dict[int, int] = {}  # of each generation that is open
+        self._over: str | None = None  # why the connection has to end
         self._look_at: float | None = None
         self._look_every = 0.0
         self.retired: set[int] = set()  # open, but not to be read any more
@@ -102,6 +103,17 @@ class IpcProtocol:
         """Tell the server, where it speaks 1.1, that an announced packet cannot be opened."""
         if self.version == "1.1" and packet.generation is not None:
             self.send(OpenFailed(packet.generation, reason[: LIMITS["max_reason_chars"]]))
+
+    def give_up(self, generation: int, reason: str) -> None:
+        """Use memory no longer that became shorter: it is retired without a successor.
+
+        Where `reinit` was not agreed upon nothing can be said of it, and the connection ends.
+        """
+        if "reinit" in self.capabilities:
+            self.retired.add(generation)
+        else:
+            self.slots.clear()
+            self._over = reason
 
     def closed(self, generation: int) -> None:
         """Tell the server that the memory of a retired generation is unmapped [OPN-5]."""
@@ -133,11 +145,15 @@ class IpcProtocol:
 
     def deadline(self) -> float:
         """Return when `expire` is to be called, if nothing comes before."""
+        if self._over is not None:
+            return 0.0
         look_at = math.inf if self._look_at is None else self._look_at
         return min(self.reader.deadline, look_at)
 
     def expire(self, now: float) -> list[IpcEvent]:
         """Return what follows from the time alone [FRM-5]; an init packet has no limit [CHN-9]."""
+        if self._over is not None:
+            return [MustClose(self._over)]
         if now >= self.reader.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         if self._look_at is not None and now >= self._look_at:

@@ -40,6 +40,8 @@ class Images(Protocol):
     def color(self, slot: int) -> Any: ...  # noqa: D102
     def depth(self, slot: int) -> Any: ...  # noqa: D102
     def on_host(self, name: str, slot: int, image: Any) -> Any: ...  # noqa: D102
+    def copied(self, name: str, slot: int, image: Any) -> Any: ...  # noqa: D102
+    def lost(self) -> str | None: ...  # noqa: D102
     def finish(self, slot: int) -> None: ...  # noqa: D102
     def close(self) -> bool: ...  # noqa: D102
 
@@ -119,9 +121,11 @@ class Reading:
         self.problem = None
         self._retire()
 
-    def hold(self) -> Loan:
-        """Hand out the frame that is lent; see `may_hold`."""
+    def hold(self) -> Loan | None:
+        """Hand out the frame that is lent, see `may_hold`; None if its memory is lost."""
         assert self.lent is not None
+        if self.lost(self.lent):
+            return None
         self.held, self.lent = self.lent, None
         return self.held
 
@@ -129,11 +133,20 @@ class Reading:
         """Release the frame that was handed out; reads of it have finished [IMG-13]."""
         self.held = None
         _release(loan)
+        self.lost(loan)
         self.sweep()
 
     def lasts(self, loan: Loan) -> bool:
-        """Whether the connection that the frame was lent on is still there."""
-        return loan.mapped.machine is self.machine
+        """Whether connection and memory that the frame was lent on and in are still there."""
+        return loan.mapped.machine is self.machine and loan.mapped.images.lost() is None
+
+    def lost(self, loan: Loan) -> bool:
+        """Whether a frame's memory is there no longer; if so, go without it (1.1 chapter 4)."""
+        reason = loan.mapped.images.lost()
+        if reason is not None and loan.mapped is self.mapped:
+            loan.mapped.machine.give_up(loan.mapped.images.generation, reason)
+            self._go_without(reason)
+        return reason is not None
 
     def subscribe(self, channels: frozenset[str]) -> None:
         """Read only these channels, on this connection and those to come."""

@@ -41,6 +41,7 @@ from splatbus_client.clock import Sample
 from splatbus_client.ipc_protocol import CHANNELS
 from splatbus_client.lease import FrameLease
 from splatbus_client.loop import Loop, clock
+from splatbus_client.mapping import MemoryLostError
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.outgoing import Told
 from splatbus_client.reading import ImagesOpen, Loan, Reading, capabilities
@@ -263,15 +264,20 @@ class Session:
             TimeoutError: none came within `timeout` seconds; the message says why, and what to do.
             RuntimeError: a frame is still borrowed, or the session is closed.
         """
+        end = clock() + timeout
         with self._changed:
             if self._reading.held is not None:
                 raise RuntimeError("release the former frame first: one is lent at a time [IMG-2]")
-            self._changed.wait_for(lambda: self._reading.may_hold or self._loop.closed, timeout)
-            self._require_open()
-            if not self._reading.may_hold:
-                why = why_no_frame(self.status, self._where, announced=self._reading.open)
-                raise TimeoutError(f"no frame came in time: {why}")
-            loan = self._reading.hold()
+            loan = None
+            while loan is None:
+                wait = max(0.0, end - clock())
+                self._changed.wait_for(lambda: self._reading.may_hold or self._loop.closed, wait)
+                self._require_open()
+                if not self._reading.may_hold:
+                    why = why_no_frame(self.status, self._where, announced=self._reading.open)
+                    raise TimeoutError(f"no frame came in time: {why}")
+                with self._loop.sending(self._ipc):
+                    loan = self._reading.hold()
             if loan.frame.camera is not None:
                 self._steering.shown(loan.frame.camera.tag)
             return self._lease(loan)
@@ -347,6 +353,14 @@ class Session:
     def _lease(self, loan: Loan) -> FrameLease:
         images, slot = loan.mapped.images, loan.frame.slot
 
+        def copied(name: str, image: Any) -> Any:
+            try:
+                return images.copied(name, slot, image)
+            except MemoryLostError:
+                with self._loop.sending(self._ipc):
+                    self._reading.lost(loan)
+                raise
+
         def give_back() -> None:
             images.finish(slot)
             with self._loop.sending(self._ipc):
@@ -358,6 +372,7 @@ class Session:
             images.color(slot) if "color" in loan.channels else None,
             images.depth(slot) if "depth" in loan.channels else None,
             lambda name, image: images.on_host(name, slot, image),
+            copied,
             give_back,
             lambda: self._reading.lasts(loan),
         )

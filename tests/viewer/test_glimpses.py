@@ -36,6 +36,12 @@ class Buffers:
     def on_host(self, name, slot, array):
         return array
 
+    def copied(self, name, slot, array):
+        return array.copy()
+
+    def lost(self):
+        return None
+
     def finish(self, slot):
         pass
 
