@@ -95,9 +95,10 @@ class NotOffered(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """The server sends figures that were subscribed to."""
+    """The server sends figures that were subscribed to; `size` is that of their packet, in bytes."""
 
     telemetry: Telemetry
+    size: int
 
 
 class ServerError(NamedTuple):

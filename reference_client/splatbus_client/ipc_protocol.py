@@ -43,6 +43,10 @@ from splatbus_client.events import (
 )
 
 CHANNELS = frozenset({"color", "depth"})
+MOST_BEFORE_WELCOME = 16
+"""Init packets that wait for `welcome`; a server that conforms sends one [NEG-15, OPN-7]."""
+MOST_UNSENT_BYTES: int = LIMITS["max_unsent_bytes"]
+"""What is kept for a server that has us answer and does not read; LIM-2 has it the other way."""
 
 
 class _Broken(NamedTuple):
@@ -173,6 +177,9 @@ class IpcProtocol:
                     yield event
                     if isinstance(event, MustClose):
                         return
+                if len(self.unsent) > MOST_UNSENT_BYTES:
+                    yield MustClose(f"the server leaves {len(self.unsent)} bytes unread")
+                    return
         except FramingError as error:
             yield MustClose(str(error))
 
@@ -223,7 +230,8 @@ class IpcProtocol:
             yield agreed
             if "subscribe" in self.capabilities and self._wanted != CHANNELS:
                 self.subscribe(self._wanted)
-            for packet in self._before_welcome:
+            waiting, self._before_welcome = self._before_welcome, []
+            for packet in waiting:
                 yield from self.on_init_packet(packet)
 
     def on_init_packet_of_1_0(self, packet: InitPacket) -> Iterator[IpcEvent]:
@@ -240,7 +248,11 @@ class IpcProtocol:
         """Announce memory, or decline what cannot be read; the former is retired."""
         generation = packet.generation or 0
         if self.version is None:
-            # It says 1.1, so a welcome follows, before which nothing may be answered [NEG-5].
+            # It says 1.1, so a welcome follows, before which nothing may be answered [NEG-5]. None
+            # may be dropped: each is to be answered [OPN-1], and without `reinit` the first counts.
+            if len(self._before_welcome) == MOST_BEFORE_WELCOME:
+                yield MustClose(f"{MOST_BEFORE_WELCOME} init packets came, and no welcome [OPN-7]")
+                return
             self._before_welcome.append(packet)
         elif self.version == "1.0":
             yield Ignored("an init packet with version came on a connection that speaks 1.0")

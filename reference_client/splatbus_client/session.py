@@ -41,7 +41,6 @@ from splatbus_client.clock import Sample
 from splatbus_client.ipc_protocol import CHANNELS
 from splatbus_client.lease import FrameLease
 from splatbus_client.loop import Loop, clock
-from splatbus_client.mapping import MemoryLostError
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.outgoing import Told
 from splatbus_client.reading import ImagesOpen, Loan, Reading, capabilities
@@ -171,6 +170,7 @@ class Session:
 
         Raises:
             ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+            RuntimeError: the session is closed, or 1,024 questions are unanswered.
         """
         return self._ask(request, lambda answer: answer)
 
@@ -297,7 +297,7 @@ class Session:
             )
             self._require_open()
             if unread:
-                return unread.popleft()
+                return unread.popleft().telemetry
             if (capability := self._steering.lacks(everything)) is not None:
                 raise NotOfferedError(capability)
             why = why_no_reply(self.status, self._where)
@@ -353,14 +353,6 @@ class Session:
     def _lease(self, loan: Loan) -> FrameLease:
         images, slot = loan.mapped.images, loan.frame.slot
 
-        def copied(name: str, image: Any) -> Any:
-            try:
-                return images.copied(name, slot, image)
-            except MemoryLostError:
-                with self._loop.sending(self._ipc):
-                    self._reading.lost(loan)
-                raise
-
         def give_back() -> None:
             images.finish(slot)
             with self._loop.sending(self._ipc):
@@ -372,7 +364,7 @@ class Session:
             images.color(slot) if "color" in loan.channels else None,
             images.depth(slot) if "depth" in loan.channels else None,
             lambda name, image: images.on_host(name, slot, image),
-            copied,
+            lambda name, image: images.copied(name, slot, image),
             give_back,
             lambda: self._reading.lasts(loan),
         )

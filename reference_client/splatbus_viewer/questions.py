@@ -34,16 +34,21 @@ class Questions:
         self._connections = 0
         self._camera: Future[Pose] = Future()
         self._size: Future[tuple[int, int]] = Future()
+        self._resized: Future[Any] = Future()
 
     def follow(self) -> None:
         """Take answers that have come, and ask again where that is due."""
         connections = self._session.status.message.connections
         if connections > self._connections:
             self._connections = connections
+            # What went unanswered would be asked once more on each connection.
+            for former in (self._camera, self._size, self._resized):
+                former.cancel()
             self._camera = self._session.ask_camera_pose(0)
             self._size = self._session.ask_viewport_size()
             if self._wanted is not None:
-                self._session.ask(SetViewport(*self._wanted)).add_done_callback(_complain)
+                self._resized = self._session.ask(SetViewport(*self._wanted))
+                self._resized.add_done_callback(_complain)
         self.camera = _answer(self._camera) or self.camera
         self.size = size = _answer(self._size) or self.size
         if self._size.done() and not all(size):
