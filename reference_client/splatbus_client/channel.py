@@ -15,9 +15,11 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol
 
 from splatbus_schemas import LIMITS
+from splatbus_schemas.visible import visible
 from splatbus_wire.messages import Program
 
 from splatbus_client.backoff import LONGEST, delays
+from splatbus_client.complaints import Complaints
 from splatbus_client.events import Event, Ignored, MustClose, Negotiated, ServerError
 
 log = logging.getLogger("splatbus_client")
@@ -92,7 +94,7 @@ class Channel:
         self.due = 0.0  # while there is no connection: when to begin, or to give up, an attempt
         self._connected_at = 0.0
         self._welcome = False  # whether the last that was heard, if anything, was no complaint
-        self._said = ""
+        self._complaints = Complaints(log)
 
     def interest(self) -> int:
         """Return what to wait for on `socket`: a mask of `selectors`, 0 if there is none."""
@@ -213,7 +215,7 @@ class Channel:
                 continue
             if isinstance(event, ServerError):
                 self._welcome = False
-                problem = f"the server says {event.error.code}: {event.error.message}"
+                problem = visible(f"the server says {event.error.code}: {event.error.message}")
                 self.status = self.status._replace(problem=problem)
                 self._warn(problem)
                 self._owner.handle(event)
@@ -225,6 +227,7 @@ class Channel:
 
     def lose(self, reason: str, now: float) -> None:
         """Give up the connection or the attempt, and set when the next attempt begins [CHN-20]."""
+        reason = visible(reason)
         connection, self.socket = self.socket, None
         machine, self.machine = self.machine, None
         if connection is not None:
@@ -246,10 +249,7 @@ class Channel:
         self.status = ChannelStatus(False, self.status.connections, problem=reason)
 
     def _warn(self, message: str) -> None:
-        """Log a warning, unless it only repeats the one before: some come with every pose."""
-        level = logging.DEBUG if message == self._said else logging.WARNING
-        log.log(level, "%s channel: %s", self.name, message)
-        self._said = message
+        self._complaints.say(f"{self.name} channel: {message}")
 
 
 def _reason(error: OSError) -> str:

@@ -95,7 +95,7 @@ class NotOffered(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """The server sends figures that were subscribed to; `size` is that of their packet, in bytes."""
+    """The server sends figures that were subscribed to, in a packet of `size` bytes."""
 
     telemetry: Telemetry
     size: int

@@ -8,10 +8,12 @@ from __future__ import annotations
 import logging
 from typing import Any, NamedTuple, Protocol
 
+from splatbus_schemas.visible import visible
 from splatbus_wire.init_packet import InitPacket, Semantics
 from splatbus_wire.messages import Frame, Hello
 
 from splatbus_client import cuda
+from splatbus_client.complaints import Complaints
 from splatbus_client.events import Announced, Declined, IpcEvent, Lent, Look
 from splatbus_client.host_memory import CannotOpenError, HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -96,7 +98,7 @@ class Reading:
         self.machine: IpcProtocol | None = None
         self.mapped: Mapped | None = None
         self._retired: list[Mapped] = []
-        self._said: str | None = None
+        self._complaints = Complaints(log)
         self._looks = 0
 
     def begin(self) -> IpcProtocol:
@@ -192,9 +194,8 @@ class Reading:
                 self.machine.look(LOOK_SECONDS)
 
     def _go_without(self, reason: str) -> None:
-        if reason != self._said:
-            log.warning("cannot open the server's images, going on without: %s", reason)
-        self.problem = self._said = reason
+        self._complaints.say(f"cannot open the server's images, going on without: {reason}")
+        self.problem = visible(reason)
         self._retire()
 
     def take_frame(self, frame: Frame, channels: frozenset[str]) -> None:
@@ -202,7 +203,7 @@ class Reading:
         assert self.mapped is not None
         size = frame.camera.width, frame.camera.height
         if size != self.mapped.images.size:
-            log.warning("a frame's camera has %s pixels, its memory another size [IMG-1]", size)
+            self._complaints.say(f"a frame's camera has {size} pixels, its memory not [IMG-1]")
             self.mapped.machine.release(frame)
             return
         if self.lent is not None:  # two at a time, against IMG-2: the newer one is worth more

@@ -12,6 +12,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
+from splatbus_schemas.visible import visible
 from splatbus_wire.messages import CameraPose, ErrorMessage, Hello, Request
 from splatbus_wire.superseding import subject, succeeding
 
@@ -39,10 +40,10 @@ MOST_QUESTIONS = 1024
 
 
 class ServerRefusedError(Exception):
-    """The server answered a request with an error."""
+    """The server answered a request with an error; as a text it is fit for a terminal."""
 
     def __init__(self, error: ErrorMessage) -> None:
-        super().__init__(f"the server answered {error.code}: {error.message}")
+        super().__init__(visible(f"the server answered {error.code}: {error.message}"))
         self.error = error
 
 
