@@ -25,7 +25,10 @@ from splatbus_client.events import Event, Ignored, MustClose, Negotiated, Server
 log = logging.getLogger("splatbus_client")
 
 _CONNECT_SECONDS: float = LIMITS["reconnect_max_seconds"]
-_RECEIVE_BYTES = 65536
+_RECEIVE_BYTES = 16384  # so much is done before others have their turn
+_KEEP_ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
+"""Seconds of silence before the system asks the other one's, by the names of Linux and Windows and
+of macOS; seconds between questions; and how many may go unanswered."""
 
 
 class Machine(Protocol):
@@ -163,6 +166,7 @@ class Channel:
             self.socket = socket.socket(family, kind, protocol)
             self.socket.setblocking(False)
             self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # [FRM-8]
+            _keep_alive(self.socket)
             self.socket.connect(address)
         except BlockingIOError:
             pass
@@ -250,6 +254,14 @@ class Channel:
 
     def _warn(self, message: str) -> None:
         self._complaints.say(f"{self.name} channel: {message}")
+
+
+def _keep_alive(connection: socket.socket) -> None:
+    """Have a host that vanished noticed within a minute, where nothing is sent to it."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _KEEP_ALIVE.items():
+        if hasattr(socket, name):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def _reason(error: OSError) -> str:
