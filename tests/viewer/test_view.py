@@ -171,10 +171,16 @@ def test_every_frame_is_read_and_released(server, memory):
         assert "5 frames" in out.splitlines()[-1]
 
 
+@pytest.fixture
+def other():
+    other = Memory()
+    yield other
+    other.remove()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="memory keeps its size elsewhere")
 @pytest.mark.parametrize("reinit", [True, False])
-def test_memory_that_is_cut_short_ends_no_viewer(server, memory, reinit):
-    other = Memory()
+def test_memory_that_is_cut_short_ends_no_viewer(server, memory, other, reinit):
     with viewer(server) as process:
         ipc = server.ipc_1_1("host_shm", "frames", *(["reinit"] if reinit else []))
         ipc.send(init_packet(memory.name))
@@ -192,7 +198,6 @@ def test_memory_that_is_cut_short_ends_no_viewer(server, memory, reinit):
         assert ipc.receive() == {"type": "release", "generation": 2, "seq": 2}
         process.send_signal(signal.SIGTERM)
         out, err = process.communicate(timeout=30)
-    other.remove()
     assert process.returncode == 0
     assert "1 frames" in out.splitlines()[-1]
     assert "was cut to 0 bytes" in err
