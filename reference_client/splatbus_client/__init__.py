@@ -11,6 +11,7 @@ from splatbus_wire.poses import Pose
 from splatbus_client.channel import ChannelStatus
 from splatbus_client.clock import Sample
 from splatbus_client.lease import FrameLease
+from splatbus_client.mapping import MemoryLostError
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.session import Session, connect
 from splatbus_client.status import Status
@@ -31,4 +32,5 @@ __all__ = [
     "ChannelStatus",
     "ServerRefusedError",
     "NotOfferedError",
+    "MemoryLostError",
 ]

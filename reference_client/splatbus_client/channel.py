@@ -15,15 +15,20 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol
 
 from splatbus_schemas import LIMITS
+from splatbus_schemas.visible import visible
 from splatbus_wire.messages import Program
 
 from splatbus_client.backoff import LONGEST, delays
+from splatbus_client.complaints import Complaints
 from splatbus_client.events import Event, Ignored, MustClose, Negotiated, ServerError
 
 log = logging.getLogger("splatbus_client")
 
 _CONNECT_SECONDS: float = LIMITS["reconnect_max_seconds"]
-_RECEIVE_BYTES = 65536
+_RECEIVE_BYTES = 16384  # so much is done before others have their turn
+_KEEP_ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
+"""Seconds of silence before the system asks the other one's, by the names of Linux and Windows and
+of macOS; seconds between questions; and how many may go unanswered."""
 
 
 class Machine(Protocol):
@@ -92,7 +97,7 @@ class Channel:
         self.due = 0.0  # while there is no connection: when to begin, or to give up, an attempt
         self._connected_at = 0.0
         self._welcome = False  # whether the last that was heard, if anything, was no complaint
-        self._said = ""
+        self._complaints = Complaints(log)
 
     def interest(self) -> int:
         """Return what to wait for on `socket`: a mask of `selectors`, 0 if there is none."""
@@ -161,6 +166,7 @@ class Channel:
             self.socket = socket.socket(family, kind, protocol)
             self.socket.setblocking(False)
             self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # [FRM-8]
+            _keep_alive(self.socket)
             self.socket.connect(address)
         except BlockingIOError:
             pass
@@ -213,7 +219,7 @@ class Channel:
                 continue
             if isinstance(event, ServerError):
                 self._welcome = False
-                problem = f"the server says {event.error.code}: {event.error.message}"
+                problem = visible(f"the server says {event.error.code}: {event.error.message}")
                 self.status = self.status._replace(problem=problem)
                 self._warn(problem)
                 self._owner.handle(event)
@@ -225,6 +231,7 @@ class Channel:
 
     def lose(self, reason: str, now: float) -> None:
         """Give up the connection or the attempt, and set when the next attempt begins [CHN-20]."""
+        reason = visible(reason)
         connection, self.socket = self.socket, None
         machine, self.machine = self.machine, None
         if connection is not None:
@@ -246,10 +253,15 @@ class Channel:
         self.status = ChannelStatus(False, self.status.connections, problem=reason)
 
     def _warn(self, message: str) -> None:
-        """Log a warning, unless it only repeats the one before: some come with every pose."""
-        level = logging.DEBUG if message == self._said else logging.WARNING
-        log.log(level, "%s channel: %s", self.name, message)
-        self._said = message
+        self._complaints.say(f"{self.name} channel: {message}")
+
+
+def _keep_alive(connection: socket.socket) -> None:
+    """Have a host that vanished noticed within a minute, where nothing is sent to it."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _KEEP_ALIVE.items():
+        if hasattr(socket, name):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def _reason(error: OSError) -> str:

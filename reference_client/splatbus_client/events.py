@@ -95,9 +95,10 @@ class NotOffered(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """The server sends figures that were subscribed to."""
+    """The server sends figures that were subscribed to, in a packet of `size` bytes."""
 
     telemetry: Telemetry
+    size: int
 
 
 class ServerError(NamedTuple):

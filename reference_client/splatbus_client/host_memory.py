@@ -1,14 +1,13 @@
-"""Named shared memory of the host, mapped for reading only and never removed [OPN-10]."""
+"""Images in named shared memory of the host, only read and never removed [OPN-10, MEM-19]."""
 
-import mmap
-import os
-import stat
-import sys
+from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.init_packet import HostMemory, InitPacket, Semantics, Slots, check_fits
+from splatbus_wire.init_packet import HostMemory, InitPacket, Semantics, Slots
+
+from splatbus_client.mapping import MemoryLostError, extent, map_memory, read
 
 Image = NDArray[np.float32]
 
@@ -35,6 +34,7 @@ class HostImages:
         self.semantics: Semantics = semantics
         self.ring: Slots = ring
         self.size = packet.width, packet.height
+        self._name, self._extent = memory.name, extent(packet)
         try:
             self.map = map_memory(memory, packet)
         except FileNotFoundError:
@@ -58,6 +58,31 @@ class HostImages:
         """Return the image as it is: it is on the host."""
         return image
 
+    def copied(self, name: str, slot: int, image: Image) -> Image:
+        """Return a copy of what `color` or `depth` returned, with no risk to the process.
+
+        Raises:
+            MemoryLostError: the memory became shorter meanwhile.
+        """
+        least = min(image[0].ctypes.data, image[-1].ctypes.data)
+        begin = least - np.frombuffer(self.map, np.uint8, 1).ctypes.data
+        if not 0 <= begin <= self._extent - image.nbytes:
+            return image.copy()  # it is no view of the memory
+        try:
+            data = read(self.map, begin, image.nbytes)
+        except MemoryLostError as problem:
+            raise MemoryLostError(self.lost() or str(problem)) from None
+        first = image.ctypes.data - least
+        return np.ndarray(image.shape, image.dtype, data, first, image.strides)
+
+    def lost(self) -> str | None:
+        """Return why nothing may be read any more, None if all is there: asks the system, in µs."""
+        size = self.map.size()
+        if size >= self._extent:
+            return None
+        lost = f"was cut to {size} bytes, {self._extent} hold images"
+        return f"shared memory {self._name} {lost} [MEM-5]"
+
     def finish(self, slot: int) -> None:
         """Do nothing: reads of memory of the host are over when they return."""
 
@@ -74,44 +99,3 @@ class HostImages:
         width, height = self.size
         flat = np.frombuffer(self.map, np.dtype("<f4"), width * height * numbers, offset)
         return flat.reshape(height, width, numbers)
-
-
-if sys.platform == "win32":
-    from multiprocessing.shared_memory import SharedMemory
-
-    def map_memory(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
-        """Map an existing named mapping; `mmap` alone would create one that does not exist."""
-        name = f"Local\\{memory.name}"
-        existing = SharedMemory(name)
-        try:
-            check_fits(packet, existing.size)
-            return mmap.mmap(-1, memory.bytes, tagname=name, access=mmap.ACCESS_READ)
-        finally:
-            existing.close()
-
-else:
-
-    def map_memory(memory: HostMemory, packet: InitPacket) -> mmap.mmap:
-        """Map an object of `shm_open`, whose size is checked before a byte is touched [MEM-6]."""
-        descriptor = _shm_open(memory.name)
-        try:
-            status = os.fstat(descriptor)
-            if sys.platform == "linux" and not stat.S_ISREG(status.st_mode):
-                raise OSError("it is no regular file")
-            check_fits(packet, status.st_size)
-            # Its pages are mapped now rather than one by one while the first images are read.
-            flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
-            return mmap.mmap(descriptor, memory.bytes, flags, mmap.PROT_READ)
-        finally:
-            os.close(descriptor)
-
-    def _shm_open(name: str) -> int:
-        if sys.platform == "linux":
-            # The flags of the C library's shm_open: no link is followed, no pipe waited for.
-            flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-            return os.open(f"/dev/shm/{name}", flags)
-        # `SharedMemory` would hand the memory to a tracker that removes it when we exit.
-        import _posixshmem  # type: ignore[import-not-found]
-
-        descriptor: int = _posixshmem.shm_open(f"/{name}", os.O_RDONLY, 0o600)
-        return descriptor

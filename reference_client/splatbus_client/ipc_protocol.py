@@ -43,6 +43,10 @@ from splatbus_client.events import (
 )
 
 CHANNELS = frozenset({"color", "depth"})
+MOST_BEFORE_WELCOME = 16
+"""Init packets that wait for `welcome`; a server that conforms sends one [NEG-15, OPN-7]."""
+MOST_UNSENT_BYTES: int = LIMITS["max_unsent_bytes"]
+"""What is kept for a server that has us answer and does not read; LIM-2 has it the other way."""
 
 
 class _Broken(NamedTuple):
@@ -77,6 +81,7 @@ class IpcProtocol:
         self._before_welcome: list[InitPacket | _Broken] = []
         self.last_generation = 0
         self.slots: dict[int, int] = {}  # of each generation that is open
+        self._over: str | None = None  # why the connection has to end
         self._look_at: float | None = None
         self._look_every = 0.0
         self.retired: set[int] = set()  # open, but not to be read any more
@@ -102,6 +107,17 @@ class IpcProtocol:
         """Tell the server, where it speaks 1.1, that an announced packet cannot be opened."""
         if self.version == "1.1" and packet.generation is not None:
             self.send(OpenFailed(packet.generation, reason[: LIMITS["max_reason_chars"]]))
+
+    def give_up(self, generation: int, reason: str) -> None:
+        """Use memory no longer that became shorter: it is retired without a successor.
+
+        Where `reinit` was not agreed upon nothing can be said of it, and the connection ends.
+        """
+        if "reinit" in self.capabilities:
+            self.retired.add(generation)
+        else:
+            self.slots.clear()
+            self._over = reason
 
     def closed(self, generation: int) -> None:
         """Tell the server that the memory of a retired generation is unmapped [OPN-5]."""
@@ -133,11 +149,15 @@ class IpcProtocol:
 
     def deadline(self) -> float:
         """Return when `expire` is to be called, if nothing comes before."""
+        if self._over is not None:
+            return 0.0
         look_at = math.inf if self._look_at is None else self._look_at
         return min(self.reader.deadline, look_at)
 
     def expire(self, now: float) -> list[IpcEvent]:
         """Return what follows from the time alone [FRM-5]; an init packet has no limit [CHN-9]."""
+        if self._over is not None:
+            return [MustClose(self._over)]
         if now >= self.reader.deadline:
             return [MustClose("a packet was begun and not completed in time [FRM-5]")]
         if self._look_at is not None and now >= self._look_at:
@@ -157,6 +177,9 @@ class IpcProtocol:
                     yield event
                     if isinstance(event, MustClose):
                         return
+                if len(self.unsent) > MOST_UNSENT_BYTES:
+                    yield MustClose(f"the server leaves {len(self.unsent)} bytes unread")
+                    return
         except FramingError as error:
             yield MustClose(str(error))
 
@@ -207,7 +230,8 @@ class IpcProtocol:
             yield agreed
             if "subscribe" in self.capabilities and self._wanted != CHANNELS:
                 self.subscribe(self._wanted)
-            for packet in self._before_welcome:
+            waiting, self._before_welcome = self._before_welcome, []
+            for packet in waiting:
                 yield from self.on_init_packet(packet)
 
     def on_init_packet_of_1_0(self, packet: InitPacket) -> Iterator[IpcEvent]:
@@ -224,7 +248,11 @@ class IpcProtocol:
         """Announce memory, or decline what cannot be read; the former is retired."""
         generation = packet.generation or 0
         if self.version is None:
-            # It says 1.1, so a welcome follows, before which nothing may be answered [NEG-5].
+            # It says 1.1, so a welcome follows, before which nothing may be answered [NEG-5]. None
+            # may be dropped: each is to be answered [OPN-1], and without `reinit` the first counts.
+            if len(self._before_welcome) == MOST_BEFORE_WELCOME:
+                yield MustClose(f"{MOST_BEFORE_WELCOME} init packets came, and no welcome [OPN-7]")
+                return
             self._before_welcome.append(packet)
         elif self.version == "1.0":
             yield Ignored("an init packet with version came on a connection that speaks 1.0")

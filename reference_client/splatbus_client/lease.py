@@ -50,6 +50,11 @@ class FrameLease:
     outlive the `with` block. Nothing may still be reading them when it ends [IMG-13]; reads on a
     GPU through DLPack are waited for then.
 
+    A server that breaks MEM-5 can cut memory of the host short, and the system kills a process that
+    touches an array of what is gone (SIGBUS). Whether it has is asked before a frame is handed out
+    and when it is given back. In between, `color` and `depth` are as safe as the server is good;
+    `copy` is safe from all of them.
+
     Of a server of 1.0 it is a copy of what its buffers hold when it is read first: colour and depth
     may be of different images, camera and times are not known, and `seq` counts the copies.
 
@@ -69,6 +74,7 @@ class FrameLease:
         color: Image | OnDevice | None,
         depth: Image | OnDevice | None,
         on_host: Callable[[str, Any], Image],
+        copied: Callable[[str, Any], Image],
         give_back: Callable[[], None],
         lasts: Callable[[], bool],
     ) -> None:
@@ -80,7 +86,8 @@ class FrameLease:
         self.time = frame.time
         self.rendered_at = frame.rendered_at
         self._color, self._depth = color, depth
-        self._on_host, self._give_back, self._lasts = on_host, give_back, lasts
+        self._on_host, self._copied = on_host, copied
+        self._give_back, self._lasts = give_back, lasts
         self._on_host_already: dict[str, Image] = {}
         self._released = False
 
@@ -124,6 +131,16 @@ class FrameLease:
         """
         return self._host("depth", self._readable(self._depth, "depth"))
 
+    def copy(self, channel: str) -> Image:
+        """Return an array of one's own with what `color` or `depth` shows, by its name.
+
+        Raises:
+            RuntimeError: as for `color` and `depth`.
+            MemoryLostError: the server cut its memory short; frames of other memory may follow.
+        """
+        image = {"color": self._color, "depth": self._depth}.get(channel)
+        return self._copied(channel, self._readable(image, channel))
+
     @property
     def color_on_device(self) -> OnDevice:
         """(H, W, 4) float32 RGBA where it lies on the GPU, rows bottom-up, not to be written.
@@ -150,7 +167,8 @@ class FrameLease:
     def intact(self) -> bool:
         """Whether the server still lends it: asked after a copy, whether the copy is whole.
 
-        False once it was released, or the connection ended and the server may write again [CHN-18].
+        False once it was released, or the connection ended and the server may write again [CHN-18],
+        or its memory was cut short.
         """
         return not self._released and self._lasts()
 

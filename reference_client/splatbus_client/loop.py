@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from splatbus_client.channel import Channel
 
 _NAP_SECONDS = 0.5
+_LONG_SECONDS, _LONGEST_REST = 0.001, 0.05
 # They need no object of the system, unlike epoll and kqueue, and the former takes any descriptor.
 _Selector = getattr(selectors, "PollSelector", selectors.SelectSelector)
 
@@ -91,6 +92,11 @@ class Loop:
                         else:
                             key.data.ready(mask, now)
                     self.changed.notify_all()
+                    took = clock() - now
+                if took > _LONG_SECONDS:
+                    # Who needs the lock, or Python's own, would come late every time while a server
+                    # sends without end. It slows the server, too.
+                    time.sleep(min(took, _LONGEST_REST))
         finally:
             with self.changed:
                 self.closed = True

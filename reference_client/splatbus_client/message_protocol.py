@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import count
 
 from splatbus_schemas import LIMITS
@@ -24,6 +24,7 @@ from splatbus_wire.messages import (
     Reply,
     Request,
     SetViewport,
+    SubscribeTelemetry,
     Telemetry,
     ViewportSize,
     Welcome,
@@ -94,6 +95,7 @@ class MessageProtocol:
         self._reply_due = 0.0
         self._ask_from: dict[type[Request], float] = {}
         self._told: dict[object, Told] = {}
+        self._subscribed = False  # to telemetry, and be it none: some may be under way
         self.ask(GetViewportSize())
 
     def ask(self, request: Request) -> int:
@@ -208,6 +210,7 @@ class MessageProtocol:
             sent = permitted(message, self.version, self.capabilities)
             if sent is not None:
                 self.unsent += encode(sent)
+                self._subscribed |= isinstance(sent, SubscribeTelemetry)
 
     def on_payload(self, payload: bytes, now: float) -> Iterator[MessageEvent]:
         """Yield what a packet means."""
@@ -226,7 +229,7 @@ class MessageProtocol:
                 self._ask_from[SetViewport] = now + ASK_AGAIN_SECONDS  # [VPT-9]
             yield from self.on_error(message)
         elif isinstance(message, Telemetry):
-            yield self._on_telemetry(message)
+            yield self._on_telemetry(message, len(payload))
         else:
             yield from self.on_reply(message, now)
 
@@ -248,10 +251,14 @@ class MessageProtocol:
                 self._queue.remove(item)
                 yield NotOffered(ticket, capability)
 
-    def _on_telemetry(self, telemetry: Telemetry) -> MessageEvent:
-        if "telemetry" not in self.capabilities:
-            return Ignored("telemetry came, which was not agreed [TEL-3]")
-        return Measured(telemetry)
+    def _on_telemetry(self, telemetry: Telemetry, size: int) -> MessageEvent:
+        if not self._subscribed:
+            return Ignored("telemetry came, which was not subscribed to [TEL-3]")
+        return Measured(telemetry, size)
+
+    def withdraw(self, tickets: Collection[int | None]) -> None:
+        """Do not send the requests that have these tickets, if that can still be helped."""
+        self._queue = deque(item for item in self._queue if item[0] not in tickets)
 
     def on_reply(self, reply: Reply, now: float) -> Iterator[MessageEvent]:
         """Give the request that waits its answer; one that came first was of 1.0."""

@@ -8,10 +8,12 @@ from __future__ import annotations
 import logging
 from typing import Any, NamedTuple, Protocol
 
+from splatbus_schemas.visible import visible
 from splatbus_wire.init_packet import InitPacket, Semantics
 from splatbus_wire.messages import Frame, Hello
 
 from splatbus_client import cuda
+from splatbus_client.complaints import Complaints
 from splatbus_client.events import Announced, Declined, IpcEvent, Lent, Look
 from splatbus_client.host_memory import CannotOpenError, HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
@@ -40,6 +42,8 @@ class Images(Protocol):
     def color(self, slot: int) -> Any: ...  # noqa: D102
     def depth(self, slot: int) -> Any: ...  # noqa: D102
     def on_host(self, name: str, slot: int, image: Any) -> Any: ...  # noqa: D102
+    def copied(self, name: str, slot: int, image: Any) -> Any: ...  # noqa: D102
+    def lost(self) -> str | None: ...  # noqa: D102
     def finish(self, slot: int) -> None: ...  # noqa: D102
     def close(self) -> bool: ...  # noqa: D102
 
@@ -94,7 +98,7 @@ class Reading:
         self.machine: IpcProtocol | None = None
         self.mapped: Mapped | None = None
         self._retired: list[Mapped] = []
-        self._said: str | None = None
+        self._complaints = Complaints(log)
         self._looks = 0
 
     def begin(self) -> IpcProtocol:
@@ -119,9 +123,11 @@ class Reading:
         self.problem = None
         self._retire()
 
-    def hold(self) -> Loan:
-        """Hand out the frame that is lent; see `may_hold`."""
+    def hold(self) -> Loan | None:
+        """Hand out the frame that is lent, see `may_hold`; None if its memory is lost."""
         assert self.lent is not None
+        if self.lost(self.lent):
+            return None
         self.held, self.lent = self.lent, None
         return self.held
 
@@ -129,11 +135,20 @@ class Reading:
         """Release the frame that was handed out; reads of it have finished [IMG-13]."""
         self.held = None
         _release(loan)
+        self.lost(loan)
         self.sweep()
 
     def lasts(self, loan: Loan) -> bool:
-        """Whether the connection that the frame was lent on is still there."""
-        return loan.mapped.machine is self.machine
+        """Whether connection and memory that the frame was lent on and in are still there."""
+        return loan.mapped.machine is self.machine and loan.mapped.images.lost() is None
+
+    def lost(self, loan: Loan) -> bool:
+        """Whether a frame's memory is there no longer; if so, go without it (1.1 chapter 4)."""
+        reason = loan.mapped.images.lost()
+        if reason is not None and loan.mapped is self.mapped:
+            loan.mapped.machine.give_up(loan.mapped.images.generation, reason)
+            self._go_without(reason)
+        return reason is not None
 
     def subscribe(self, channels: frozenset[str]) -> None:
         """Read only these channels, on this connection and those to come."""
@@ -179,9 +194,8 @@ class Reading:
                 self.machine.look(LOOK_SECONDS)
 
     def _go_without(self, reason: str) -> None:
-        if reason != self._said:
-            log.warning("cannot open the server's images, going on without: %s", reason)
-        self.problem = self._said = reason
+        self._complaints.say(f"cannot open the server's images, going on without: {reason}")
+        self.problem = visible(reason)
         self._retire()
 
     def take_frame(self, frame: Frame, channels: frozenset[str]) -> None:
@@ -189,7 +203,7 @@ class Reading:
         assert self.mapped is not None
         size = frame.camera.width, frame.camera.height
         if size != self.mapped.images.size:
-            log.warning("a frame's camera has %s pixels, its memory another size [IMG-1]", size)
+            self._complaints.say(f"a frame's camera has {size} pixels, its memory not [IMG-1]")
             self.mapped.machine.release(frame)
             return
         if self.lent is not None:  # two at a time, against IMG-2: the newer one is worth more

@@ -170,6 +170,7 @@ class Session:
 
         Raises:
             ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+            RuntimeError: the session is closed, or 1,024 questions are unanswered.
         """
         return self._ask(request, lambda answer: answer)
 
@@ -263,15 +264,20 @@ class Session:
             TimeoutError: none came within `timeout` seconds; the message says why, and what to do.
             RuntimeError: a frame is still borrowed, or the session is closed.
         """
+        end = clock() + timeout
         with self._changed:
             if self._reading.held is not None:
                 raise RuntimeError("release the former frame first: one is lent at a time [IMG-2]")
-            self._changed.wait_for(lambda: self._reading.may_hold or self._loop.closed, timeout)
-            self._require_open()
-            if not self._reading.may_hold:
-                why = why_no_frame(self.status, self._where, announced=self._reading.open)
-                raise TimeoutError(f"no frame came in time: {why}")
-            loan = self._reading.hold()
+            loan = None
+            while loan is None:
+                wait = max(0.0, end - clock())
+                self._changed.wait_for(lambda: self._reading.may_hold or self._loop.closed, wait)
+                self._require_open()
+                if not self._reading.may_hold:
+                    why = why_no_frame(self.status, self._where, announced=self._reading.open)
+                    raise TimeoutError(f"no frame came in time: {why}")
+                with self._loop.sending(self._ipc):
+                    loan = self._reading.hold()
             if loan.frame.camera is not None:
                 self._steering.shown(loan.frame.camera.tag)
             return self._lease(loan)
@@ -291,7 +297,7 @@ class Session:
             )
             self._require_open()
             if unread:
-                return unread.popleft()
+                return unread.popleft().telemetry
             if (capability := self._steering.lacks(everything)) is not None:
                 raise NotOfferedError(capability)
             why = why_no_reply(self.status, self._where)
@@ -358,6 +364,7 @@ class Session:
             images.color(slot) if "color" in loan.channels else None,
             images.depth(slot) if "depth" in loan.channels else None,
             lambda name, image: images.on_host(name, slot, image),
+            lambda name, image: images.copied(name, slot, image),
             give_back,
             lambda: self._reading.lasts(loan),
         )

@@ -12,7 +12,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
-from splatbus_wire.messages import CameraPose, ErrorMessage, Hello, Request, Telemetry
+from splatbus_schemas.visible import visible
+from splatbus_wire.messages import CameraPose, ErrorMessage, Hello, Request
 from splatbus_wire.superseding import subject, succeeding
 
 from splatbus_client.events import (
@@ -32,14 +33,17 @@ log = logging.getLogger("splatbus_client")
 CAPABILITIES = ("intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry")
 """What this client can do on the message channel."""
 TELEMETRY_KEPT = 256
+TELEMETRY_BYTES = 4 << 20
+"""Of packets; what they hold takes about ten times as much once it is read."""
 TAGS_KEPT = 1024
+MOST_QUESTIONS = 1024
 
 
 class ServerRefusedError(Exception):
-    """The server answered a request with an error."""
+    """The server answered a request with an error; as a text it is fit for a terminal."""
 
     def __init__(self, error: ErrorMessage) -> None:
-        super().__init__(f"the server answered {error.code}: {error.message}")
+        super().__init__(visible(f"the server answered {error.code}: {error.message}"))
         self.error = error
 
 
@@ -59,7 +63,7 @@ class Steering:
     """
 
     def __init__(self, hello: Hello) -> None:
-        self.telemetry: deque[Telemetry] = deque(maxlen=TELEMETRY_KEPT)
+        self.telemetry: deque[Measured] = deque(maxlen=TELEMETRY_KEPT)
         """What was not read yet; the oldest goes when there is more than that."""
         self._hello = hello._replace(capabilities=CAPABILITIES)
         self.machine: MessageProtocol | None = None
@@ -79,7 +83,7 @@ class Steering:
         for key, message in self.newest.items():
             machine.tell(message)
             self.newest[key] = _untagged(message)
-        self.questions = [q for q in self.questions if not q.answer.cancelled()]
+        self._forget_what_nobody_awaits()
         for question in self.questions:
             question.ticket = machine.ask(question.request)
         return machine
@@ -99,7 +103,9 @@ class Steering:
             for question in self.answered(event.ticket):
                 question.answer.set_exception(NotOfferedError(event.capability))
         elif isinstance(event, Measured):
-            self.telemetry.append(event.telemetry)
+            self.telemetry.append(event)
+            while sum(measured.size for measured in self.telemetry) > TELEMETRY_BYTES:
+                self.telemetry.popleft()
         elif isinstance(event, ServerError) and event.error.code == "busy":
             self._busy = True
 
@@ -140,7 +146,11 @@ class Steering:
 
         Raises:
             ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+            RuntimeError: too many questions are unanswered.
         """
+        self._forget_what_nobody_awaits()
+        if len(self.questions) >= MOST_QUESTIONS:
+            raise RuntimeError(f"{len(self.questions)} questions are unanswered: cancel some first")
         question = _Question(request, value, Future())
         try:
             if self.machine is None:
@@ -151,6 +161,14 @@ class Steering:
         except NotOfferedError as problem:
             question.answer.set_exception(problem)
         return question.answer
+
+    def _forget_what_nobody_awaits(self) -> None:
+        dropped = {q.ticket for q in self.questions if q.answer.cancelled()}
+        if dropped:
+            self.questions = [q for q in self.questions if not q.answer.cancelled()]
+            shared = {q.ticket for q in self.questions}
+            if self.machine is not None:
+                self.machine.withdraw(dropped - shared)
 
     def shown(self, tag: str | None) -> None:
         """Take note that an image was rendered with the pose that has this tag [CAM-2].

@@ -18,6 +18,7 @@ from splatbus_client.session import Session
 from splatbus_client.steering import ServerRefusedError
 from splatbus_schemas import FRAMING
 from splatbus_schemas.version import ShowVersion
+from splatbus_schemas.visible import visible
 from splatbus_wire.settings import Settings, read_token, settings
 
 from splatbus_viewer import telemetry
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         token = read_token(options.token_file) if options.token_file else None
         where = settings(options.host, options.ipc_port, options.msg_port, token)
     except (ValueError, OSError) as error:
-        print(f"splatbus-client: {error}", file=sys.stderr)
+        print(f"splatbus-client: {visible(str(error))}", file=sys.stderr)
         return 2
     try:
         run: int = options.run(where, options)
@@ -72,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (ValueError, OSError, ServerRefusedError, NotOfferedError) as error:
-        print(f"splatbus-client: {error}", file=sys.stderr)
+        print(f"splatbus-client: {visible(str(error))}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

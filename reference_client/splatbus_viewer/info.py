@@ -9,9 +9,8 @@ from splatbus_client.clock import Sample, best
 from splatbus_client.lease import FrameLease
 from splatbus_client.loop import clock
 from splatbus_client.session import Session
+from splatbus_schemas.visible import visible
 from splatbus_wire.messages import Scene, SceneObject
-
-from splatbus_viewer.terminal import printable
 
 _PINGS = 9
 
@@ -47,7 +46,7 @@ def _channel(name: str, status: ChannelStatus) -> Iterator[str]:
     if status.server is None:
         speaks = status.version or "not known yet" if status.connected else "not connected"
     else:
-        speaks = f"{status.version}, {printable(status.server.name)} {status.server.version}"
+        speaks = f"{status.version}, {status.server.name} {status.server.version}"
     yield _row(name, speaks)
     if status.version == "1.1":
         yield _row("", f"capabilities: {', '.join(sorted(status.capabilities)) or 'none'}")
@@ -74,14 +73,18 @@ def _scene(scene: Scene) -> Iterator[str]:
 
 
 def _object(each: SceneObject) -> str:
-    name = f" ({printable(each.name)})" if each.name not in ("", each.id) else ""
-    text = f"{printable(each.id)}{name}: {each.gaussians:,} Gaussians"
+    name = f" ({each.name})" if each.name not in ("", each.id) else ""
+    text = f"{each.id}{name}: {each.gaussians:,} Gaussians"
     if each.bounds is None:
         return text
     return f"{text} within {_point(each.bounds.min)} to {_point(each.bounds.max)}"
 
 
 def _images(frame: FrameLease, tick: Sample | None) -> Iterator[str]:
+    if not frame.has_camera:
+        height, width = frame.depth.shape
+        yield _row("images", f"{width}x{height}, of which 1.0 tells neither camera nor time")
+        return
     camera, how = frame.camera, frame.semantics
     age = "" if tick is None else f", {1e3 * (clock() - tick.here(frame.rendered_at)):.1f} ms old"
     yield _row("images", f"{camera.width}x{camera.height}, the newest is number {frame.seq}{age}")
@@ -98,4 +101,4 @@ def _point(place: tuple[float, ...]) -> str:
 
 
 def _row(name: str, text: str) -> str:
-    return f"{name:<9} {text}"
+    return visible(f"{name:<9} {text}")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import NamedTuple
 
-import numpy as np
 from splatbus_client.lease import FrameLease, Image
+from splatbus_client.mapping import MemoryLostError
 from splatbus_client.session import Session
 from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera, Placement
@@ -54,15 +55,19 @@ class Mirror:
             lease = self.session.next_frame(timeout)
         except TimeoutError:
             return
-        with lease:
+        with lease, suppress(MemoryLostError):
             copied = copy_of(lease)
             if lease.intact:
                 self.newest = copied
 
 
 def copy_of(lease: FrameLease) -> Copied:
-    """Return a copy of what is lent."""
-    color = np.array(lease.color) if "color" in lease.channels else None
-    depth = np.array(lease.depth) if "depth" in lease.channels else None
+    """Return a copy of what is lent.
+
+    Raises:
+        MemoryLostError: the server cut its memory short.
+    """
+    color = lease.copy("color") if "color" in lease.channels else None
+    depth = lease.copy("depth") if "depth" in lease.channels else None
     camera = lease.camera if lease.has_camera else None
     return Copied(lease.seq, color, depth, camera, lease.semantics, lease.objects)

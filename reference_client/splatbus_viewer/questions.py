@@ -6,6 +6,7 @@ import logging
 from concurrent.futures import Future
 from typing import Any
 
+from splatbus_client.complaints import Complaints
 from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.session import Session
 from splatbus_client.steering import ServerRefusedError
@@ -32,22 +33,33 @@ class Questions:
         self.size = (0, 0)
         self._session, self._wanted = session, wanted
         self._connections = 0
+        self._complaints = Complaints(log)
         self._camera: Future[Pose] = Future()
         self._size: Future[tuple[int, int]] = Future()
+        self._resized: Future[Any] = Future()
 
     def follow(self) -> None:
         """Take answers that have come, and ask again where that is due."""
         connections = self._session.status.message.connections
         if connections > self._connections:
             self._connections = connections
+            # What went unanswered would be asked once more on each connection.
+            for former in (self._camera, self._size, self._resized):
+                former.cancel()
             self._camera = self._session.ask_camera_pose(0)
             self._size = self._session.ask_viewport_size()
             if self._wanted is not None:
-                self._session.ask(SetViewport(*self._wanted)).add_done_callback(_complain)
+                self._resized = self._session.ask(SetViewport(*self._wanted))
+                self._resized.add_done_callback(self._complain)
         self.camera = _answer(self._camera) or self.camera
         self.size = size = _answer(self._size) or self.size
         if self._size.done() and not all(size):
             self._size = self._session.ask_viewport_size()  # the session keeps REQ-12's distance
+
+    def _complain(self, answer: Future[Any]) -> None:
+        problem = None if answer.cancelled() else answer.exception()
+        if isinstance(problem, (ServerRefusedError, NotOfferedError)):
+            self._complaints.say(f"the images keep their size: {problem}")
 
 
 def _answer(future: Future[Any]) -> Any:
@@ -58,9 +70,3 @@ def _answer(future: Future[Any]) -> Any:
         return future.result()
     except ServerRefusedError:
         return None
-
-
-def _complain(answer: Future[Any]) -> None:
-    problem = None if answer.cancelled() else answer.exception()
-    if isinstance(problem, (ServerRefusedError, NotOfferedError)):
-        log.warning("the images keep their size: %s", problem)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from splatbus_client.loop import clock
+from splatbus_client.mapping import MemoryLostError
 from splatbus_client.session import Session
 from splatbus_wire.poses import Pose
 
@@ -48,7 +50,8 @@ def _frame_from(session: Session, pose: Pose | None, end: float) -> Shown:
                     " of; splatbus-client view reads them"
                 )
             if pose is None or same_view(frame.camera.pose, pose):
-                image = shown(frame.color, frame.depth, frame.camera, frame.semantics)
-                if frame.intact:
-                    return image
+                with suppress(MemoryLostError):
+                    color, depth = frame.copy("color"), frame.copy("depth")
+                    if frame.intact:
+                        return shown(color, depth, frame.camera, frame.semantics)
         others += 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -11,9 +12,11 @@ from typing import TextIO
 
 from splatbus_client.loop import clock
 from splatbus_client.session import Session
+from splatbus_schemas import LIMITS
+from splatbus_schemas.visible import visible
 from splatbus_wire.messages import Histogram, Scalar, Series, Telemetry, message_object
 
-from splatbus_viewer.terminal import Lines, columns, printable
+from splatbus_viewer.terminal import Lines, columns
 
 _PATIENCE_SECONDS = 0.25
 _CURVE_LETTERS = 32
@@ -52,10 +55,13 @@ def watch(
 
 
 def as_json(out: TextIO) -> Show:
-    """Show each message as one line of JSON, with the members that it had on the wire."""
+    """Show each message as one line of JSON, with the members that it had on the wire.
+
+    In ASCII, and with nothing in it that a CI system obeys: see `visible`, which is no JSON.
+    """
 
     def show(telemetry: Telemetry) -> None:
-        out.write(json.dumps(message_object(telemetry), ensure_ascii=False) + "\n")
+        out.write(json.dumps(message_object(telemetry)).replace("##", r"#\u0023") + "\n")
         out.flush()
 
     return show
@@ -78,10 +84,13 @@ def _table(out: TextIO) -> Show:
             if isinstance(series, Scalar):
                 course = courses.setdefault(series.name, deque(maxlen=_CURVE_LETTERS))
                 course.append(series.value)
+        for name in list(newest)[: -LIMITS["max_series"]]:  # of a server that ever has new ones
+            del newest[name]
+            courses.pop(name, None)
         rows = [_cells(series, courses.get(series.name, ())) for series in newest.values()]
-        name, value = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
+        left, right = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
         head = f"telemetry {telemetry.seq}, {telemetry.time:.3f} s on the server's clock"
-        lines.write([head, *(f"  {row[0]:<{name}}  {row[1]:>{value}}  {row[2]}" for row in rows)])
+        lines.write([head, *(f"  {row[0]:<{left}}  {row[1]:>{right}}  {row[2]}" for row in rows)])
 
     return show
 
@@ -98,15 +107,15 @@ def _lines(out: TextIO) -> Show:
 
 def _cells(series: Series, course: Iterable[float] = ()) -> tuple[str, str, str]:
     """What a row shows: a name, a value, and a picture or a text."""
-    name = printable(series.name)
+    name = visible(series.name)
     if isinstance(series, Scalar):
-        unit = printable(series.unit or "")
+        unit = visible(series.unit or "")
         return name, f"{series.value:.6g} {unit}".rstrip(), _curve(list(course))
     if isinstance(series, Histogram):
         counts, edges = _fewer(series.counts), series.edges
         shape = columns(counts, 0, max(counts))
         return name, f"{sum(series.counts)} counted", f"{edges[0]:.4g} |{shape}| {edges[-1]:.4g}"
-    return name, "", printable(series.value)
+    return name, "", visible(series.value)
 
 
 def _curve(course: list[float]) -> str:
@@ -115,8 +124,8 @@ def _curve(course: list[float]) -> str:
     least, most = min(course), max(course)
     if least == most:
         return f"{columns(course, least - 1, most + 1)} {least:.4g}"
-    visible = least - (most - least) / 8
-    return f"{columns(course, visible, most)} {least:.4g} to {most:.4g}"
+    bottom = max(least - (most / 8 - least / 8), -sys.float_info.max)
+    return f"{columns(course, bottom, most)} {least:.4g} to {most:.4g}"
 
 
 def _fewer(counts: tuple[int, ...]) -> list[int]:

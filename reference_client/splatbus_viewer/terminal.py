@@ -1,5 +1,6 @@
-"""What a terminal shows: text that is safe, bars, and lines that are written over."""
+"""What a terminal shows: bars, and lines that are written over."""
 
+import math
 import shutil
 from collections.abc import Sequence
 from typing import TextIO
@@ -8,15 +9,12 @@ _EIGHTHS = " ▁▂▃▄▅▆▇█"
 _LEFT_EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
-def printable(text: str) -> str:
-    """Return the text of a stranger without what could move the cursor, or begin a line."""
-    return "".join(letter if letter.isprintable() else "�" for letter in text)
-
-
 def columns(numbers: Sequence[float], least: float, most: float) -> str:
     """Return one bar for each number, standing: full at `most`, and empty only at `least`."""
+    if math.isinf(most - least):  # of the largest numbers
+        return columns([n / 4 for n in numbers], least / 4, most / 4)
     span = most - least if most > least else 1.0
-    eighths = (max(round(8 * (n - least) / span), 1 if n > least else 0) for n in numbers)
+    eighths = (max(round((n - least) / span * 8), 1 if n > least else 0) for n in numbers)
     return "".join(_EIGHTHS[eighth] for eighth in eighths)
 
 

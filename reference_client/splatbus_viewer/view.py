@@ -7,12 +7,13 @@ import secrets
 import shutil
 import threading
 from collections import deque
+from contextlib import suppress
 from typing import Any, TextIO
 
-import numpy as np
 from splatbus_client.channel import ChannelStatus
 from splatbus_client.lease import FrameLease
 from splatbus_client.loop import clock
+from splatbus_client.mapping import MemoryLostError
 from splatbus_client.session import Session
 from splatbus_client.status import Status
 from splatbus_wire.poses import IDENTITY, Pose
@@ -101,7 +102,7 @@ def _read_one(session: Session, frames: _Frames, until: float) -> None:
         frame = session.next_frame(max(0.0, until - clock()))
     except TimeoutError:
         return
-    with frame:
+    with frame, suppress(MemoryLostError):
         frames.read(frame, clock())
 
 
@@ -112,15 +113,14 @@ class _Frames:
         self.count = 0
         self.times: deque[float] = deque(maxlen=120)
         self.latencies = Latencies()
-        self._color = np.empty((0, 0, 4), np.float32)
-        self._depth = np.empty((0, 0), np.float32)
 
     def read(self, frame: FrameLease, now: float) -> None:
-        """Copy the frame out, as a viewer does that uploads it to a texture."""
-        if frame.depth.shape != self._depth.shape:
-            self._color, self._depth = np.empty_like(frame.color), np.empty_like(frame.depth)
-        np.copyto(self._color, frame.color)
-        np.copyto(self._depth, frame.depth)
+        """Copy the frame out, as a viewer does that uploads it to a texture.
+
+        Raises:
+            MemoryLostError: the server cut its memory short.
+        """
+        self.newest = frame.copy("color"), frame.copy("depth")
         self.count += 1
         self.times.append(now)
         if frame.has_camera:

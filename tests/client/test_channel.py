@@ -138,6 +138,12 @@ def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener):
     assert min(waits) >= LIMITS["error_pause_seconds"]
 
 
+def test_a_server_that_closes_at_once_is_asked_less_and_less_often(listener):
+    for events in ([], [Ignored("no JSON")]):
+        waits = lose_again_and_again(listener, Owner(events), 4)
+        assert waits == sorted(set(waits))
+
+
 def test_a_server_that_turns_us_away_after_a_welcome_is_no_different(listener):
     events = [Negotiated("1.1", None, frozenset()), ServerError(ErrorMessage("busy", "no"))]
     waits = lose_again_and_again(listener, Owner(events), 4)
@@ -254,4 +260,17 @@ def test_connections_are_made_without_delay_of_small_packets(listener):
     channel = channel_to(listener, Owner())
     step(channel, 0.0)
     assert channel.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    channel.close()
+
+
+def test_a_host_that_vanished_is_noticed(listener):
+    channel = channel_to(listener, Owner())
+    step(channel, 0.0)
+    assert channel.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    if hasattr(socket, "TCP_KEEPIDLE"):
+        idle, interval, count = (
+            channel.socket.getsockopt(socket.IPPROTO_TCP, getattr(socket, f"TCP_KEEP{name}"))
+            for name in ("IDLE", "INTVL", "CNT")
+        )
+        assert idle + interval * count <= 60
     channel.close()

@@ -258,8 +258,16 @@ def test_busy_answers_no_request_that_has_no_id():
     assert isinstance(reply, Replied)
 
 
-def test_telemetry_is_told_between_replies_and_only_if_it_was_agreed():
+def subscribed():
+    """A machine that takes telemetry."""
     machine = machine_of_1_1("telemetry")
+    machine.tell(SubscribeTelemetry(None))
+    machine.data_to_send(0.0)
+    return machine
+
+
+def test_telemetry_is_told_between_replies_and_only_if_it_was_agreed():
+    machine = subscribed()
     ticket = machine.ask(GetCameraPose(0))
     machine.data_to_send(0.0)
     reply = {"type": "camera", "id": ticket} | CAMERA_REPLY
@@ -267,12 +275,18 @@ def test_telemetry_is_told_between_replies_and_only_if_it_was_agreed():
     assert isinstance(figures, Measured)
     assert [series.name for series in figures.telemetry.series] == ["render_ms", "opacity", "stage"]
     assert isinstance(replied, Replied)
-    (ignored,) = receive(machine_of_1_1(), packet(TELEMETRY), 0.0)
+    for machine in (machine_of_1_1(), machine_of_1_1("telemetry")):
+        (ignored,) = receive(machine, packet(TELEMETRY), 0.0)
+        assert "TEL-3" in ignored.reason
+    machine = machine_of_1_1()
+    machine.tell(SubscribeTelemetry(None))
+    machine.data_to_send(0.0)
+    (ignored,) = receive(machine, packet(TELEMETRY), 0.0)
     assert "TEL-3" in ignored.reason
 
 
 def test_a_series_of_an_unknown_kind_is_ignored_and_the_others_kept():
-    machine = machine_of_1_1("telemetry")
+    machine = subscribed()
     strange = {"name": "x", "kind": "hologram", "value": {}}
     message = TELEMETRY | {"series": [strange, *TELEMETRY["series"]]}
     (figures,) = receive(machine, packet(message), 0.0)

@@ -1,11 +1,13 @@
 """Memory and leases, over real sockets and real shared memory."""
 
 import logging
+import os
+import sys
 import time
 
 import numpy as np
 import pytest
-from splatbus_client import connect
+from splatbus_client import MemoryLostError, connect
 
 from tests.peers.fake_server import (
     CAMERA,
@@ -18,6 +20,8 @@ from tests.peers.fake_server import (
     image,
     init_packet,
 )
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="memory keeps its size elsewhere")
 
 
 def test_a_frame_is_read_top_down_and_released(server, session, memory):
@@ -62,6 +66,89 @@ def test_a_frame_of_another_size_than_its_memory_is_given_back_unread(server, se
     ipc.send(frame(8))
     with session.next_frame(5) as lease:
         assert lease.seq == 8
+
+
+@linux
+def test_memory_that_is_cut_before_a_frame_is_taken_is_closed_and_the_next_read(
+    server, session, memory
+):
+    ipc = server.ipc_opened(memory)
+    os.truncate(memory.path, 0)
+    ipc.send(frame(7))
+    with pytest.raises(TimeoutError, match=r"cut to 0 bytes.*MEM-5"):
+        session.next_frame(0.5)
+    answers = [ipc.receive() for _ in range(2)]
+    assert answers[0] == {"type": "release", "generation": 1, "seq": 7}
+    assert answers[1] == {"type": "closed", "generation": 1}
+    assert session.images is None
+    other = Memory()
+    try:
+        ipc.send(init_packet(other.name, generation=2))
+        assert ipc.receive() == {"type": "opened", "generation": 2}
+        ipc.send(frame(8, generation=2))
+        with session.next_frame(5) as lease:
+            assert lease.seq == 8
+    finally:
+        other.remove()
+
+
+@linux
+def test_memory_that_is_cut_under_a_frame_fails_its_copy_and_is_closed(server, session, memory):
+    ipc = server.ipc_opened(memory)
+    ipc.send(frame(7))
+    with session.next_frame(5) as lease:
+        assert lease.copy("color").shape == (HEIGHT, WIDTH, 4)
+        os.truncate(memory.path, 0)
+        assert not lease.intact
+        for channel in ("color", "depth"):
+            with pytest.raises(MemoryLostError, match="MEM-5"):
+                lease.copy(channel)
+    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
+    assert ipc.receive() == {"type": "closed", "generation": 1}
+    assert "MEM-5" in session.status.no_images
+
+
+@linux
+def test_memory_that_was_cut_by_the_time_a_frame_is_given_back_is_closed(server, session, memory):
+    ipc = server.ipc_opened(memory)
+    ipc.send(frame(7))
+    with session.next_frame(5):
+        os.truncate(memory.path, 0)
+    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
+    assert ipc.receive() == {"type": "closed", "generation": 1}
+
+
+@linux
+def test_a_frame_that_follows_in_memory_that_was_cut_is_given_back_unread(server, session, memory):
+    ipc = server.ipc_opened(memory)
+    ipc.send(frame(7))
+    with session.next_frame(5) as lease:
+        kept = lease.color  # which keeps it mapped
+        os.truncate(memory.path, 0)
+    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
+    ipc.send(frame(8))
+    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 8}
+    del kept
+    assert ipc.receive() == {"type": "closed", "generation": 1}
+
+
+@linux
+def test_memory_that_was_cut_ends_the_connection_where_nothing_else_can_be_said(
+    server, session, memory, caplog
+):
+    ipc = server.ipc_1_1("host_shm", "frames")
+    ipc.send(init_packet(memory.name))
+    ipc.receive_type("opened")
+    os.truncate(memory.path, 0)
+    ipc.send(frame(7), frame(8))
+    with pytest.raises(TimeoutError):
+        session.next_frame(0.5)
+    assert ipc.ended()
+    assert "cut to 0 bytes" in caplog.text
+    memory.path.write_bytes(bytes(SIZE))
+    server.ipc_opened(memory).send(frame(1))
+    with session.next_frame(5) as lease:
+        assert lease.copy("depth").shape == (HEIGHT, WIDTH)
 
 
 def test_one_frame_is_borrowed_at_a_time(server, session, memory):
@@ -165,8 +252,9 @@ def test_a_channel_that_was_not_subscribed_to_is_not_read(server, memory):
         ipc.send(frame(7))
         with session.next_frame(5) as lease:
             assert lease.color.shape == (HEIGHT, WIDTH, 4)
-            with pytest.raises(RuntimeError, match="IMG-22"):
-                _ = lease.depth
+            for read in (lambda lease: lease.depth, lambda lease: lease.copy("depth")):
+                with pytest.raises(RuntimeError, match="IMG-22"):
+                    read(lease)
             session.subscribe("depth")
             assert ipc.receive() == {"type": "subscribe", "channels": ["depth"]}
         ipc.send(frame(8))

@@ -1,12 +1,14 @@
 """Buffers of 1.0, looked at now and then: with memory that only pretends to be on a GPU."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
 from splatbus_client import reading
 from splatbus_client.events import Look
 from splatbus_client.ipc_protocol import IpcProtocol
+from splatbus_viewer.info import describe
 from splatbus_viewer.mirror import Mirror
 from splatbus_viewer.snapshot import snapshot
 from splatbus_wire.init_packet import LegacyBuffers, Semantics
@@ -35,6 +37,12 @@ class Buffers:
 
     def on_host(self, name, slot, array):
         return array
+
+    def copied(self, name, slot, array):
+        return array.copy()
+
+    def lost(self):
+        return None
 
     def finish(self, slot):
         pass
@@ -99,6 +107,24 @@ def test_a_snapshot_needs_to_know_the_camera(server, session, opened, tmp_path):
     ipc.send(cuda_init_packet())
     with pytest.raises(TimeoutError, match="does not say what camera"):
         snapshot(session, tmp_path / "out.png", None, 5)
+
+
+def test_its_images_are_described_as_far_as_they_are_known(server, session, opened):
+    ipc, message = server.ipc(), server.message()
+    ipc.receive()
+    ipc.send(cuda_init_packet())
+    message.receive_type("get_viewport_size")
+    message.send({"viewport_size": [WIDTH, HEIGHT]})
+    player = threading.Thread(
+        target=lambda: (
+            message.receive_type("get_viewport_size"),
+            message.send({"viewport_size": [WIDTH, HEIGHT]}),
+        )
+    )
+    player.start()
+    lines = list(describe(session, 10))
+    player.join()
+    assert f"{WIDTH}x{HEIGHT}, of which 1.0 tells neither camera nor time" in lines[-1]
 
 
 def test_a_server_of_1_1_without_frames_is_answered_and_looked_at(server, session, opened):

@@ -16,6 +16,17 @@ def follow(questions, until):
     return until()
 
 
+def test_questions_of_connections_that_ended_are_not_kept(server, session):
+    questions = Questions(session, (64, 48))
+    for connections in range(1, 6):
+        message = server.message_1_1()
+        assert follow(questions, lambda n=connections: session.status.message.connections == n)
+        questions.follow()
+        message.receive_type("get_camera_pose")
+        message.close()
+    assert len(session._steering.questions) <= 3
+
+
 def test_camera_and_size_are_asked_for_once_connected(server, session):
     questions = Questions(session)
     questions.follow()

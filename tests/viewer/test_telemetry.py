@@ -5,6 +5,7 @@ import json
 import threading
 
 import pytest
+from splatbus_schemas.visible import visible
 from splatbus_viewer import telemetry
 from splatbus_viewer.cli import main
 from splatbus_wire.messages import Histogram, Scalar, Telemetry, Text
@@ -79,10 +80,24 @@ def test_a_histogram_of_nothing_is_empty():
     assert "0 counted 0 | | 1" in shown(io.StringIO(), FIGURES._replace(series=series))
 
 
-def test_names_and_texts_of_a_stranger_move_no_cursor():
-    series = (Text("a\x1b[2J", "b\nc"), Scalar("d", 1.0, "\x07"))
-    assert "\x1b" not in shown(io.StringIO(), FIGURES._replace(series=series))
-    assert len(shown(io.StringIO(), FIGURES._replace(series=series)).splitlines()) == 2
+def test_numbers_may_be_as_large_as_they_can_be():
+    messages = [
+        FIGURES._replace(seq=seq, series=(Scalar("loss", value),))
+        for seq, value in enumerate([-1.7e308, 0.0, 1.7e308])
+    ]
+    rows = newest(shown(Terminal(), *messages))
+    assert rows[-1].split() == ["loss", "1.7e+308", "▁▄█", "-1.7e+308", "to", "1.7e+308"]
+
+
+def test_a_server_that_ever_has_new_series_fills_no_memory(monkeypatch):
+    monkeypatch.setenv("LINES", "1000")
+    messages = [
+        FIGURES._replace(seq=seq, series=tuple(Scalar(f"{seq}.{i}", 1.0) for i in range(200)))
+        for seq in range(3)
+    ]
+    rows = newest(shown(Terminal(), *messages))[1:]
+    assert len(rows) == 256
+    assert [row.split()[0] for row in rows[-200:]] == [f"2.{i}" for i in range(200)]
 
 
 def test_json_is_what_was_on_the_wire():
@@ -90,6 +105,11 @@ def test_json_is_what_was_on_the_wire():
     telemetry.as_json(out)(FIGURES)
     assert json.loads(out.getvalue()) == TELEMETRY
     assert out.getvalue().count("\n") == 1
+    out = io.StringIO()
+    strange = "\x9b \u202e µ ###[error] \\##vso[a]"
+    telemetry.as_json(out)(FIGURES._replace(series=(Text("stage", strange),)))
+    assert json.loads(out.getvalue())["series"][0]["value"] == strange
+    assert visible(out.getvalue().rstrip()) == out.getvalue().rstrip()
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import io
 
 import pytest
-from splatbus_viewer.terminal import Lines, bar, columns, printable
+from splatbus_viewer.terminal import Lines, bar, columns
 
 
 class Terminal(io.StringIO):
@@ -11,15 +11,11 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_stranger_s_text_moves_no_cursor_and_begins_no_line():
-    shown = printable("a\x1b[2J\r\nb\u202eé 漢")
-    assert shown == "a�[2J��b�é 漢"
-
-
 def test_columns_are_empty_at_the_least_and_full_at_the_most():
     assert columns([0, 1, 2, 3, 4], 0, 4) == " ▂▄▆█"
     assert columns([7, 7], 7, 7) == "  "
     assert columns([0, 1, 1000], 0, 1000) == " ▁█", "what is not nothing is seen"
+    assert columns([-1.7e308, 0.0, 1.7e308], -1.7e308, 1.7e308) == " ▄█"
 
 
 @pytest.mark.parametrize(("share", "text"), [(0, ""), (1, "████"), (0.5, "██"), (1 / 32, "▏")])

@@ -22,6 +22,7 @@ from tests.peers.fake_server import (
     ROTATION,
     WIDTH,
     FakeServer,
+    Memory,
     frame,
     init_packet,
 )
@@ -168,6 +169,38 @@ def test_every_frame_is_read_and_released(server, memory):
         process.send_signal(signal.SIGTERM)
         out, _ = process.communicate(timeout=30)
         assert "5 frames" in out.splitlines()[-1]
+
+
+@pytest.fixture
+def other():
+    other = Memory()
+    yield other
+    other.remove()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory keeps its size elsewhere")
+@pytest.mark.parametrize("reinit", [True, False])
+def test_memory_that_is_cut_short_ends_no_viewer(server, memory, other, reinit):
+    with viewer(server) as process:
+        ipc = server.ipc_1_1("host_shm", "frames", *(["reinit"] if reinit else []))
+        ipc.send(init_packet(memory.name))
+        ipc.receive_type("opened")
+        os.truncate(memory.path, 0)
+        ipc.send(frame(1))
+        if reinit:
+            ipc.receive_type("closed")
+            ipc.send(init_packet(other.name, generation=2))
+            ipc.receive_type("opened")
+        else:
+            assert ipc.ended()
+            ipc = server.ipc_opened(other, generation=2)
+        ipc.send(frame(2, generation=2))
+        assert ipc.receive() == {"type": "release", "generation": 2, "seq": 2}
+        process.send_signal(signal.SIGTERM)
+        out, err = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "1 frames" in out.splitlines()[-1]
+    assert "was cut to 0 bytes" in err
 
 
 def test_poses_wait_for_the_images_of_the_former(server, memory):

@@ -80,6 +80,13 @@ class CudaImages:
         rows.flags.writeable = False
         return rows
 
+    def copied(self, name: str, slot: int, array: DeviceArray) -> Image:
+        """Copy an array of a slot to memory of the host that stays; errors as of `on_host`."""
+        return np.array(self.on_host(name, slot, array))
+
+    def lost(self) -> None:
+        """Return None: memory of a GPU stays for whoever has opened it."""
+
     def finish(self, slot: int) -> None:
         """Wait until all reads of a slot were seen to finish [IMG-13].
 
