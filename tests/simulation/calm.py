@@ -51,7 +51,8 @@ def settle(session: Session) -> None:
     _look_at_poses(session)
     for client, connections in zip(strangers, before, strict=True):
         status = client.message.status
-        world.look("who is turned away knows why", "unauthorized" in (status.problem or ""), status)
+        knows = status.connected or "unauthorized" in (status.problem or "")
+        world.look("who is turned away knows why", knows, status)
         attempts = status.connections - connections
         world.look("who is turned away knocks less and less often", attempts <= 5, attempts)
 
