@@ -20,7 +20,7 @@ from splatbus_wire.messages import Program
 
 from splatbus_client.backoff import LONGEST, delays
 from splatbus_client.complaints import Complaints
-from splatbus_client.events import Event, Ignored, MustClose, Negotiated, ServerError
+from splatbus_client.events import Event, Ignored, MustClose, Negotiated, Refused, ServerError
 
 log = logging.getLogger("splatbus_client")
 
@@ -217,7 +217,9 @@ class Channel:
             if isinstance(event, Ignored):
                 self._warn(f"ignored a packet: {event.reason}")
                 continue
-            if isinstance(event, ServerError):
+            if isinstance(event, ServerError) or (
+                isinstance(event, Refused) and self.status.version is None  # hello was refused
+            ):
                 self._welcome = False
                 problem = visible(f"the server says {event.error.code}: {event.error.message}")
                 self.status = self.status._replace(problem=problem)

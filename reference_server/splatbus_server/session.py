@@ -139,6 +139,7 @@ class Session:
     def leave(self, connection: Connection) -> None:
         """Ends what a connection had: control of the scene [POS-11], its lease [IMG-17]."""
         self.has_news = True
+        connection.abort("it was lost")  # a wish of it may be under way, and is nobody's now
         self.told_busy.discard(connection)
         self.control.leave(connection)
         self.viewport.leave(connection)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 from splatbus_client import channel as channel_module
 from splatbus_client.channel import Channel
-from splatbus_client.events import Ignored, MustClose, Negotiated, ServerError
+from splatbus_client.events import Ignored, MustClose, Negotiated, Refused, ServerError
 from splatbus_schemas import LIMITS
 from splatbus_wire.messages import ErrorMessage
 
@@ -131,8 +131,12 @@ def test_a_connection_on_which_something_was_understood_begins_the_schedule_anew
     assert len({round(wait, 6) for wait in waits}) == 1
 
 
-def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener):
-    error = ServerError(ErrorMessage("unauthorized", "no"))
+UNAUTHORIZED = ErrorMessage("unauthorized", "no")
+
+
+@pytest.mark.parametrize("error", [ServerError(UNAUTHORIZED), Refused(0, UNAUTHORIZED)])
+def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener, error):
+    """Whether it refuses `hello`, or the question that is sent along with it."""
     waits = lose_again_and_again(listener, Owner([error]), 4)
     assert waits == sorted(set(waits))
     assert min(waits) >= LIMITS["error_pause_seconds"]

@@ -361,6 +361,17 @@ def test_a_size_goes_back_when_nobody_is_left_who_asked_for_it(stage: Stage) -> 
     assert stage.do_chores() == 0
 
 
+def test_a_size_goes_back_whose_asker_left_while_its_memory_was_made(stage: Stage) -> None:
+    asker = stage.steerer()
+    asker.say(set_viewport())
+    asker.leave()
+    assert stage.do_chores() == 1
+    assert (stage.exchange.memory.width, stage.exchange.memory.height) == (8, 6)
+    stage.do_chores()
+    assert (stage.exchange.memory.width, stage.exchange.memory.height) == (4, 2)
+    assert not stage.session.viewport.askers
+
+
 def test_a_size_stays_while_somebody_reads_who_could_not_follow(stage: Stage) -> None:
     asker = stage.steerer()
     change(stage, asker)

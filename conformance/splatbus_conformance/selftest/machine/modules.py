@@ -32,14 +32,15 @@ OWN: dict[Side, tuple[str, ...]] = {
             *("client.backoff", "client.channel", "client.events", "client.host_memory"),
             *("client.ipc_protocol", "client.lease", "client.loop"),
             *("client.message_protocol", "client.outgoing", "viewer.questions", "client.reading"),
-            *("client.session", "client.steering"),
+            *("client.complaints", "client.mapping", "client.session", "client.steering"),
         )
     ),
     "server": tuple(
         f"splatbus_server.{name}"
         for name in (
             *("connection", "control", "exchange", "memory", "reader", "ring", "service"),
-            *("session", "shared_memory", "steering", "telemetry", "view", "viewport"),
+            *("limits", "peer", "session", "share", "shared_memory", "steering", "telemetry"),
+            *("view", "viewport"),
         )
     ),
 }

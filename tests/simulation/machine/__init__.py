@@ -1,0 +1,1 @@
+"""What stands in for the system: time, network, memory. It knows nothing of the protocol."""

@@ -1,0 +1,140 @@
+"""Sessions by their seeds: one, to be read, or many, beside each other.
+
+    python -m tests.simulation --seed 123 -v
+    python -m tests.simulation --sessions 100000 --jobs 2
+
+Many are counted in `tests/results/simulation.json`, with the seeds of those that broke something.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tests.simulation.machine.world import BrokenError
+from tests.simulation.session import play
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULT = ROOT / "tests" / "results" / "simulation.json"
+BATCH = 200
+"""Sessions that a process plays before it reports."""
+SHOWN_SECONDS = 10.0
+
+
+class Played(NamedTuple):
+    """What many sessions were."""
+
+    sessions: int
+    steps: int
+    drawn: Counter[str]
+    looked: Counter[str]
+    broken: dict[int, str]
+
+
+def play_all(first: int, count: int) -> Played:
+    """Plays the sessions of so many seeds."""
+    steps, drawn, looked, broken = 0, Counter[str](), Counter[str](), {}
+    for seed in range(first, first + count):
+        try:
+            world = play(seed)
+        except BrokenError as error:
+            broken[seed] = str(error)
+        else:
+            steps += world.steps
+            drawn += world.drawn
+            looked += world.looked
+    return Played(count, steps, drawn, looked, broken)
+
+
+def added(a: Played, b: Played) -> Played:
+    """Both together."""
+    return Played(
+        a.sessions + b.sessions,
+        a.steps + b.steps,
+        a.drawn + b.drawn,
+        a.looked + b.looked,
+        a.broken | b.broken,
+    )
+
+
+def replay(seed: int, is_told: bool) -> int:
+    """Plays one session; its exit status."""
+    try:
+        world = play(seed, print if is_told else None)
+    except BrokenError as error:
+        print(f"seed {seed}: {error}")
+        return 1
+    print(f"seed {seed}: {world.steps} steps, {sum(world.looked.values())} looks, nothing broken")
+    return 0
+
+
+def play_beside(first: int, count: int, jobs: int) -> tuple[Played, float]:
+    """Plays many, in so many processes; and in how many seconds."""
+    began = shown = time.monotonic()
+    total = Played(0, 0, Counter(), Counter(), {})
+    with ProcessPoolExecutor(jobs) as pool:
+        batches = [
+            pool.submit(play_all, start, min(BATCH, first + count - start))
+            for start in range(first, first + count, BATCH)
+        ]
+        for batch in as_completed(batches):
+            total = added(total, batch.result())
+            for seed, told in batch.result().broken.items():
+                print(f"seed {seed}: {told}", flush=True)
+            if time.monotonic() > shown + SHOWN_SECONDS:
+                shown = time.monotonic()
+                rate = total.sessions / (shown - began)
+                print(f"{total.sessions} of {count} sessions, {rate:.0f} a second", flush=True)
+    return total, time.monotonic() - began
+
+
+def commit() -> str:
+    """Of what is played, with a sign if it was changed since."""
+    command = ("git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*")
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    return ended.stdout.strip()
+
+
+def summary(total: Played, first: int, seconds: float) -> dict[str, Any]:
+    """What is stored."""
+    return {
+        "sessions": total.sessions,
+        "seeds": [first, first + total.sessions - 1],
+        "seconds": round(seconds, 1),
+        "steps": total.steps,
+        "drawn": dict(sorted(total.drawn.items())),
+        "looked": dict(sorted(total.looked.items())),
+        "broken": {str(seed): told for seed, told in sorted(total.broken.items())},
+    }
+
+
+def main(words: list[str]) -> int:
+    """Plays what the command line says; exit status 1 if anything broke."""
+    parser = argparse.ArgumentParser(prog="python -m tests.simulation", description=__doc__)
+    parser.add_argument("--seed", type=int, help="play this session, or begin with it")
+    parser.add_argument("-v", "--verbose", action="store_true", help="tell what happens in it")
+    parser.add_argument("--sessions", type=int, help="play so many")
+    parser.add_argument("--jobs", type=int, default=1, help="in so many processes")
+    parser.add_argument("--out", type=Path, default=RESULT, help="where the counts are stored")
+    options = parser.parse_args(words)
+    first = options.seed or 0
+    if options.sessions is None:
+        return replay(first, options.verbose)
+    played = {"commit": commit(), "jobs": options.jobs}
+    total, seconds = play_beside(first, options.sessions, options.jobs)
+    options.out.parent.mkdir(exist_ok=True)
+    text = json.dumps(played | summary(total, first, seconds), indent=1)
+    options.out.write_text(text + "\n", "utf-8")
+    print(f"{total.sessions} sessions in {seconds:.0f} s, {len(total.broken)} broken")
+    return 1 if total.broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
