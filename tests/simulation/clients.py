@@ -142,7 +142,7 @@ class WatchedSteering(Steering):
         if isinstance(event, ServerError):
             self._client.hear(event.error)
         if self.telemetry:
-            newest = self.telemetry.pop()
+            newest = self.telemetry.pop().telemetry
             self._client.look("telemetry's seq grows", newest.seq > self._told, newest.seq)
             self._told = newest.seq
             for series in newest.series:

@@ -137,6 +137,10 @@ class Images:
         self.semantics = packet.semantics or Semantics()
         self.size = packet.width, packet.height
 
+    def lost(self) -> str | None:
+        """Nobody cuts memory short here."""
+        return None
+
     def close(self) -> bool:
         """Unmaps; not while somebody has an array of it, which is so at times."""
         return not self.world.chance(0.2)

@@ -215,6 +215,7 @@ def standing_in(host: Host, images: Callable[[Any], Any]) -> Iterator[None]:
         TCP_NODELAY=socket.TCP_NODELAY,
         SOL_SOCKET=socket.SOL_SOCKET,
         SO_ERROR=socket.SO_ERROR,
+        SO_KEEPALIVE=socket.SO_KEEPALIVE,
         SOCK_STREAM=socket.SOCK_STREAM,
     )
     selecting = SimpleNamespace(
