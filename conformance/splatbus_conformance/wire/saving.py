@@ -2,6 +2,7 @@
 
 import os
 import stat
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TextIO
@@ -44,7 +45,7 @@ def _written(path: Path) -> TextIO:
     file = os.open(path, os.O_WRONLY | os.O_CREAT, OWNER_ALONE)
     try:
         if stat.S_ISREG(os.fstat(file).st_mode):  # and no pipe or device
-            if os.name == "posix":
+            if sys.platform != "win32":
                 os.fchmod(file, OWNER_ALONE)
             os.ftruncate(file, 0)
         return os.fdopen(file, "w", buffering=1, encoding="utf-8", newline="\n")

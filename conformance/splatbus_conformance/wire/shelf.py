@@ -9,7 +9,7 @@ import weakref
 from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, BinaryIO, Generic, TypeVar, overload
+from typing import IO, Any, Generic, TypeVar, overload
 
 MOST_KEPT = 1 << 20
 """Bytes of payloads in memory, of all rows of a shelf: as values they take ten times that."""
@@ -30,13 +30,13 @@ class Shelf(Generic[T]):
     ) -> None:
         self.plain, self.made, self.size = plain, made, size
         self.kept = 0
-        self._file: BinaryIO | None = None
+        self._file: IO[bytes] | None = None
 
     def put(self, row: list[T]) -> tuple[int, int]:
         """Put a row away; where it is, and its length in bytes. Raises OSError."""
         if self._file is None:
-            self._file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the shelf
-            weakref.finalize(self, self._file.close)
+            self._file = file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the shelf
+            weakref.finalize(self, file.close)
         data = marshal.dumps(list(map(self.plain, row)))
         return self._file.seek(0, 2), self._file.write(data)
 
