@@ -46,16 +46,17 @@ def ignores_the_device() -> None:
 def releases_too_early() -> None:
     from splatbus_client.lease import FrameLease
 
-    right = FrameLease._host
+    for reading in ("_host", "copy"):
+        right = getattr(FrameLease, reading)
 
-    def late(self: Any, name: str, image: Any) -> Any:
-        if not self._released:
-            self._released = True
-            self._give_back()
-        time.sleep(0.05)
-        return right(self, name, image)
+        def late(self: Any, *of: Any, right: Any = right) -> Any:
+            if not self._released:
+                self._released = True
+                self._give_back()
+            time.sleep(0.05)
+            return right(self, *of)
 
-    FrameLease._host = late  # type: ignore[method-assign]
+        setattr(FrameLease, reading, late)
     FrameLease._readable = lambda self, image, name: image  # type: ignore[method-assign]
     FrameLease.intact = True  # type: ignore[assignment, method-assign]
 
