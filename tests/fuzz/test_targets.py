@@ -1,0 +1,86 @@
+"""Every target for a moment, with the same inputs each time; and whether it sees what is broken."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+from unittest import mock
+
+import pytest
+import splatbus_conformance.wire.json_reading
+import splatbus_conformance.wire.recording
+import splatbus_wire.framing
+import splatbus_wire.json_text
+import splatbus_wire.plain_poses
+
+from tests.fuzz import corpus
+from tests.fuzz.loop import fuzz, shortest
+from tests.fuzz.reach import Reach
+from tests.fuzz.targets import TARGETS
+
+EXECUTIONS = {"framing": 500, "captured": 300}
+USUAL = 1500
+MOST_BYTES = 300_000
+"""Of what the repository keeps of all inputs."""
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_no_reader_fails_in_a_way_of_its_own(name: str) -> None:
+    result = fuzz(name, executions=EXECUTIONS.get(name, USUAL))
+    assert not result.faults, result.faults
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_what_was_found_is_read_as_before(name: str) -> None:
+    for data in corpus.found(name):
+        TARGETS[name].run(data)
+
+
+def test_the_corpus_is_small() -> None:
+    assert sum(path.stat().st_size for path in corpus.FOLDER.iterdir()) <= MOST_BYTES
+    assert {path.stem for path in corpus.FOLDER.iterdir()} <= set(TARGETS)
+
+
+def _whatever(*_: Any) -> None:
+    return None
+
+
+PLANTED = {
+    "depth": ("leniently", splatbus_wire.json_text, "check_depth", _whatever),
+    "half a pair": ("leniently", splatbus_wire.json_text, "_check_pairs", _whatever),
+    "a name twice": ("leniently", splatbus_wire.json_text, "STRICT", json.JSONDecoder()),
+    "lenient": ("leniently", splatbus_conformance.wire.json_reading, "LONG_NUMBER", 10**6),
+    "largest": ("streamed", splatbus_wire.framing, "MAX_PAYLOAD_BYTES", 1 << 30),
+    "a recording": (
+        *("recorded", splatbus_conformance.wire.recording),
+        *("_is_number", lambda value: not isinstance(value, str)),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", PLANTED)
+def test_a_fault_is_found(what: str) -> None:
+    name, module, attribute, broken = PLANTED[what]
+    with mock.patch.object(module, attribute, broken):
+        assert any(fuzz(name, executions=2000, seed=seed).faults for seed in range(20))
+
+
+def test_the_same_seed_makes_the_same_inputs() -> None:
+    first, again = (fuzz("client-on-ipc", executions=2000) for _ in range(2))
+    assert (first.size, first.kept) == (again.size, again.kept)
+    assert fuzz("client-on-ipc", executions=2000, seed=1).size != first.size
+
+
+def test_a_fault_is_made_short() -> None:
+    def run(data: bytes) -> None:
+        if b"ab" in data and b"c" in data:
+            raise KeyError
+
+    assert shortest(run, b"xxxabyyyyycz" * 3) in (b"abc", b"cab")
+
+
+def test_only_what_was_not_reached_before_counts() -> None:
+    reach = Reach(TARGETS["client-on-ipc"])
+    assert reach.run(b"{}")
+    assert not reach.run(b"{}")
+    assert reach.run(b'{"type":"opened","generation":1}')
