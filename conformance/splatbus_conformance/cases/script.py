@@ -121,7 +121,10 @@ def _case_as_json(case: Case) -> dict[str, Any]:
 
 def _case_from_json(case: dict[str, Any]) -> Case:
     if "listed" in case:
-        return Case(False, int(case["listed"]))
+        place = case["listed"]
+        if type(place) is not int:
+            raise TypeError(f"{shown(place)} is no place in a list")
+        return Case(False, place)
     return Case(True, _from_json(case["drawn"]))
 
 

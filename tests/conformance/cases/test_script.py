@@ -50,6 +50,7 @@ def test_a_case_without_a_form_is_refused(tmp_path: Path) -> None:
         '{"format":"2"}',
         '{"format":"1"}',
         '{"format":"1","cases":[[{}]]}',
+        '{"format":"1","cases":[[{"listed":1e400}]]}',
         "[" * 9999,
     ],
 )
