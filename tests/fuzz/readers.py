@@ -7,10 +7,10 @@ import contextlib
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from splatbus_conformance.cases import script as scripts
-from splatbus_conformance.observe.audit import audit
+from splatbus_conformance.observe.audit import audit, audit_capture
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.files import stored
 from splatbus_conformance.wire import capture, first_bytes, json_reading, packets, recording
@@ -23,24 +23,18 @@ LEFT_TO_OTHERS = {"JSN-12"}
 """Which the lenient reader leaves to others."""
 
 
-class Text:
-    """A file that is not there: what `Path` has that the readers use."""
-
-    def __init__(self, data: bytes) -> None:
-        self.name = "fuzzed"
-        self._data = data
-
-    def read_text(self, encoding: str) -> str:
-        """Its text."""
-        return self._data.decode(encoding)
-
-    def __str__(self) -> str:
-        return self.name
-
-
 def file(data: bytes) -> Path:
     """A file with this in it."""
-    return cast("Path", Text(data))
+    path = _folder() / "fuzzed"
+    path.write_bytes(data)
+    return path
+
+
+@cache
+def _folder() -> Path:
+    folder = tempfile.TemporaryDirectory(prefix="splatbus-fuzz-")
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
 
 
 def recorded(data: bytes) -> None:
@@ -63,20 +57,11 @@ def reported(data: bytes) -> None:
 
 
 def captured(data: bytes) -> None:
-    """A capture is read."""
-    path = _folder() / "fuzzed.pcap"
-    path.write_bytes(data)
+    """A capture is read, and judged."""
+    path = file(data)
     if capture.files.is_capture(path):
         with contextlib.suppress(capture.CaptureError):
-            capture.load(path, IPC_PORT, MESSAGE_PORT)
-
-
-@cache
-def _folder() -> Path:
-    """Captures are read from real files."""
-    folder = tempfile.TemporaryDirectory(prefix="splatbus-fuzz-")
-    atexit.register(folder.cleanup)
-    return Path(folder.name)
+            audit_capture(capture.load(path, IPC_PORT, MESSAGE_PORT))
 
 
 def scripted(data: bytes) -> None:
