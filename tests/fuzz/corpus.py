@@ -1,6 +1,6 @@
 """What a target begins with: the examples of the specification, and what was found before.
 
-`corpus/NAME.jsonl` has an input on each line: a JSON string whose characters are its bytes.
+`inputs/NAME.jsonl` has an input on each line: a JSON string whose characters are its bytes.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from splatbus_schemas import examples, names
 from splatbus_wire.framing import encode_packet
 from splatbus_wire.messages import Opened, Release, Welcome, encode
 
-from tests.fuzz.machines import HELLO, MARK, PROGRAM
+from tests.fuzz.targets.machines import HELLO, MARK, PROGRAM
 
-FOLDER = Path(__file__).parent / "corpus"
+FOLDER = Path(__file__).parent / "inputs"
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "tests" / "data"
 VERSIONS = ("1.0", "1.1")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from tests.fuzz import codecs, machines, readers
+from tests.fuzz.targets import codecs, machines, readers
 
 Run = Callable[[bytes], None]
 WIRE = ("splatbus_wire",)
