@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import select
 import selectors
 import socket
+import sys
 from collections import Counter
 from dataclasses import dataclass, field
 
 from splatbus_server.connection import Connection
 from splatbus_server.share import Share
+
+
+def has_hung_up(connection: socket.socket) -> bool:
+    """Whether the other side has closed it, though not all that it sent has been read.
+
+    Not known on every system; False where it is not.
+    """
+    if sys.platform != "linux":
+        return False
+    watch = select.poll()
+    watch.register(connection, select.POLLRDHUP)
+    return bool(watch.poll(0))
 
 
 @dataclass(eq=False)
@@ -39,3 +53,8 @@ class Peer:
     def waits(self) -> bool:
         """Whether what it sends is not looked at for the time being."""
         return self.is_behind or self.share.is_resting or not self.connection.is_ready
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it rests, and nobody may be there any more to hear what comes of that."""
+        return self.waits and has_hung_up(self.socket)

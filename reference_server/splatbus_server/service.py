@@ -228,7 +228,7 @@ class Service:
         """Whether one more can be served, after the one that has least to lose made room [CHN-25].
 
         Such are connections that end, and those that have said nothing valid, the oldest first, but
-        never the only one. With a token, they have half of the places.
+        never the only one. With a token, the latter have half of the places.
         """
         most = self._limits.connections
         there = [p for p in self.peers if p.connection.channel == channel]
@@ -236,20 +236,21 @@ class Service:
         is_guarded = self._terms.token is not None
         if len(there) < most and not (is_guarded and len(strangers) >= most // 2 > 0):
             return True
-        if len(there) == 1:
-            return False
-        ending = [p for p in there if not p.connection.is_open]
-        for peer in (*ending, *strangers):
-            if peer.connection.is_open:
-                self._serve(peer)  # what it said may wait to be read
-            if peer in self.peers:
-                if peer.connection.is_open and peer.connection.is_known:
-                    continue
-                peer.connection.abort("it made room for another client [CHN-25]")
-                self._statistics.refused["made_room"] += 1
-                self.flush(peer, time.monotonic())
-            return True
+        for peer in there:
+            if peer.is_gone or not peer.connection.is_open:
+                return self._make_room(peer)
+        for peer in strangers if len(there) > 1 else ():
+            self._serve(peer)  # what it said may wait to be read
+            if not peer.connection.is_known:
+                return self._make_room(peer)
         return len(there) < most
+
+    def _make_room(self, peer: Peer) -> bool:
+        if peer in self.peers:
+            peer.connection.abort("it made room for another client [CHN-25]")
+            self._statistics.refused["made_room"] += 1
+            self.flush(peer, time.monotonic())
+        return True
 
     def _serve(self, peer: Peer) -> None:
         self._guarded(peer, self._read)

@@ -13,6 +13,7 @@ import splatbus_server
 from splatbus_schemas import LIMITS
 from splatbus_server import connection as connection_module
 from splatbus_server import service as service_module
+from splatbus_server import share
 from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.peer import Peer
 from splatbus_server.service import Service
@@ -154,6 +155,22 @@ def test_with_a_token_strangers_have_half_of_the_places() -> None:
         other = comes()
         assert other.ask(hello(**token)) is not None
         assert strangers[2].ask(hello(**token)) is not None
+
+
+@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
+def test_who_has_gone_makes_room_though_it_rests(
+    bus: splatbus_server.Bus, port: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise work for those who are gone would keep others out."""
+    monkeypatch.setattr(share, "REST", 1e6)
+    number = getattr(bus.address, port)
+    for _ in range(3 * DEFAULT.connections):
+        with RawClient(number) as client:
+            client.send(hello())
+            assert client.receive() is not None
+            client.send(*[{"type": "nothing"}] * 500)
+    with RawClient(number) as client:
+        assert client.ask(hello()) is not None
 
 
 @pytest.mark.parametrize("port", ["ipc_port", "message_port"])
