@@ -1,9 +1,11 @@
-"""A log that nobody can fill: so many lines of a kind a second, and how many were left out."""
+"""A log that nobody can fill, nor write into: what a client says stands there to be seen."""
 
 from __future__ import annotations
 
 import logging
 import time
+
+from splatbus_schemas.visible import visible
 
 LINES_A_SECOND = 20
 
@@ -23,11 +25,12 @@ class Sparing(logging.Filter):
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether the line is written."""
         kind, now = record.msg, time.monotonic()
+        record.msg, record.args = visible(record.getMessage()), ()
         if now >= self._begun.get(kind, -1.0) + 1.0:
             left_out = self._lines.get(kind, 0) - LINES_A_SECOND
             self._begun[kind], self._lines[kind] = now, 0
             if left_out > 0:
-                record.msg, record.args = f"{record.getMessage()} ({left_out} like it left out)", ()
+                record.msg += f" ({left_out} like it left out)"
         self._lines[kind] += 1
         return self._lines[kind] <= LINES_A_SECOND
 

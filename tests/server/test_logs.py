@@ -29,3 +29,11 @@ def test_lines_of_a_kind_are_left_out_and_counted(monkeypatch: pytest.MonkeyPatc
         *("0: refused", "1: refused", "2: refused", "another kind"),
         *("100%: refused (6 like it left out)", "10: refused"),
     ]
+
+
+def test_what_a_client_says_does_not_act_in_the_log() -> None:
+    record = logging.LogRecord(
+        "", logging.INFO, "", 0, "%s: %s", ("msg", "a\x9b2J\n::error::"), None
+    )
+    Sparing().filter(record)
+    assert record.getMessage() == "msg: a\\x9b2J\\x0a::error::"

@@ -149,7 +149,9 @@ def _refuses(patch: Patch, channel: str, wrong: Callable[[bytes], bool], kind: s
 
     def decode(original: Any, payload: bytes, on: str, said_hello: bool) -> Any:
         if on == channel and wrong(payload) and str(_value(payload).get("type")).startswith(kind):
-            raise ProtocolError("invalid_message", "not as it has to be", requirement="JSN-6")
+            error = ProtocolError("invalid_message", "not as it has to be", requirement="JSN-6")
+            error.received = _value(payload)
+            raise error
         return original(payload, on, said_hello)
 
     Seam(connection, "read_message").wrap(patch, decode)

@@ -72,7 +72,7 @@ def server_answers_a_hundred_at_most(patch: Patch) -> None:
     def handle(
         original: Any, self: Session, connection: Connection, message: Any, *rest: Any
     ) -> Any:
-        if len(connection.unsent) < 4000:
+        if len(connection.reader.decoder.payloads) < 100:
             return original(self, connection, message, *rest)
         return Refusal("busy", "too many")
 

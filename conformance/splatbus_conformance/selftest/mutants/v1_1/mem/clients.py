@@ -7,6 +7,7 @@ import stat
 from pathlib import Path
 from typing import Any
 
+from splatbus_client import mapping
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import init_packet
@@ -126,6 +127,7 @@ def multiplies_in_64_bits_that_overflow(patch: Patch) -> None:
             original(ring, pixels, memory_bytes)
 
     wire.CHECKS_SLOTS.wrap(patch, check_slots)
+    Seam(mapping, "extent").replace(patch, lambda packet: packet.memory.bytes)
 
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")

@@ -170,12 +170,10 @@ def server_announces_nothing_to_strangers(patch: Patch) -> None:
 def server_closes_at_unknown_types(patch: Patch) -> None:
     """Ends a connection on which it does not know the type of a message."""
 
-    def refuse(
-        original: Any, self: Connection, error: ProtocolError, payload: bytes, now: float
-    ) -> Any:
+    def refuse(original: Any, self: Connection, error: ProtocolError, now: float) -> Any:
         if error.code == "unknown_type":
             self.end("there is no such type", now)
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, refuse)
 

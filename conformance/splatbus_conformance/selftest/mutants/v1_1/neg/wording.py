@@ -175,10 +175,10 @@ def server_says_busy_to_who_agreed_on_1_0(patch: Patch) -> None:
 def server_reports_poses_to_who_agreed_on_1_0(patch: Patch) -> None:
     """Tells a client that agreed on 1.0 what is wrong with its pose."""
 
-    def refuse(original: Any, self: Connection, error: Any, payload: bytes, now: float) -> Any:
-        if self.state is State.AGREED_ON_1_0 and b'"camera_pose"' in payload:
+    def refuse(original: Any, self: Connection, error: Any, now: float) -> Any:
+        if self.state is State.AGREED_ON_1_0 and error.received.get("type") == "camera_pose":
             self.send(connections.error_message(error.code, str(error)))
-        return original(self, error, payload, now)
+        return original(self, error, now)
 
     server.REFUSES_PACKET.wrap(patch, refuse)
 
