@@ -66,11 +66,13 @@ def added(a: Played, b: Played) -> Played:
 
 def replay(seed: int, is_told: bool) -> int:
     """Plays one session; its exit status."""
+    lines: list[str] = []
     try:
-        world = play(seed, print if is_told else None)
+        world = play(seed, lines.append if is_told else None)
     except BrokenError as error:
-        print(f"seed {seed}: {error}")
+        print(*lines, f"seed {seed}: {error}", sep="\n")
         return 1
+    print(*lines, sep="\n", end="\n" if lines else "")
     print(f"seed {seed}: {world.steps} steps, {sum(world.looked.values())} looks, nothing broken")
     return 0
 
