@@ -18,6 +18,7 @@ from splatbus_server.reader import Reader
 from splatbus_server.ring import Lease, Ring
 from splatbus_server.session import Session
 from splatbus_server.viewport import Viewport
+from splatbus_wire.messages import Frame
 from splatbus_wire.packet_reader import PacketReader
 
 
@@ -156,7 +157,7 @@ def needs_nothing(self: Reader) -> frozenset[str]:
 def releases_at_once(self: Reading) -> Any:
     """The client gives an image back when it begins to read it."""
     loan = _HOLD(self)
-    if loan.frame.camera is not None:
+    if loan is not None and isinstance(loan.frame, Frame):
         loan.mapped.machine.release(loan.frame)
     return loan
 

@@ -121,6 +121,8 @@ class WatchedReading(Reading):
             frame,
         )
         look("an image holds what is read", channels <= picture.view.wants, channels)
+        told = f"{frame.generation}/{frame.seq} in slot {frame.slot}"
+        self._client.world.note(self._client.name, "is lent", told)
 
 
 class WatchedSteering(Steering):
@@ -275,6 +277,7 @@ class Client(Node):
         if life != self.life or not self.is_running or not self.reading.may_hold:
             return
         loan = self.reading.hold()
+        assert loan is not None  # no memory is lost here
         if loan.frame.camera is not None:
             self.steering.shown(loan.frame.camera.tag)
         self.held = loan, self.ipc.socket  # type: ignore[assignment]
@@ -288,6 +291,7 @@ class Client(Node):
             return
         self._look_at_half(HALVES - 1)
         self.held = None
+        self.world.note(self.name, "gives back", loan.frame.seq)
         self.reading.give_back(loan)
         self.ipc.flush(self.clock())
         self.wake()

@@ -3,7 +3,8 @@
     python -m tests.simulation --seed 123 -v
     python -m tests.simulation --sessions 100000 --jobs 2
 
-Many are counted in `tests/results/simulation.json`, with the seeds of those that broke something.
+Many are counted in `tests/results/simulation.json`, with the seeds of those that broke something;
+interrupted, they go on where they were, as long as the commit is the same.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +27,6 @@ ROOT = Path(__file__).resolve().parents[2]
 RESULT = ROOT / "tests" / "results" / "simulation.json"
 BATCH = 200
 """Sessions that a process plays before it reports."""
-SHOWN_SECONDS = 10.0
 
 
 class Played(NamedTuple):
@@ -66,33 +67,30 @@ def added(a: Played, b: Played) -> Played:
 
 def replay(seed: int, is_told: bool) -> int:
     """Plays one session; its exit status."""
+    lines: list[str] = []
     try:
-        world = play(seed, print if is_told else None)
+        world = play(seed, lines.append if is_told else None)
     except BrokenError as error:
-        print(f"seed {seed}: {error}")
+        print(*lines, f"seed {seed}: {error}", sep="\n")
         return 1
+    print(*lines, sep="\n", end="\n" if lines else "")
     print(f"seed {seed}: {world.steps} steps, {sum(world.looked.values())} looks, nothing broken")
     return 0
 
 
-def play_beside(first: int, count: int, jobs: int) -> tuple[Played, float]:
-    """Plays many, in so many processes; and in how many seconds."""
-    began = shown = time.monotonic()
-    total = Played(0, 0, Counter(), Counter(), {})
+def play_beside(total: Played, first: int, count: int, jobs: int) -> Iterator[Played]:
+    """Plays what is missing of so many, in so many processes; yields all so far, now and then."""
+    begun, began = total.sessions, time.monotonic()
     with ProcessPoolExecutor(jobs) as pool:
-        batches = [
-            pool.submit(play_all, start, min(BATCH, first + count - start))
-            for start in range(first, first + count, BATCH)
-        ]
-        for batch in as_completed(batches):
-            total = added(total, batch.result())
-            for seed, told in batch.result().broken.items():
+        starts = range(first + begun, first + count, BATCH)
+        sizes = [min(BATCH, first + count - start) for start in starts]
+        for batch in pool.map(play_all, starts, sizes):
+            total = added(total, batch)
+            for seed, told in batch.broken.items():
                 print(f"seed {seed}: {told}", flush=True)
-            if time.monotonic() > shown + SHOWN_SECONDS:
-                shown = time.monotonic()
-                rate = total.sessions / (shown - began)
-                print(f"{total.sessions} of {count} sessions, {rate:.0f} a second", flush=True)
-    return total, time.monotonic() - began
+            rate = (total.sessions - begun) / (time.monotonic() - began)
+            print(f"{total.sessions} of {count} sessions, {rate:.0f} a second", flush=True)
+            yield total
 
 
 def commit() -> str:
@@ -102,17 +100,26 @@ def commit() -> str:
     return ended.stdout.strip()
 
 
-def summary(total: Played, first: int, seconds: float) -> dict[str, Any]:
+def summary(total: Played, first: int) -> dict[str, Any]:
     """What is stored."""
     return {
-        "sessions": total.sessions,
         "seeds": [first, first + total.sessions - 1],
-        "seconds": round(seconds, 1),
+        "sessions": total.sessions,
         "steps": total.steps,
         "drawn": dict(sorted(total.drawn.items())),
         "looked": dict(sorted(total.looked.items())),
         "broken": {str(seed): told for seed, told in sorted(total.broken.items())},
     }
+
+
+def stored(path: Path, at: str, first: int) -> tuple[Played, float]:
+    """What was played of the same commit before, and in how many seconds."""
+    told = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    if told.get("commit") != at or told["seeds"][0] != first:
+        return Played(0, 0, Counter(), Counter(), {}), 0.0
+    broken = {int(seed): what for seed, what in told["broken"].items()}
+    counts = Counter(told["drawn"]), Counter(told["looked"])
+    return Played(told["sessions"], told["steps"], *counts, broken), told["seconds"]
 
 
 def main(words: list[str]) -> int:
@@ -127,13 +134,16 @@ def main(words: list[str]) -> int:
     first = options.seed or 0
     if options.sessions is None:
         return replay(first, options.verbose)
-    played = {"commit": commit(), "jobs": options.jobs}
-    total, seconds = play_beside(first, options.sessions, options.jobs)
+    at, began = commit(), time.monotonic()
+    former, before = stored(options.out, at, first)
     options.out.parent.mkdir(exist_ok=True)
-    text = json.dumps(played | summary(total, first, seconds), indent=1)
-    options.out.write_text(text + "\n", "utf-8")
-    print(f"{total.sessions} sessions in {seconds:.0f} s, {len(total.broken)} broken")
-    return 1 if total.broken else 0
+    for total in play_beside(former, first, options.sessions, options.jobs):
+        seconds = round(before + time.monotonic() - began, 1)
+        told = {"commit": at, "jobs": options.jobs, "seconds": seconds} | summary(total, first)
+        options.out.write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+        former = total
+    print(f"{former.sessions} sessions, {len(former.broken)} broken")
+    return 1 if former.broken else 0
 
 
 if __name__ == "__main__":

@@ -94,6 +94,9 @@ class WatchedSession(Session):
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
         """As the session does; [POS-11] says who has control."""
         refusal = super().handle(connection, message, now)
+        self.world.note(
+            "the server hears", type(message).__name__, "" if refusal is None else refusal
+        )
         if isinstance(message, (CameraPose, PointCloudPose, ObjectPose, SetTime)):
             cameras = self.steered.cameras
             if refusal is None or refusal.code == "busy":
