@@ -53,8 +53,3 @@ class Peer:
     def waits(self) -> bool:
         """Whether what it sends is not looked at for the time being."""
         return self.is_behind or self.share.is_resting or not self.connection.is_ready
-
-    @property
-    def is_gone(self) -> bool:
-        """Whether it rests, and nobody may be there any more to hear what comes of that."""
-        return self.waits and has_hung_up(self.socket)

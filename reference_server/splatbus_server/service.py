@@ -21,7 +21,7 @@ from splatbus_wire.messages import Channel, ClientMessage, GetCameraPose, GetVie
 from splatbus_server.connection import Connection, Refusal, Terms
 from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.logs import log
-from splatbus_server.peer import Peer
+from splatbus_server.peer import Peer, has_hung_up
 from splatbus_server.session import Session
 from splatbus_server.share import TURN_SECONDS, Share, clock
 from splatbus_server.statistics import Statistics
@@ -227,8 +227,9 @@ class Service:
     def _has_room(self, channel: Channel) -> bool:
         """Whether one more can be served, after the one that has least to lose made room [CHN-25].
 
-        Such are connections that end, and those that have said nothing valid, the oldest first, but
-        never the only one. With a token, the latter have half of the places.
+        Such are connections that end, then those that have said nothing valid, but never the only
+        one, then those whose client has gone, the oldest first. With a token, strangers have half
+        of the places.
         """
         most = self._limits.connections
         there = [p for p in self.peers if p.connection.channel == channel]
@@ -237,11 +238,14 @@ class Service:
         if len(there) < most and not (is_guarded and len(strangers) >= most // 2 > 0):
             return True
         for peer in there:
-            if peer.is_gone or not peer.connection.is_open:
+            if not peer.connection.is_open:
                 return self._make_room(peer)
         for peer in strangers if len(there) > 1 else ():
             self._serve(peer)  # what it said may wait to be read
             if not peer.connection.is_known:
+                return self._make_room(peer)
+        for peer in there:
+            if peer not in self.peers or has_hung_up(peer.socket):
                 return self._make_room(peer)
         return len(there) < most
 

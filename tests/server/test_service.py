@@ -162,7 +162,7 @@ def test_who_has_gone_makes_room_though_it_rests(
     bus: splatbus_server.Bus, port: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Otherwise work for those who are gone would keep others out."""
-    monkeypatch.setattr(share, "REST", 1e6)
+    monkeypatch.setattr(share, "REST", 200.0)
     number = getattr(bus.address, port)
     for _ in range(3 * DEFAULT.connections):
         with RawClient(number) as client:

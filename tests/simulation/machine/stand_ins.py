@@ -243,7 +243,7 @@ def standing_in(host: Host, images: Callable[[Any], Any]) -> Iterator[None]:
         for module, name, value in (
             (splatbus_server.service, "time", time),
             (splatbus_server.service, "clock", worked),
-            (splatbus_server.peer, "has_hung_up", lambda _: False),
+            (splatbus_server.service, "has_hung_up", lambda _: False),
             (splatbus_server.service, "selectors", selecting),
             (splatbus_server.service, "socket", of_service),
             (splatbus_server.service, "ThreadPoolExecutor", lambda *_: Worker(host.node)),
