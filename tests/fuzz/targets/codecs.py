@@ -23,6 +23,7 @@ from splatbus_wire.messages import (
     Ping,
     Request,
     SetViewport,
+    Telemetry,
     decode_from_client,
     decode_from_server_ipc,
     decode_from_server_message,
@@ -79,14 +80,14 @@ def client_on_message(payload: bytes) -> None:
     if (pose := plain_pose(payload)) is not None:
         message = Field(parse_object(payload, MAX_CLIENT_VALUES), "", "")
         careful = from_client.on_message_channel(message.value["type"], message)
-        assert repr(pose) == repr(careful)
+        assert pose == careful
 
 
 def server_on_ipc(payload: bytes) -> None:
     """What a server sends on the IPC channel; a frame read the short way is as the long way."""
     _there_and_back(payload, decode_from_server_ipc)
     if (frame := plain_frame(payload)) is not None:
-        assert repr(frame) == repr(from_server.frame(Field(parse_object(payload), "", "IMG-1")))
+        assert frame == from_server.frame(Field(parse_object(payload), "", "IMG-1"))
     with suppress(ProtocolError):
         readable_generation(parse_object(payload))
 
@@ -111,6 +112,8 @@ def _there_and_back(payload: bytes, decode: Decode) -> None:
         message: Message = decode(payload)
     except ProtocolError:
         return
+    if isinstance(message, Telemetry) and not message.series:
+        return  # all were of kinds that are not known here, and a message without any is none
     again = encode(message, typed_replies=_is_typed(payload))[HEADER:]
     assert decode(again) == message, again
 
