@@ -21,7 +21,14 @@ PACKAGES = {
 }
 SOURCES = {
     *(".ci", ".gitattributes", ".gitignore", "CHANGELOG.md", "LICENSE", "README.md"),
-    *("CONTRIBUTING.md", "RELEASING.md", "constraints.txt", "pyproject.toml", "action.yml"),
+    *(
+        "CONTRIBUTING.md",
+        "RELEASING.md",
+        "SECURITY.md",
+        "constraints.txt",
+        "pyproject.toml",
+        "action.yml",
+    ),
     *("benchmarks", "conformance", "reference_client", "reference_server", "schemas"),
     *("spec", "tests"),
 }
