@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from splatbus_wire.init_packet import COLOR_PIXEL_BYTES, DEPTH_PIXEL_BYTES
 from splatbus_wire.messages import SetViewport, ViewportSize
 
 from splatbus_server.connection import Connection, Refusal
@@ -17,8 +18,6 @@ from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.logs import log
 from splatbus_server.memory import FrameMemory
 
-PIXEL_BYTES = 20
-"""Colour and depth, in one slot."""
 Chore = Callable[[], None]
 """Work that takes long, to be done off the I/O thread, which is rung afterwards."""
 
@@ -81,7 +80,7 @@ class Viewport:
         if pixels > self._limits.pixels:
             reason = f"{pixels} pixels: this server has images of at most {self._limits.pixels}"
             return Refusal("unsupported", reason)
-        needed = memory.ring.slots * PIXEL_BYTES * pixels
+        needed = memory.ring.slots * (COLOR_PIXEL_BYTES + DEPTH_PIXEL_BYTES) * pixels
         most = int(self._limits.share * memory.free_bytes())
         if needed > most:
             return Refusal("unsupported", f"{needed} bytes: a client may have {most} of those free")
