@@ -101,7 +101,8 @@ class MessageProtocol:
     def ask(self, request: Request) -> int:
         """Queue a request and return the ticket of its reply.
 
-        A question that equals one which is still unanswered shares that one's ticket.
+        A question that equals one which was not sent yet shares that one's ticket. One that was
+        sent may be answered with what was true before this one was asked.
 
         Raises:
             NotOfferedError: the server is known to lack the capability.
@@ -110,10 +111,9 @@ class MessageProtocol:
         request = checked_request(request)
         if (capability := self.lacks(request)) is not None:
             raise NotOfferedError(capability)
-        asked = [] if self.asked is None else [self.asked]
         if isinstance(request, _QUESTIONS):
-            for ticket, unanswered in [*asked, *self._queue]:
-                if _name(unanswered) == _name(request) and unanswered._replace(id=None) == request:
+            for ticket, unsent in self._queue:
+                if _name(unsent) == _name(request) and unsent == request:
                     return ticket
         ticket = next(self._tickets)
         self._queue.append((ticket, request))

@@ -252,7 +252,7 @@ class Bus:
             has_news = self._exchange.publish(view, time, fill)
         except LostMemoryError as lost:
             log.error("%s: images go on in memory that is made anew", lost)
-            self._replace(memory, memory.width, memory.height, None, is_own=False)
+            self._make_anew(memory)
         finally:
             if has_news:
                 self._service.ring()
@@ -323,6 +323,13 @@ class Bus:
             return True
         new.close()
         return False
+
+    def _make_anew(self, lost: FrameMemory) -> None:
+        """Has memory take the place of this, of which the renderer need not know."""
+        try:
+            self._replace(lost, lost.width, lost.height, None, is_own=False)
+        except OSError as problem:
+            log.error("%s: no image goes on until there is memory again", problem)
 
     def close(self) -> None:
         """Ends all connections, then frees the memory of the images [OPN-9, CUD-4]."""

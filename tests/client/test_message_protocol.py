@@ -111,13 +111,12 @@ def test_requests_go_one_at_a_time_and_each_gets_its_own_reply(machine):
     assert second != first
 
 
-def test_an_equal_request_that_is_unanswered_is_shared():
+def test_an_equal_request_is_shared_until_it_is_sent():
     machine = machine_of_1_1()
     ticket = machine.ask(GetCameraPose(4))
     assert machine.ask(GetCameraPose(4)) == ticket
     machine.data_to_send(0.0)
-    assert machine.ask(GetCameraPose(4)) == ticket
-    receive(machine, packet({"type": "camera", "id": ticket} | CAMERA_REPLY), 0.0)
+    # What the server answers to the first may be older than this question.
     assert machine.ask(GetCameraPose(4)) != ticket
 
 

@@ -304,6 +304,7 @@ def test_memory_of_1_0_is_declined_in_silence_and_said_once(server, session, cap
             ipc.receive()
         ipc.close()
     assert sum("no CUDA support" in record.message for record in caplog.records) == 1
-    size = session.ask_viewport_size()
-    server.message_1_1()
+    message, size = server.message_1_1(), session.ask_viewport_size()
+    asked = message.receive()
+    message.send({"type": "viewport_size", "id": asked["id"], "viewport_size": [WIDTH, HEIGHT]})
     assert size.result(5) == (WIDTH, HEIGHT)

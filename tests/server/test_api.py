@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pytest
@@ -356,6 +357,30 @@ def test_memory_that_another_program_cuts_short_costs_one_image(
     os.truncate(f"/dev/shm/{name}", 0)
     bus.publish(view, RGB, DEPTH)
     assert "cut the memory of generation 1 short" in caplog.text
+    reader.open()
+    reader.send({"type": "closed", "generation": 1})
+    assert np.array_equal(publish(bus, reader, RGB, DEPTH)[1], DEPTH)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory cannot be cut short")
+def test_a_renderer_is_not_told_that_there_is_no_memory_to_go_on_in(
+    bus: splatbus_server.Bus,
+    reader: Reader,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    view = next_view(bus)
+    memory = bus._exchange.memory
+    os.truncate(f"/dev/shm/{memory.init_packet.memory.name}", 0)  # type: ignore[union-attr]
+
+    def full(width: int, height: int) -> NoReturn:
+        raise OSError(errno.ENOSPC, "shared memory is full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(memory, "successor", full)
+        bus.publish(view, RGB, DEPTH)
+        assert "shared memory is full: no image goes on" in caplog.text
+    bus.publish(view, RGB, DEPTH)
     reader.open()
     reader.send({"type": "closed", "generation": 1})
     assert np.array_equal(publish(bus, reader, RGB, DEPTH)[1], DEPTH)

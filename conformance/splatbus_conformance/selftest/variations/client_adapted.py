@@ -6,6 +6,7 @@ from typing import Any
 
 from splatbus_client.outgoing import Told
 from splatbus_client.steering import Steering
+from splatbus_viewer.adapter import Adapter
 from splatbus_wire.conventions import Engine
 from splatbus_wire.messages import CameraPose, ObjectPose, encode
 from splatbus_wire.poses import Pose
@@ -62,6 +63,26 @@ def converts_by_matrices_with_scale(patch: Patch) -> None:
         return Pose(self.position_to_wire(pose.position), _quaternion(matrix))
 
     Seam(Engine, "to_wire").replace(patch, to_wire)
+
+
+@variation(axes="unity")
+def asks_for_the_first_camera_ahead(patch: Patch) -> None:
+    """Asks for the first camera before somebody wants it, and lets the next who does have that."""
+    first = {"camera": 0}
+    ahead: list[Any] = []
+
+    def begin(original: Any, self: Steering) -> Any:
+        ahead.clear()
+        return original(self)
+
+    def ask(original: Any, self: Adapter, requests: list[Any]) -> Any:
+        others = iter(original(self, [it for it in requests if it != first])["replies"])
+        (camera,) = ahead or original(self, [first])["replies"]
+        ahead[:] = original(self, [first])["replies"]
+        return {"replies": [camera if it == first else next(others) for it in requests]}
+
+    client.BEGINS_TO_STEER.wrap(patch, begin)
+    Seam(Adapter, "ask").wrap(patch, ask)
 
 
 def _matrix(x: Fraction, y: Fraction, z: Fraction, w: Fraction) -> tuple[Fraction, ...]:

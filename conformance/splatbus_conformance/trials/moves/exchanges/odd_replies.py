@@ -1,13 +1,19 @@
 """Requests of a client, answered as a check wants it: late, and with cameras of its choice."""
 
-from splatbus_conformance.cases.valid.numbers import unquoted
+from typing import Any
+
+from splatbus_conformance.cases.valid.numbers import nearest, unquoted
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.wire.json_values import whole
 from splatbus_conformance.wire.message_kinds import REQUESTS
-from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.messages import Json, reply
 from splatbus_conformance.wire.packets import Packet, packet
 from splatbus_conformance.wire.sockets import Connection
+
+_REPLY = reply({"type": "get_camera_pose", "cam_idx": 0}, typed=False) or {}
+ROLES_OWN = Pose.of((_REPLY["position"], _REPLY["rotation"]))
+"""Where every camera is that a role tells by itself."""
 
 
 class OddReplies:
@@ -17,17 +23,34 @@ class OddReplies:
         cameras: poses on the wire; index i asks for the one at i modulo their number (REQ-6).
         position: texts of three numbers that stand for that of every camera, if there are any.
         holds: requests wait for `answer_all`.
+        told: poses on the wire that replies held since the last `ask`, by their camera.
     """
 
     def __init__(self, trial: ClientTrial) -> None:
-        self.cameras = [Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))]
+        self.cameras = [ROLES_OWN]
         self.position: tuple[str, ...] = ()
         self.holds = False
         self.waiting: list[tuple[Connection, Json]] = []
+        self.told: dict[int, list[Pose]] = {}
+        self._former: dict[int, list[Pose]] = {}
         self._trial = trial
-        self._former = trial.peer.on_packet
+        self._on_former_packet = trial.peer.on_packet
         trial.role.replies = False
         trial.peer.on_packet = self._on_packet
+
+    def ask(self, requests: list[Any]) -> None:
+        """Have the client make these requests, and do not wait for what it makes of the replies."""
+        self._former |= {index: poses[-1:] for index, poses in self.told.items()}
+        self.told = {}
+        self._trial.give("ask", requests=requests)
+
+    def possible(self, index: int) -> list[Pose]:
+        """Poses of which one is that of this camera, for all that the client can know.
+
+        It may have asked by itself before it was told to, and need not ask twice.
+        """
+        index %= len(self.cameras)
+        return self._former.get(index, [ROLES_OWN]) + self.told.get(index, [])
 
     def answer_all(self) -> None:
         """Answer what waits, in order, and from now on at once."""
@@ -39,7 +62,7 @@ class OddReplies:
     def _on_packet(self, connection: Connection, arrived: Packet) -> None:
         heard = self._trial.role.with_(connection).heard
         before = len(heard)
-        self._former(connection, arrived)
+        self._on_former_packet(connection, arrived)
         for message in heard[before:]:
             if connection.channel == "msg" and message.get("type") in REQUESTS:
                 self.waiting.append((connection, message))
@@ -48,12 +71,15 @@ class OddReplies:
 
     def _answer(self, connection: Connection, request: Json) -> None:
         role = self._trial.role
-        reply = role.answer(connection, request)
-        if reply is None:
+        answer = role.answer(connection, request)
+        if answer is None:
             return
-        if "position" in reply:
-            camera = self.cameras[(whole(request.get("cam_idx")) or 0) % len(self.cameras)]
-            reply |= {"position": list(camera.position), "rotation": list(camera.rotation)}
+        if "position" in answer:
+            index = (whole(request.get("cam_idx")) or 0) % len(self.cameras)
+            camera = self.cameras[index]
+            answer |= {"position": list(camera.position), "rotation": list(camera.rotation)}
             if self.position:
-                reply["position"] = [f"<{text}>" for text in self.position]
-        connection.send(packet(unquoted(role.encode["msg"](reply))))
+                answer["position"] = [f"<{text}>" for text in self.position]
+                camera = camera._replace(position=tuple(map(nearest, self.position)))
+            self.told.setdefault(index, []).append(camera)
+        connection.send(packet(unquoted(role.encode["msg"](answer))))
