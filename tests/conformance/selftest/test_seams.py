@@ -1,7 +1,9 @@
 """The points at which faults are put in: each has one name, and is a public step of a program."""
 
 import ast
+import functools
 import importlib
+import inspect
 import pkgutil
 from collections import Counter
 from pathlib import Path
@@ -15,6 +17,7 @@ import splatbus_wire
 from splatbus_conformance import selftest
 from splatbus_conformance.selftest.faults import seams
 from splatbus_conformance.selftest.faults.seam import Seam
+from splatbus_conformance.selftest.registry import mutants, variations
 
 PROGRAMS = (splatbus_client, splatbus_renderer, splatbus_server, splatbus_viewer, splatbus_wire)
 OF_NAMED_TUPLES = {"_asdict", "_fields", "_make", "_replace"}
@@ -116,3 +119,57 @@ def test_each_seam_of_the_tables_has_mutants():
     )
     calls = {it: used[f"{it[0].__name__.rpartition('.')[2]}.{it[1]}"] for it in NAMED}
     assert [name for (_, name), count in calls.items() if count < 2] == []
+
+
+class Shapes:
+    """A `Patch` that replaces nothing, and tells what could not be called as the original is."""
+
+    def __init__(self):
+        self.wrong = []
+
+    def setattr(self, owner, name, value):
+        self.look(name, getattr(owner, name), value)
+
+    def setitem(self, mapping, key, value):
+        pass
+
+    def wrap(self, seam, around):
+        original = getattr(seam.owner, seam.name)
+        self.look(seam.name, original, functools.partial(around, original))
+
+    def look(self, name, original, value):
+        if inspect.isroutine(original) and callable(value) and not inspect.isclass(value):
+            for positional, named in calls(original):
+                try:
+                    inspect.signature(value).bind(*positional, **named)
+                except TypeError as problem:
+                    self.wrong.append(f"{name}: {problem}")
+
+
+def calls(function):
+    """The shortest and the longest way in which a function can be called."""
+    known = inspect.signature(function).parameters.values()
+    for taken in ([it for it in known if it.default is it.empty], known):
+        positional = [
+            it for it in taken if it.kind in (it.POSITIONAL_ONLY, it.POSITIONAL_OR_KEYWORD)
+        ]
+        yield positional, {it.name: it for it in taken if it.kind == it.KEYWORD_ONLY}
+
+
+def wrong_shapes(monkeypatch, alter):
+    shapes = Shapes()
+    monkeypatch.setattr(Seam, "wrap", lambda seam, _, around: shapes.wrap(seam, around))
+    alter(shapes)
+    return shapes.wrong
+
+
+@pytest.mark.parametrize("specimen", [*mutants(), *variations()], ids=lambda it: it.name)
+def test_what_takes_a_step_s_place_can_be_called_as_it_is(monkeypatch, specimen):
+    """Else it would die by a TypeError, and not by what it breaks."""
+    assert wrong_shapes(monkeypatch, specimen.alter) == []
+
+
+@pytest.mark.parametrize("around", [lambda original, self: None, lambda *_, timeout: None])
+def test_what_cannot_be_called_is_found(monkeypatch, around):
+    seam = Seam(splatbus_client.Session, "ask")
+    assert wrong_shapes(monkeypatch, lambda patch: seam.wrap(patch, around))

@@ -128,7 +128,7 @@ def server_alternates_colour_and_depth(patch: Patch) -> None:
 def server_has_one_name_for_its_memory(patch: Patch) -> None:
     """Counts its memory, and removes what has that name; others do the same on their ports."""
 
-    def create(original: Any, size: int) -> Any:
+    def create(original: Any, size: int, *_: str) -> Any:
         name = f"{port}-{next(count)}"
         Seam(secrets, "token_hex").replace(patch, lambda length: name)
         (shared_memory.DIRECTORY / f"splatbus-own-{name}").unlink(missing_ok=True)

@@ -73,7 +73,7 @@ def splat(blobs: Blobs, scene: Scene, camera: Camera) -> tuple[Reals, Reals]:
 def showing(patch: Patch, blobs: Blobs) -> None:
     """Show these in place of the closed-form scene."""
 
-    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool) -> Any:
+    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool = True) -> Any:
         color, depth = splat(blobs, scene, camera)
         image = original(self, scene, camera, wanted)
         return image._replace(

@@ -57,7 +57,7 @@ def server_of_distances(patch: Patch) -> None:
     """Stores the distance along the ray, and announces it."""
     serving(patch, semantics=Semantics(depth_kind="ray_distance"))
 
-    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool) -> Any:
+    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool = True) -> Any:
         image = original(self, scene, camera, wanted)
         if image.depth is None:
             return image

@@ -104,7 +104,7 @@ def server_moves_all_objects_at_once(patch: Patch) -> None:
 def server_stores_depth_in_units_of_the_object(patch: Patch) -> None:
     """Stores depths as the renderer has them, in the units of what is seen."""
 
-    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool) -> Any:
+    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool = True) -> Any:
         image = original(self, scene, camera, wanted)
         if image.depth is None:
             return image

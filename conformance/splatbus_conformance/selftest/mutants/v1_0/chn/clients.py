@@ -284,8 +284,9 @@ def asks_on_the_ipc_channel_in_1_0(patch: Patch) -> None:
 
 def speaks_1_0(patch: Patch) -> None:
     """Say no hello on either channel."""
+
+    def silent(original: Any, message: Any, **how: Any) -> Any:
+        return b"" if isinstance(message, Hello) else original(message, **how)
+
     for module in (ipc_protocol, message_protocol):
-        Seam(module, "encode").wrap(
-            patch,
-            lambda original, message: b"" if isinstance(message, Hello) else original(message),
-        )
+        Seam(module, "encode").wrap(patch, silent)

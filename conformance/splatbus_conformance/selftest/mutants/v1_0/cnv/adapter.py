@@ -39,9 +39,9 @@ OUT, IN = "check_axes_change_exactly_on_the_way_out", "check_axes_change_exactly
 def sends_world_to_camera(patch: Patch) -> None:
     """Sends the view matrix's translation and the inverse rotation."""
 
-    def send(original: Any, self: Session, pose: Pose) -> None:
+    def send(original: Any, self: Session, pose: Pose, *more: Any, **named: Any) -> None:
         view, (x, y, z, w) = view_matrix(pose), pose.rotation
-        original(self, Pose((view[3], view[7], view[11]), (-x, -y, -z, w)))
+        original(self, Pose((view[3], view[7], view[11]), (-x, -y, -z, w)), *more, **named)
 
     client.SENDS_CAMERA.wrap(patch, send)
 
@@ -57,9 +57,9 @@ def sends_the_pose_before(patch: Patch) -> None:
     """Sends each time the pose that it was given the time before."""
     former: list[Pose] = []
 
-    def send(original: Any, self: Session, pose: Pose) -> None:
+    def send(original: Any, self: Session, pose: Pose, *more: Any, **named: Any) -> None:
         for before in former:
-            original(self, before)
+            original(self, before, *more, **named)
         former[:] = [pose]
 
     client.SENDS_CAMERA.wrap(patch, send)
@@ -110,9 +110,9 @@ def takes_objects_for_cameras(patch: Patch) -> None:
 def sends_w_under_the_name_of_x(patch: Patch) -> None:
     """Takes an engine's quaternion w, x, y, z for x, y, z, w."""
 
-    def send(original: Any, self: Session, pose: Pose) -> None:
+    def send(original: Any, self: Session, pose: Pose, *more: Any, **named: Any) -> None:
         x, y, z, w = pose.rotation
-        original(self, pose._replace(rotation=(w, x, y, z)))
+        original(self, pose._replace(rotation=(w, x, y, z)), *more, **named)
 
     client.SENDS_CAMERA.wrap(patch, send)
 
@@ -254,8 +254,8 @@ def says_its_object_again_in_the_engine_s_axes(patch: Patch) -> None:
 def holds_the_splats_in_single_precision(patch: Patch) -> None:
     """Sends positions of cameras as they are, and rounds those of the splats."""
 
-    def send(original: Any, self: Session, pose: Pose) -> None:
+    def send(original: Any, self: Session, pose: Pose, *more: Any, **named: Any) -> None:
         x, y, z = (float(np.float32(number)) for number in pose.position)
-        original(self, pose._replace(position=(x, y, z)))
+        original(self, pose._replace(position=(x, y, z)), *more, **named)
 
     Seam(Session, "send_object").wrap(patch, send)

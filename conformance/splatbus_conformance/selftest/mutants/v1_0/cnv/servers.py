@@ -42,7 +42,7 @@ def rotations(patch: Patch, change: Any) -> None:
 def depths(patch: Patch, change: Any) -> None:
     """Give out other depths than were rendered: `change` is given them and the camera."""
 
-    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool) -> Any:
+    def render(original: Any, self: Raycaster, scene: Any, camera: Any, wanted: bool = True) -> Any:
         image = original(self, scene, camera, wanted)
         if image.depth is None:
             return image

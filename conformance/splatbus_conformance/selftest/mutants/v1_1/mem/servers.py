@@ -107,8 +107,8 @@ def server_has_an_alpha_of_its_own(patch: Patch) -> None:
 def server_lets_everybody_read(patch: Patch) -> None:
     """Makes its memory readable for all users."""
 
-    def create(original: Any, size: int) -> Segment:
-        segment: Segment = original(size)
+    def create(original: Any, size: int, *prefix: str) -> Segment:
+        segment: Segment = original(size, *prefix)
         (DIRECTORY / segment.name).chmod(0o644)
         return segment
 
@@ -119,7 +119,7 @@ def server_lets_everybody_read(patch: Patch) -> None:
 def server_uses_memory_that_it_finds(patch: Patch) -> None:
     """Has one name for its memory, and takes what has that name."""
 
-    def create(original: Any, size: int) -> Segment:
+    def create(original: Any, size: int, *prefix: str) -> Segment:
         path = DIRECTORY / "splatbus-mutant-found"
         with ExitStack() as cleanup:
             cleanup.callback(path.unlink, missing_ok=True)

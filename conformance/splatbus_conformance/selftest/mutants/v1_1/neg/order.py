@@ -18,7 +18,7 @@ AGAIN = "check_answers_no_further_hello"
 def server_asks_for_the_capability_last(patch: Patch) -> None:
     """Complains of the form of a message before it says that nobody agreed on such."""
 
-    def decode(original: Any, *payload: Any, agreed: Any, **named: Any) -> Any:
+    def decode(original: Any, *payload: Any, agreed: Any = None, **named: Any) -> Any:
         original(*payload, agreed=None, **named)
         return original(*payload, agreed=agreed, **named)
 

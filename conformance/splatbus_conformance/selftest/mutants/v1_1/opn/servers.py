@@ -52,7 +52,7 @@ def server_reuses_memory_that_one_reader_closed(patch: Patch) -> None:
 
 def calls_its_memory_otherwise(patch: Patch) -> None:
     """Give memory a name that the reference server does not remove when it starts beside."""
-    server.CREATES_SEGMENT.wrap(patch, lambda create, size: create(size, "splatbus-mutant-"))
+    server.CREATES_SEGMENT.wrap(patch, lambda create, size, *_: create(size, "splatbus-mutant-"))
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-not-swept")
