@@ -11,9 +11,14 @@ import time
 
 TURN_SECONDS = 0.0005
 """Of work for one connection, after which the others have their turn; one packet is always read."""
+BURST_SECONDS = 0.001
+"""Of work that one may have at once: it answers many questions, and the collector of garbage may
+come in the turn of one who behaves."""
 REST = 20.0
-"""Times as long a client rests as it had the thread work, and again so long for each other client
-that rests: all that send as much as they can have a twentieth of the time together."""
+"""Times as long a client rests as it had the thread work beyond that, and again so long for each
+other client that rests: all that send as much as they can have a twentieth of the time together."""
+SHORTEST_SECONDS = 0.0003
+"""Of a rest: who asks one thing after the other waits often and shortly, not long at times."""
 
 clock = time.perf_counter if sys.platform == "win32" else time.thread_time
 """Seconds that this thread has worked, without what it waited for the renderer's; on Windows, where
@@ -29,7 +34,8 @@ class Share:
 
     def __init__(self) -> None:
         self.rests_until = math.inf
-        self._paid_at = -math.inf
+        self._worked = 0.0  # seconds that no rest has paid for
+        self._at = -math.inf
 
     @property
     def is_resting(self) -> bool:
@@ -44,9 +50,11 @@ class Share:
             resting: how many others do.
             now: the moment.
         """
-        self._paid_at = max(self._paid_at, now) + REST * (1 + resting) * worked
-        if self._paid_at > now + REST * TURN_SECONDS:
-            self.rests_until = self._paid_at
+        slowness = REST * (1 + resting)
+        self._worked = max(0.0, self._worked - (now - self._at) / slowness) + worked
+        self._at = now
+        if self._worked > BURST_SECONDS:
+            self.rests_until = now + (self._worked - BURST_SECONDS) * slowness + SHORTEST_SECONDS
 
     def expire(self, now: float) -> None:
         """Ends a rest that is over."""
