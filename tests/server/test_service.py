@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import errno
 import logging
 import socket
 import threading
@@ -12,14 +11,9 @@ import pytest
 import splatbus_server
 from splatbus_schemas import LIMITS
 from splatbus_server import connection as connection_module
-from splatbus_server import service as service_module
-from splatbus_server import share
-from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.peer import Peer
 from splatbus_server.service import Service
-from splatbus_server.session import Session
 from splatbus_wire import packet_reader
-from splatbus_wire.messages import GetCameraPose
 
 from tests.peers.raw_client import RawClient, Reader, camera_pose, hello, packet
 from tests.server.conftest import SIZE
@@ -83,115 +77,6 @@ def test_several_clients_are_served_at_once(bus: splatbus_server.Bus) -> None:
             assert mover.viewport() == list(SIZE)
         for reader in readers:
             assert reader.frame()["camera"]["position"][0] == 0.25
-
-
-@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
-def test_one_connection_too_many_is_closed(
-    bus: splatbus_server.Bus, port: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    """[LIM-1, CHN-13]"""
-    number = getattr(bus.address, port)
-    with ExitStack() as stack:
-        clients = [stack.enter_context(RawClient(number)) for _ in range(DEFAULT.connections)]
-        for client in clients:
-            assert client.ask(hello()) is not None
-        for _ in range(3):
-            with RawClient(number) as surplus:
-                assert surplus.receive() is None
-        assert "LIM-1" in caplog.text
-        clients.pop().close()
-
-        def is_served_again() -> bool:
-            with RawClient(number) as client:
-                client.send(hello())
-                return client.receive() is not None
-
-        assert eventually(is_served_again)
-    assert bus.statistics.refused["too_many_connections"] >= 3
-
-
-@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
-def test_who_says_nothing_makes_room_the_oldest_first(bus: splatbus_server.Bus, port: str) -> None:
-    """[CHN-25]"""
-    number = getattr(bus.address, port)
-    with ExitStack() as stack:
-
-        def comes() -> RawClient:
-            return stack.enter_context(RawClient(number))
-
-        known = comes()
-        assert known.ask(hello()) is not None
-        idle = [comes() for _ in range(DEFAULT.connections - 1)]
-        idle[0].send(hello())  # which may not have been read yet when others come
-        newest = [comes() for _ in range(3)]
-        assert [client.receive() for client in idle[1:4]] == [None] * 3
-        for client in (*newest, *idle[4:]):
-            assert client.ask(hello()) is not None
-        said = idle[0].receive()
-        assert said is not None
-        assert said["type"] == "welcome"
-    assert bus.statistics.refused["made_room"] == 3
-
-
-def test_with_a_token_strangers_have_half_of_the_places() -> None:
-    """[CHN-25]"""
-    token = {"token": "of this server"}
-    limits = Limits(connections=4)
-    with ExitStack() as stack:
-        bus = stack.enter_context(
-            splatbus_server.serve(
-                *SIZE, ipc_port=0, message_port=0, token=token["token"], limits=limits
-            )
-        )
-
-        def comes() -> RawClient:
-            return stack.enter_context(RawClient(bus.address.message_port))
-
-        strangers = [comes() for _ in range(3)]
-        assert strangers[0].receive() is None
-        friend = comes()
-        assert strangers[1].receive() is None
-        assert friend.ask(hello(**token)) is not None
-        other = comes()
-        assert other.ask(hello(**token)) is not None
-        assert strangers[2].ask(hello(**token)) is not None
-
-
-@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
-def test_who_has_gone_makes_room_though_it_rests(
-    bus: splatbus_server.Bus, port: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Otherwise work for those who are gone would keep others out."""
-    monkeypatch.setattr(share, "REST", 200.0)
-    number = getattr(bus.address, port)
-    for _ in range(3 * DEFAULT.connections):
-        with RawClient(number) as client:
-            client.send(hello())
-            assert client.receive() is not None
-            client.send(*[{"type": "nothing"}] * 500)
-    with RawClient(number) as client:
-        assert client.ask(hello()) is not None
-
-
-@pytest.mark.parametrize("port", ["ipc_port", "message_port"])
-def test_the_only_connection_makes_no_room(port: str) -> None:
-    with splatbus_server.serve(
-        *SIZE, ipc_port=0, message_port=0, limits=Limits(connections=1)
-    ) as bus:
-        number = getattr(bus.address, port)
-        with RawClient(number) as only, RawClient(number) as further:
-            assert further.receive() is None
-            assert only.ask(hello()) is not None
-
-
-def test_ever_so_many_can_connect_at_once(bus: splatbus_server.Bus) -> None:
-    """None is lost, though most are closed for there is no place for them [CHN-13]."""
-    with ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(1000)]
-        for each in sockets:
-            each.setblocking(False)
-            each.connect_ex(("127.0.0.1", bus.address.message_port))
-        assert eventually(lambda: bus.statistics.connections == len(sockets), 20)
 
 
 def test_requests_are_answered_after_the_client_has_ended_its_stream(
@@ -276,62 +161,6 @@ def test_a_guarded_server_ends_who_says_no_hello(caplog: pytest.LogCaptureFixtur
     assert "secret" not in caplog.text
 
 
-@pytest.fixture
-def faulty(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A server with a defect that shows with every `get_camera_pose`."""
-    handle = Session.handle
-
-    def fail(self: Session, connection: object, message: object, now: float) -> object:
-        if isinstance(message, GetCameraPose):
-            raise ZeroDivisionError
-        return handle(self, connection, message, now)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Session, "handle", fail)
-
-
-ASK_FOR_TROUBLE = {"type": "get_camera_pose", "cam_idx": 0, "id": 7}
-
-
-def test_a_defect_costs_one_request_only(
-    bus: splatbus_server.Bus, faulty: None, caplog: pytest.LogCaptureFixture
-) -> None:
-    """[NEG-26, NEG-29]"""
-    with RawClient(bus.address.message_port) as client:
-        client.ask(hello())
-        error = client.ask(ASK_FOR_TROUBLE)
-        assert error is not None
-        assert (error["type"], error["code"], error["id"]) == ("error", "internal", 7)
-        assert client.viewport() == list(SIZE)
-        client.ask(ASK_FOR_TROUBLE)
-    assert "ZeroDivisionError" in caplog.text
-    assert bus.statistics.refused["internal"] == 2
-
-
-def test_a_defect_costs_one_connection_of_1_0_only(bus: splatbus_server.Bus, faulty: None) -> None:
-    """[CHN-14, NEG-22]: there a reply that does not come would be taken for late for ever."""
-    with RawClient(bus.address.message_port) as first, RawClient(bus.address.message_port) as other:
-        assert first.ask(ASK_FOR_TROUBLE) is None
-        assert other.viewport() == list(SIZE)
-
-
-def test_a_defect_in_reading_costs_one_connection_only(
-    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """[CHN-14]"""
-    take = Service.take
-
-    def fail(self: Service, peer: Peer, data: bytes) -> None:
-        if b"trouble" in data:
-            raise ZeroDivisionError
-        take(self, peer, data)
-
-    monkeypatch.setattr(Service, "take", fail)
-    with RawClient(bus.address.message_port) as first, RawClient(bus.address.message_port) as other:
-        assert first.ask({"type": "trouble"}) is None
-        assert other.viewport() == list(SIZE)
-    assert "ZeroDivisionError" in caplog.text
-
-
 def test_the_clock_of_pings_is_that_of_images(bus: splatbus_server.Bus) -> None:
     """[PNG-2, PNG-3]: a client knows it to within half the round trip."""
     with RawClient(bus.address.message_port) as client, Reader(bus.address.ipc_port) as reader:
@@ -390,53 +219,6 @@ def test_a_flood_of_telemetry_does_not_hold_up_replies(bus: splatbus_server.Bus)
             pass
         assert message is not None
         assert message["id"] == 9
-
-
-def out_of_files(self: object) -> object:
-    raise OSError(errno.EMFILE, "Too many open files")
-
-
-def test_without_files_nobody_is_accepted_and_all_others_are_served(
-    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Both listeners are ready in one turn; and the thread must not spin, though they stay so."""
-    turns = []
-    turn = Service._turn
-    monkeypatch.setattr(service_module, "PAUSE_SECONDS", 0.2)
-    monkeypatch.setattr(Service, "_turn", lambda self: (turns.append(1), turn(self)))
-    with RawClient(bus.address.message_port) as client:
-        assert client.viewport() == list(SIZE)
-        with monkeypatch.context() as patch:
-            patch.setattr(socket.socket, "accept", out_of_files)
-            with RawClient(bus.address.message_port) as late, RawClient(bus.address.ipc_port):
-                assert eventually(lambda: caplog.text.count("Too many open files") >= 4)
-                assert len(turns) < 100
-                assert client.viewport() == list(SIZE)
-                patch.undo()
-                assert late.viewport() == list(SIZE)
-
-
-def test_a_defect_of_the_service_ends_connections_and_neither_thread(
-    bus: splatbus_server.Bus, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """The renderer learns nothing of it, and whoever connects again is served."""
-
-    def breaks(self: Session, now: float) -> None:
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(service_module, "PAUSE_SECONDS", 0.05)
-    with RawClient(bus.address.message_port) as client:
-        assert client.viewport() == list(SIZE)
-        with monkeypatch.context() as patch:
-            patch.setattr(Session, "catch_up", breaks)
-            client.send(camera_pose(1.0))
-            assert client.receive() is None
-    assert eventually(lambda: "a defect of this server" in caplog.text)
-    with RawClient(bus.address.message_port) as mover, Reader(bus.address.ipc_port) as reader:
-        mover.send(camera_pose(0.5))
-        reader.open()
-        while (frame := reader.frame())["camera"]["position"][0] != 0.5:
-            reader.release(frame)
 
 
 def test_who_sends_as_much_as_it_can_does_not_hold_up_others(bus: splatbus_server.Bus) -> None:
