@@ -13,7 +13,12 @@ from splatbus_conformance.trials.testee.device_probe import (
     why_server_unseen,
 )
 from splatbus_conformance.trials.testee.process import Awaited, Launched, Say, not_met
-from splatbus_conformance.trials.testee.server_probe import ServerFacts, introduce, reach
+from splatbus_conformance.trials.testee.server_probe import (
+    FRAME_SECONDS,
+    ServerFacts,
+    introduce,
+    reach,
+)
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, Stand
 from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.secrets import own_token
@@ -58,7 +63,9 @@ class ServerTestbed:
         return max(self.plan.patience, RESTART_SECONDS * self.testee.expendable)
 
     def trial(self, requirement: Requirement) -> ServerTrial:
-        """A trial with fresh connections and a fresh viewer."""
+        """A trial with fresh connections and a fresh viewer, of a server that has drawn."""
+        if self.testee.ended() is None and self.testee.ensure_running():
+            self._look(FRAME_SECONDS)
         stand = Stand(self.peer, self.testee, self._patience, self.stand_in, self.device)
         return ServerTrial(requirement, stand, self._new_viewer(), self.facts)
 
@@ -69,15 +76,21 @@ class ServerTestbed:
         where, patience = "the ports that it was given", self._patience
         if not any(reach(self.peer, self.testee, it, patience) for it in CHANNELS):
             raise not_met(self.testee, "server", where, self.plan.host, patience)
+        self._look(FRAME_SECONDS)
         self.peer.close_all()
 
     def lost(self, *, briefly: bool) -> str:
         """Which vital sign the server has lost since it was met, in words; nothing if none."""
-        viewer, facts, patience = self._new_viewer(), self.facts, self._patience
-        seconds = EFFECT_SECONDS
         if briefly and self.testee.expendable:
-            patience = seconds = BRIEF_SECONDS
-        return lost_by_server(self.peer, viewer, self.testee, facts, patience, seconds)
+            return self._look(BRIEF_SECONDS, BRIEF_SECONDS)
+        return self._look(EFFECT_SECONDS)
+
+    def _look(self, seconds: float, patience: float = 0.0) -> str:
+        """Which vital sign does not come within so many seconds. A server that was just started
+        has no images at first, and may say so (REQ-4): checks reckon with one that has.
+        """
+        viewer, patience = self._new_viewer(), patience or self._patience
+        return lost_by_server(self.peer, viewer, self.testee, self.facts, patience, seconds)
 
     def close(self) -> None:
         """End the server and every connection to it."""

@@ -10,7 +10,11 @@ import pytest
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.run.vital_signs import BRIEF_SECONDS
+from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee import server_probe
+from splatbus_conformance.wire.messages import init_packet_1_0
+from splatbus_schemas.requirements import requirements
 
 from tests.conformance.harness import run
 
@@ -64,14 +68,21 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def met(command: str) -> Iterator[Testbed]:
-    """A testbed with a server that was met."""
+def unmet(command: str) -> Iterator[Testbed]:
+    """A testbed with a server."""
     testbed = set_up(Plan("server", command, "127.0.0.1", (0, 0), (0, 0), 10.0))
     try:
-        testbed.introduce()
         yield testbed
     finally:
         testbed.close()
+
+
+@contextmanager
+def met(command: str) -> Iterator[Testbed]:
+    """A testbed with a server that was met."""
+    with unmet(command) as testbed:
+        testbed.introduce()
+        yield testbed
 
 
 def test_a_channel_that_dies_in_a_live_process_is_charged_to_the_check_before(
@@ -137,3 +148,48 @@ def test_a_loss_that_nobody_is_charged_with_is_looked_for_briefly(tmp_path: Path
         )[1]
         assert "it accepts no connection on the message channel" in testbed.lost(briefly=True)
         assert max(waited) <= BRIEF_SECONDS
+
+
+LOADS = """
+STARTED, INIT = time.monotonic(), json.dumps(INIT_PACKET).encode()
+
+def has_drawn():
+    return time.monotonic() > STARTED + 1.0
+
+def announce(connection):
+    while not has_drawn():
+        time.sleep(0.01)
+    connection.sendall(len(INIT).to_bytes(4, "little") + INIT)
+    packet(connection)
+
+def answer(connection):
+    while packet(connection):
+        size = [64, 48] if has_drawn() else [0, 0]
+        reply = json.dumps({"viewport_size": size}).encode()
+        connection.sendall(len(reply).to_bytes(4, "little") + reply)
+
+def listen(name, talk):
+    listener = socket.create_server(("127.0.0.1", int(os.environ[name])))
+    while True:
+        threading.Thread(target=talk, args=(listener.accept()[0],), daemon=True).start()
+
+threading.Thread(target=listen, args=("SPLATBUS_IPC_PORT", announce), daemon=True).start()
+listen("SPLATBUS_MSG_PORT", answer)
+"""
+
+
+def test_a_server_that_is_started_anew_is_tried_once_it_has_drawn(tmp_path: Path) -> None:
+    """What a server tells before its first image is no answer to what it told when it was met."""
+    loads = written(tmp_path, f"import json; INIT_PACKET = {init_packet_1_0()!r}", SERVES, LOADS)
+
+    def told(testbed: Testbed) -> object:
+        trial = testbed.trial(requirements("1.1")["REQ-3"])
+        assert isinstance(trial, ServerTrial)
+        return trial.ask(trial.before_hello("msg"), VIEWPORT_REQUEST)
+
+    with met(loads) as testbed:
+        testbed.testee.stop()
+        assert told(testbed) == {"viewport_size": [64, 48]}
+        with unmet(loads) as another:
+            another.meet_again(testbed.facts)
+            assert told(another) == {"viewport_size": [64, 48]}

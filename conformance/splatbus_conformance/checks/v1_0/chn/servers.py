@@ -183,7 +183,7 @@ def _crowded(trial: ServerTrial) -> tuple[Connection, list[Connection]]:
     or there is a crowd.
     """
     asking, silent = trial.served("msg"), list[Connection]()
-    if asking is None or trial.ask(asking, VIEWPORT_REQUEST) is None:
+    if asking is None or not trial.answers(asking):
         trial.not_observable("no request is answered")
     while not (asking.ended or any(it.ended for it in silent)) and len(silent) < CROWD:
         silent.append(trial.before_hello("msg"))
