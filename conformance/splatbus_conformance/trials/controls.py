@@ -21,16 +21,9 @@ _ids = itertools.count(2**30)
 """What no check gives a request of its own by chance."""
 
 
-def alike(by_id: bool) -> list[Json]:
-    """Good requests of one kind, of which the first has come, with all that was said before, once
-    they are answered.
-
-    By its id, where that comes back (NEG-28), a reply is told from others. Where it does not, the
-    last request before them may have been such a one, and its reply be taken for the first.
-    """
-    if by_id:
-        return [VIEWPORT_REQUEST | {"id": next(_ids)}]
-    return [VIEWPORT_REQUEST, VIEWPORT_REQUEST]
+def one(by_id: bool) -> Json:
+    """A good request: by its id, where that comes back (NEG-28), its reply is told from others."""
+    return VIEWPORT_REQUEST | {"id": next(_ids)} if by_id else VIEWPORT_REQUEST
 
 
 def both(by_id: bool) -> list[Json]:
@@ -39,7 +32,9 @@ def both(by_id: bool) -> list[Json]:
     Where no id tells them, what was answered before may look like either: both, one behind the
     other, still come after it.
     """
-    return alike(by_id) if by_id else [VIEWPORT_REQUEST, CAMERA_REQUEST]
+    if by_id:
+        return [one(by_id=True)]
+    return [VIEWPORT_REQUEST, CAMERA_REQUEST]
 
 
 def are_answered(requests: Sequence[Json], heard: Iterable[Json]) -> bool:
