@@ -358,3 +358,16 @@ def _taken(waiting: list[tuple[Any, socket.socket]]) -> Iterator[tuple[Any, sock
 def server_ends_its_oldest_client(patch: Patch) -> None:
     """Keeps the four newest clients of a channel, whatever the others have said."""
     keeps_the_newest(patch, 4)
+
+
+@mutant("CHN-25", check="check_keeps_who_has_spoken", code="ends-a-speaker")
+def server_ends_its_older_clients(patch: Patch) -> None:
+    """Ends the older half of four clients of a channel for a fifth, whatever they have said."""
+
+    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+        served = [peer for peer in self.peers if peer.connection.channel == channel]
+        for peer in served[:2] if len(served) >= 4 else ():
+            self.drop(peer)
+        original(self, channel, listener)
+
+    server.ACCEPTS_CLIENT.wrap(patch, accept)
