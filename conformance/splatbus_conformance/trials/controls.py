@@ -21,9 +21,21 @@ _ids = itertools.count(2**30)
 """What no check gives a request of its own by chance."""
 
 
-def one(by_id: bool) -> Json:
-    """A good request: by its id, where that comes back (NEG-28), its reply is told from others."""
-    return VIEWPORT_REQUEST | {"id": next(_ids)} if by_id else VIEWPORT_REQUEST
+def one(by_id: bool, said: Sequence[Json] = (), heard: Sequence[Json] = ()) -> Json:
+    """A good request, for whose reply none to what was said before can be taken.
+
+    By its id, where that comes back (NEG-28), a reply is told from others. Where it does not, the
+    request is of a kind of which as many replies were heard as were asked for, if there is one.
+    """
+    if by_id:
+        return VIEWPORT_REQUEST | {"id": next(_ids)}
+
+    def is_owed(request: Json) -> bool:
+        kind = request["type"]
+        asked = sum(message.get("type") == kind for message in said)
+        return asked > sum(_SIGNS[kind] in message for message in heard)
+
+    return CAMERA_REQUEST if is_owed(VIEWPORT_REQUEST) else VIEWPORT_REQUEST
 
 
 def both(by_id: bool) -> list[Json]:

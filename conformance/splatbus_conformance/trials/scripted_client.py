@@ -25,6 +25,8 @@ class DialledConnection:
 
     hello: Json | None = None
     welcome: Json | None = None
+    said: list[Json] = field(default_factory=list)
+    """Every message that was sent; not what scripts said."""
     heard: list[Json] = field(default_factory=list)
     """Every object that the server sent."""
     init_packets: list[Json] = field(default_factory=list)
@@ -182,6 +184,7 @@ class ScriptedClient:
 
     def say(self, connection: Connection, *messages: Json) -> None:
         """Send messages, in one write."""
+        self.with_(connection).said += messages
         connection.send(b"".join(packet(self.encode(message)) for message in messages))
 
     def close(self) -> None:

@@ -198,7 +198,9 @@ class ServerTrial(Trial):
 
     def answers(self, connection: Connection) -> bool:
         """Whether the server answers a good request on this connection: the positive control."""
-        return self._is_answered(connection, [controls.one(self._tells_ids(connection))])
+        dealings = self.viewer.with_(connection)
+        by_id = self._tells_ids(connection)
+        return self._is_answered(connection, [controls.one(by_id, dealings.said, dealings.heard)])
 
     def _tells_ids(self, connection: Connection) -> bool:
         welcome = self.viewer.with_(connection).welcome

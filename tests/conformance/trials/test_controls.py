@@ -26,3 +26,11 @@ def test_without_one_a_reply_to_what_went_before_is_one_too_many() -> None:
     for before in ([], [SIZE], [CAMERA]):
         assert not are_answered(requests, [*before, SIZE])
         assert are_answered(requests, [*before, SIZE, CAMERA])
+
+
+def test_a_request_that_is_not_answered_yet_is_not_the_control_too() -> None:
+    asked = VIEWPORT_REQUEST | {"id": 5}
+    assert one(False, [asked], []) == CAMERA_REQUEST
+    assert one(False, [asked], [SIZE]) == VIEWPORT_REQUEST
+    assert one(False, [asked, asked], [SIZE]) == CAMERA_REQUEST
+    assert one(False, [CAMERA_REQUEST], []) == VIEWPORT_REQUEST

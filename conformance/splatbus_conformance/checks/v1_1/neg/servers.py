@@ -304,8 +304,7 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
             if not trial.facts.alone["msg"]:
                 trial.move()  # another client has control, once it is answered
                 trial.answers(trial.mover())
-            # No viewport size: its reply could be taken for that of the request behind.
-            asked = ({"type": "get_camera_pose", "cam_idx": 0, "id": 5}, {"type": "ping", "t": 0})
+            asked = ({"type": "get_viewport_size", "id": 5}, {"type": "ping", "t": 0})
             for message in (*asked, camera_pose() | {"tag": ""}):
                 trial.viewer.say(connection, message)
             answered = trial.answers(connection)
