@@ -31,9 +31,9 @@ def one(by_id: bool, said: Sequence[Json] = (), heard: Sequence[Json] = ()) -> J
         return VIEWPORT_REQUEST | {"id": next(_ids)}
 
     def is_owed(request: Json) -> bool:
-        kind = request["type"]
-        asked = sum(message.get("type") == kind for message in said)
-        return asked > sum(_SIGNS[kind] in message for message in heard)
+        kind = str(request["type"])
+        asked = [message for message in said if message.get("type") == kind]
+        return len(asked) > sum(_SIGNS[kind] in message for message in heard)
 
     return CAMERA_REQUEST if is_owed(VIEWPORT_REQUEST) else VIEWPORT_REQUEST
 
