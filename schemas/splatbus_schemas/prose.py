@@ -114,8 +114,9 @@ def stray_keywords(text: str) -> list[str]:
 
 
 def chapters(version: str, root: Path = CHECKOUT) -> list[Path]:
-    """The Markdown files of one version, in reading order."""
-    return sorted((root / "spec" / version).glob("*.md"))
+    """The Markdown files of one version, in reading order; its errata are no part of its text."""
+    folder = root / "spec" / version
+    return sorted(set(folder.glob("*.md")) - {folder / "errata.md"})
 
 
 def _status(version: str, root: Path) -> str:

@@ -1,8 +1,11 @@
 """The registry of requirements is what the prose says, and ids keep their meaning."""
 
 import copy
+import hashlib
+import json
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +13,14 @@ from splatbus_schemas import VERSIONS, prose, read_json
 
 MEANING = ("level", "binds", "acceptable", "sentence")
 ID = re.compile(r"\b[A-Z]{3}-\d+\b")
+
+
+FINAL = json.loads(Path(__file__).with_name("final.json").read_text("utf-8"))
+"""The digest of each chapter of the versions that are final."""
+
+
+def digest(chapter: Path) -> str:
+    return hashlib.sha256(chapter.read_bytes()).hexdigest()
 
 
 def by_id(registry: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -63,6 +74,15 @@ def test_outcomes_are_those_that_the_introduction_defines(version: str) -> None:
 def test_no_released_id_has_changed_its_meaning_unannounced(version: str) -> None:
     released = read_json(version, "released.json")
     assert changed_ids(released, prose.collect(version)) - announced_changes() == set()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_is_final_never_changes(version: str) -> None:
+    if prose.collect(version)["status"] == "final":
+        assert {it.name: digest(it) for it in prose.chapters(version)} == FINAL[version]
+        assert prose.collect(version) == read_json(version, "released.json")
+    else:
+        assert version not in FINAL
 
 
 def test_announced_changes_are_of_ids_that_exist_or_did() -> None:
