@@ -36,6 +36,9 @@ NO_PART = (
     ":(exclude)conformance/splatbus_conformance/selftest/mutants/v1_0",
     ":(exclude)conformance/splatbus_conformance/selftest/mutants/v1_1",
     ":(exclude)conformance/splatbus_conformance/selftest/variations",
+    ":(exclude)reference_client/cpp",
+    ":(exclude)reference_client/csharp",
+    ":(exclude)schemas/splatbus_schemas/types",
     ":(exclude)tests/foreign/conftest.py",
     ":(exclude)tests/foreign/test_*.py",
 )

@@ -160,9 +160,9 @@ def picture(result: dict[str, Any], path: Path) -> None:
     axes[1].set_xscale("log")
     axes[2].set_xlim(0.0, 1.2)
     axes[0].set_yticks(range(len(names)), [ATTACKS[name][0] for name in names])
-    axes[0].legend(loc="lower left")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="lower left", ncols=2)
     figure.suptitle("A client that behaves, beside three that do not; dotted: the goals")
-    figure.tight_layout()
+    figure.tight_layout(rect=(0.0, 0.04, 1.0, 1.0))
     figure.savefig(path, dpi=110)
 
 
