@@ -32,19 +32,26 @@ def root(tmp_path: Path) -> Path:
     ],
 )
 def test_a_link_leads_to_the_page(source: str, before: str, after: str, root: Path) -> None:
-    assert relinked(source, before, PAGES, root) == (after, set())
+    assert relinked(source, before, PAGES, root) == (after, set(), set())
 
 
 def test_a_file_keeps_its_place(root: Path) -> None:
-    text, files = relinked("spec/1.0/02-framing.md", "[`a`](../limits.json)", PAGES, root)
+    text, files, _ = relinked("spec/1.0/02-framing.md", "[`a`](../limits.json)", PAGES, root)
     assert text == '<a href="../limits.json">`a`</a>'
     assert files == {"spec/limits.json"}
 
 
 def test_a_page_that_moves_takes_its_files_along(root: Path) -> None:
-    text, files = relinked("conformance/site/index.md", "![a](../../spec/picture.png)", PAGES, root)
+    text, files, shown = relinked(
+        "conformance/site/index.md", "![a](../../spec/picture.png)", PAGES, root
+    )
     assert text == "![a](spec/picture.png)"
-    assert files == {"spec/picture.png"}
+    assert (files, shown) == (set(), {"spec/picture.png"})
+
+
+def test_a_picture_that_is_led_to_lies_beside_the_pages(root: Path) -> None:
+    _, files, shown = relinked("README.md", "[a](spec/picture.png)", PAGES, root)
+    assert (files, shown) == ({"spec/picture.png"}, set())
 
 
 def test_targets_are_those_outside_of_fences() -> None:

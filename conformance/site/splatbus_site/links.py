@@ -30,14 +30,17 @@ def resolved(source: str, target: str) -> str:
     return posixpath.normpath(posixpath.join(posixpath.dirname(source), path)) if path else source
 
 
-def relinked(source: str, text: str, pages: frozenset[str], root: Path) -> tuple[str, set[str]]:
-    """The text as the site needs it, and the files that have to lie beside its pages.
+def relinked(
+    source: str, text: str, pages: frozenset[str], root: Path
+) -> tuple[str, set[str], set[str]]:
+    """The text as the site needs it, the files that it leads to, and the pictures that it shows.
 
     A link to a page becomes one to its docname; one to another file keeps its path, which the file
     has in the site as well; one to a folder is only its text. A link to nothing stays: Sphinx will
     complain of it.
     """
     files: set[str] = set()
+    shown: set[str] = set()
     here = posixpath.dirname(docname(source))
 
     def replaced(match: re.Match[str]) -> str:
@@ -55,10 +58,11 @@ def relinked(source: str, text: str, pages: frozenset[str], root: Path) -> tuple
             return match["text"]
         if not (root / path).is_file():
             return match[0]
-        files.add(path)
         place = posixpath.relpath(path, here or ".")
         if match["image"]:
+            shown.add(path)
             return f"![{match['text']}]({place})"
+        files.add(path)
         return f'<a href="{html.escape(place)}">{match["text"]}</a>'
 
-    return outside_of_fences(lambda part: _LINK.sub(replaced, part), text), files
+    return outside_of_fences(lambda part: _LINK.sub(replaced, part), text), files, shown

@@ -33,16 +33,17 @@ def stage(root: Path, sources: Path, site: Path) -> None:
     names = frozenset(found)
     files = {p.relative_to(root).as_posix() for each in layout.RAW for p in root.glob(each)}
     relinked = {}
+    images: set[str] = set()
     for source, text in found.items():
-        relinked[source], linked = links.relinked(source, text, names, root)
+        relinked[source], linked, shown = links.relinked(source, text, names, root)
         files |= linked
-    data = {path: (root / path).read_bytes() for path in files}
-    images = {path for path in files if path.endswith((".png", ".svg"))}
+        images |= shown
+    data = {path: (root / path).read_bytes() for path in files | images}
     texts = {f"{name}.md": text.encode() for name, text in layout.staged(relinked).items()}
     wanted = texts | {path: data[path] for path in images}
     _remove_all_but(wanted.keys(), sources)
     _write(wanted, sources)
-    _write({path: data[path] for path in files - images}, site)
+    _write({path: data[path] for path in files}, site)
 
 
 def _remove_all_but(wanted: Set[str], folder: Path) -> None:
