@@ -278,16 +278,15 @@ def differing(tasks: dict[str, Outcome]) -> Iterator[str]:
 
 
 def behind() -> str:
-    """How far the stored result is behind, as a sentence; nothing where git does not tell."""
+    """What the stored result lacks, as a sentence; how far it is behind only where git tells."""
     if not RESULT.is_file():
         return "there is no result of `python -m tests long` yet"
-    commit = json.loads(RESULT.read_text("utf-8"))["commit"]
-    try:
-        count = int(git("rev-list", "--count", f"{commit}..HEAD", "--", *JUDGES))
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    told = f"the result of `python -m tests long` is {count} changes of harness and wire behind"
-    return told if count else ""
+    state = json.loads(RESULT.read_text("utf-8"))
+    told = [] if whole(state) else [f"not whole ({sentences(state)[0]})"]
+    with contextlib.suppress(OSError, subprocess.CalledProcessError):
+        count = int(git("rev-list", "--count", f"{state['commit']}..HEAD", "--", *JUDGES))
+        told += [f"{count} changes of harness and wire behind"] if count else []
+    return f"the result of `python -m tests long` is {' and '.join(told)}" if told else ""
 
 
 def git(*words: str) -> str:

@@ -120,10 +120,17 @@ def test_what_is_not_committed_has_no_result(result, monkeypatch, capsys):
     [("3", "the result of `python -m tests long` is 3 changes"), ("0", ""), (None, "")],
 )
 def test_how_far_it_is_behind_is_told_where_git_knows(result, monkeypatch, count, told):
-    long.save(state())
+    done = {task.name: {"wrong": []} for task in long.plan()}
+    long.save(state(tasks=done, judged=True))
     repository(monkeypatch, rev_list=count)
     assert long.behind().startswith(told)
     assert bool(long.behind()) == bool(told)
+
+
+def test_a_result_that_is_not_whole_is_never_fresh(result, monkeypatch):
+    long.save(state())
+    repository(monkeypatch, rev_list="0")
+    assert long.behind().startswith("the result of `python -m tests long` is not whole (0 of ")
 
 
 def test_that_there_is_no_result_is_told(result):

@@ -1,0 +1,174 @@
+"""The C# core reads and prints what the wire does: all vectors, and what nobody wrote down."""
+
+import math
+import random
+import shutil
+import struct
+import subprocess
+from collections.abc import Sequence
+from decimal import Decimal, localcontext
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from splatbus_schemas.prose import CHECKOUT
+from splatbus_schemas.types.__main__ import main as write_types
+from splatbus_wire.errors import ProtocolError
+from splatbus_wire.json_text import parse_object
+
+from tests.wire.payloads import edited, payload_of
+
+FOLDER = CHECKOUT / "reference_client" / "csharp"
+VECTORS = CHECKOUT / "spec" / "vectors"
+TRIED = {"numbers": 85, "framing": 42, "packets": 33, "conventions": 8}
+"""Cases of these files at least; of all others, only the numbers."""
+WHOLE = (
+    b'{"type":"frame","seq":17,"camera":{"position":[0.25,-1e-3,4],"tag":"\\u00e9\\ud83d\\ude00"}}',
+    '{"é":[true,false,null,{"a":{},"b":[]}],"😀":-0.0,"c":1.5E+2}'.encode(),
+    b'{"names":{"a":1,"b":2,"c":3,"d":4,"e":5,"f":6,"g":7,"h":8,"i":9,"j":10,"k":11,"l":12,'
+    b'"m":13,"n":14,"o":15,"p":16,"q":17,"r":18}}',
+)
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    for command in ("mcs", "mono"):
+        if not shutil.which(command):
+            pytest.skip(f"{command} is not installed")
+    target = tmp_path_factory.mktemp("csharp") / "vectors.exe"
+    sources = [str(each) for each in sorted(FOLDER.glob("SplatBus.*/*.cs"))]
+    line = ["mcs", "-warn:4", "-warnaserror", "-r:System.Numerics.dll", f"-out:{target}", *sources]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return target
+
+
+def answers(program: Path, payloads: Sequence[bytes]) -> list[str]:
+    done = subprocess.run(
+        ["mono", str(program)],
+        input="".join(f"{each.hex()}\n" for each in payloads),
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    told = done.stdout.splitlines()
+    assert len(told) == len(payloads)
+    return told
+
+
+@pytest.mark.parametrize("file", sorted(VECTORS.glob("[!v]*.json")), ids=lambda each: each.stem)
+def test_vectors(file: Path, program: Path) -> None:
+    done = subprocess.run(
+        ["mono", str(program), str(file)], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    numbers, cases = (int(part.split()[0]) for part in done.stdout.split(",")[:2])
+    assert cases >= TRIED.get(file.stem, 0)
+    assert numbers or cases
+
+
+def test_the_types_are_those_of_the_metamodel(tmp_path: Path) -> None:
+    made = tmp_path / "Wire.cs"
+    assert write_types(["csharp", "--output", str(made)]) == 0
+    assert (FOLDER / "SplatBus.Client" / "Wire.cs").read_text("utf-8") == made.read_text("utf-8")
+
+
+def test_numbers_are_read_and_printed_to_the_last_bit(program: Path) -> None:
+    """[ACC-1, ACC-14]: any double in its shortest form, in 17 digits, and in more than can be."""
+    draw = random.Random(1)
+    values = [struct.unpack("<d", draw.randbytes(8))[0] for _ in range(20_000)]
+    values += [draw.uniform(-100, 100) for _ in range(20_000)]
+    values += [math.ldexp(draw.randrange(1 << 52), -1074) for _ in range(2_000)]
+    values += [
+        float(draw.randrange(1 << 53)) * 10.0 ** draw.randrange(-30, 30) for _ in range(9_999)
+    ]
+    values += [6929495644600919.5, 5e-324, 1.7976931348623157e308, 2.0**63, 0.1, 9007199254740993.0]
+    finite = [each for each in values if math.isfinite(each)]
+    forms = [form(each) for each in finite for form in (repr, "{:.17g}".format, "{:.30e}".format)]
+    forms += [halfway(each) for each in finite[:5_000]]
+    payloads = [
+        f'{{"a":[{",".join(forms[i : i + 100])}]}}'.encode() for i in range(0, len(forms), 100)
+    ]
+    lines = answers(program, payloads)
+    rewritten = [each for line in lines for each in again(line)["a"]]
+    told = [each for line in lines for each in line.split()[1:-1]]
+    assert len(told) == len(rewritten) == len(forms)
+    for form, bits, printed in zip(forms, told, rewritten, strict=True):
+        (read,) = struct.unpack(">d", int(bits, 16).to_bytes(8, "big"))
+        assert (read, math.copysign(1, read)) == (float(form), math.copysign(1, float(form))), form
+        assert printed == read, form
+
+
+def again(line: str) -> dict[str, Any]:
+    """What our writer made of a payload that was taken."""
+    return parse_object(payload_of(bytes.fromhex(line.split()[-1])), 65_536)
+
+
+def halfway(value: float) -> str:
+    """The decimal exactly between a double and the next, which ties to even."""
+    with localcontext() as context:
+        context.prec = 1200
+        return str((Decimal(value) + Decimal(math.nextafter(value, 0.0))) / 2)
+
+
+@settings(
+    max_examples=8,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    deadline=None,
+    phases=[Phase.generate],
+)
+@given(payloads=st.lists(edited(*WHOLE), min_size=100, max_size=200))
+def test_texts_are_taken_and_refused_as_the_wire_does(payloads: list[bytes], program: Path) -> None:
+    for payload, told in zip(payloads, answers(program, payloads), strict=True):
+        assert told.startswith("taken ") == is_taken(payload), (payload, told)
+        if told.startswith("taken "):
+            assert again(told) == parse_object(payload, 65_536)
+
+
+@pytest.mark.parametrize(
+    ("payload", "requirement"),
+    [
+        (b'\xef\xbb\xbf{"a":1}', "JSN-1"),
+        (b'{"a":1,"\\u0061":2}', "JSN-3"),
+        (b'{"a":{' + b",".join(b'"%d":1' % (each % 40) for each in range(41)) + b"}}", "JSN-3"),
+        (b'{"a":1e400}', "JSN-4"),
+        (b'{"a":NaN}', "JSN-4"),
+        (b'{"a":' + 64 * b"[" + 64 * b"]" + b"}", "JSN-5"),
+        (b'{"a":[' + b",".join([b"1"] * 65_535) + b"]}", "JSN-12"),
+        (b'{"a":"\\ud800"}', "JSN-1"),
+        (b'{"a":"\xed\xa0\x80"}', "JSN-1"),
+        (b'{"a":"\xc0\xaf"}', "JSN-1"),
+        (b'{"a":1,}', "JSN-1"),
+        (b'{"a":01}', "JSN-1"),
+        (b"[1]", "JSN-1"),
+        (b'{"a":1', "JSN-1"),
+        (b'{"a":1} {}', "JSN-1"),
+    ],
+)
+def test_a_refusal_names_what_was_broken(payload: bytes, requirement: str, program: Path) -> None:
+    assert not is_taken(payload)
+    (told,) = answers(program, [payload])
+    assert told.startswith("refused: ")
+    assert requirement in told
+    assert " at byte " in told
+
+
+def test_what_is_just_within_the_limits_is_taken(program: Path) -> None:
+    within = [
+        b'{"a":' + 63 * b"[" + 63 * b"]" + b"}",
+        b'{"a":[' + b",".join([b"1"] * 65_534) + b"]}",
+        b'{"a":{' + b",".join(b'"%d":1' % each for each in range(40)) + b"}}",
+        b'{"a":1.7976931348623158e308}',
+    ]
+    assert [each.split()[0] for each in answers(program, within)] == ["taken"] * len(within)
+
+
+def is_taken(payload: bytes) -> bool:
+    try:
+        parse_object(payload, 65_536)
+    except ProtocolError:
+        return False
+    return True
