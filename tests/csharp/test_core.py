@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from splatbus_schemas.prose import CHECKOUT
 from splatbus_schemas.types.__main__ import main as write_types
 from splatbus_wire.errors import ProtocolError
+from splatbus_wire.framing import encode_packet
 from splatbus_wire.json_text import parse_object
 
 from tests.wire.payloads import edited, payload_of
@@ -154,6 +155,22 @@ def test_a_refusal_names_what_was_broken(payload: bytes, requirement: str, progr
     assert told.startswith("refused: ")
     assert requirement in told
     assert " at byte " in told
+
+
+@pytest.mark.parametrize(
+    "numbers", ["0.25, -3.5, 4", "0.1234567890123456, -1e-3, 12345.678901234567"]
+)
+def test_a_frame_leaves_no_garbage(numbers: str, program: Path) -> None:
+    frame = (
+        '{"type":"frame","generation":1,"seq":17,"slot":2,"camera":{"position":[%s],'
+        '"rotation":[0.18257418583505536,0.3651483716701107,0.5477225575051661,'
+        '0.7302967433402214],"fx":300.5,"fy":300.5,"cx":160.0,"cy":120.0,"width":320,"height":240,'
+        '"near":0.01,"far":100.0,"tag":"a"},"time":0.0,"renderedAt":1041.2501234567}'
+    )
+    packet = encode_packet((frame % numbers).encode())
+    line = ["mono", str(program), "--garbage", packet.hex()]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "10000 frames, 0 bytes\n", done.stdout + done.stderr
 
 
 def test_what_is_just_within_the_limits_is_taken(program: Path) -> None:

@@ -335,6 +335,19 @@ namespace SplatBus
             return found;
         }
 
+        /// <summary>An array of exactly as many numbers as there is room for.</summary>
+        public bool TryNumbers(Span<double> to)
+        {
+            if (Kind != JsonKind.Array || Count != to.Length) return false;
+            int at = 0;
+            foreach (JsonValue each in this)
+            {
+                if (each.Kind != JsonKind.Number) return false;
+                to[at++] = each.Number;
+            }
+            return true;
+        }
+
         /// <summary>The member of an object with this name, which is of ASCII.</summary>
         public bool TryMember(string name, out JsonValue member)
         {

@@ -20,6 +20,7 @@ namespace SplatBus.Tests
         static int Main(string[] arguments)
         {
             if (arguments.Length == 0) return Answer();
+            if (arguments[0] == "--garbage") return Garbage.Measure(OfDigits(arguments[1]));
             JsonValue file = new Json(10000000).Read(new ArraySegment<byte>(File.ReadAllBytes(arguments[0])));
             Spelt(file, "");
             int numbers = tried;
@@ -234,15 +235,10 @@ namespace SplatBus.Tests
         static Pose OfMember(JsonValue each, string name)
         {
             JsonValue pose = Member(each, name);
-            double[] p = Doubles(Member(Member(pose, "position"), "decimal")), q = Doubles(Member(Member(pose, "rotation"), "decimal"));
+            double[] p = new double[3], q = new double[4];
+            if (!Member(Member(pose, "position"), "decimal").TryNumbers(p) || !Member(Member(pose, "rotation"), "decimal").TryNumbers(q))
+                throw new InvalidDataException("no pose");
             return new Pose { X = p[0], Y = p[1], Z = p[2], QX = q[0], QY = q[1], QZ = q[2], QW = q[3] };
-        }
-
-        static double[] Doubles(JsonValue array)
-        {
-            var found = new List<double>();
-            foreach (JsonValue each in array) found.Add(each.Number);
-            return found.ToArray();
         }
 
         static bool Try(string payload, out JsonValue read)
