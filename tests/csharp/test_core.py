@@ -2,10 +2,8 @@
 
 import math
 import random
-import shutil
 import struct
 import subprocess
-from collections.abc import Sequence
 from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import Any
@@ -19,9 +17,9 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import encode_packet
 from splatbus_wire.json_text import parse_object
 
+from tests.csharp.compiled import FOLDER, answers
 from tests.wire.payloads import edited, payload_of
 
-FOLDER = CHECKOUT / "reference_client" / "csharp"
 VECTORS = CHECKOUT / "spec" / "vectors"
 TRIED = {"numbers": 85, "framing": 42, "packets": 33, "conventions": 8}
 """Cases of these files at least; of all others, only the numbers."""
@@ -31,33 +29,6 @@ WHOLE = (
     b'{"names":{"a":1,"b":2,"c":3,"d":4,"e":5,"f":6,"g":7,"h":8,"i":9,"j":10,"k":11,"l":12,'
     b'"m":13,"n":14,"o":15,"p":16,"q":17,"r":18}}',
 )
-
-
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    for command in ("mcs", "mono"):
-        if not shutil.which(command):
-            pytest.skip(f"{command} is not installed")
-    target = tmp_path_factory.mktemp("csharp") / "vectors.exe"
-    sources = [str(each) for each in sorted(FOLDER.glob("SplatBus.*/*.cs"))]
-    line = ["mcs", "-warn:4", "-warnaserror", "-r:System.Numerics.dll", f"-out:{target}", *sources]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return target
-
-
-def answers(program: Path, payloads: Sequence[bytes]) -> list[str]:
-    done = subprocess.run(
-        ["mono", str(program)],
-        input="".join(f"{each.hex()}\n" for each in payloads),
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    told = done.stdout.splitlines()
-    assert len(told) == len(payloads)
-    return told
 
 
 @pytest.mark.parametrize("file", sorted(VECTORS.glob("[!v]*.json")), ids=lambda each: each.stem)

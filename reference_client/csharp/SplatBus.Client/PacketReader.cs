@@ -13,6 +13,13 @@ namespace SplatBus
             Offset = offset;
         }
 
+        /// <param name="pointer">Where: a JSON pointer into the message.</param>
+        public ProtocolException(string what, string pointer) : base("'" + pointer + "' " + what)
+        {
+            Offset = -1;
+        }
+
+        /// <summary>The byte; -1 where a member is named instead.</summary>
         public long Offset { get; private set; }
     }
 

@@ -9,8 +9,9 @@ namespace SplatBus.Tests
 {
     /// <summary>
     /// Tries all cases of a file of test vectors, and prints how many and what is wrong. Without a
-    /// file it answers each line of hexadecimal digits: a payload by what is wrong with it, or by
-    /// the packet that our writer makes of it and the bits of each number inside.
+    /// file it answers each line of hexadecimal digits: a payload by what is wrong with it, an init
+    /// packet looked at whole, or by the bits of each number inside and the packet that our writer
+    /// makes of it.
     /// </summary>
     static class Vectors
     {
@@ -53,6 +54,7 @@ namespace SplatBus.Tests
                     JsonValue read = json.Read(new ArraySegment<byte>(OfDigits(line)));
                     writer.Begin();
                     Members(read, writer, told);
+                    if (InitPackets.IsOne(read)) InitPackets.Read(read);
                     foreach (byte each in writer.End()) told.Append(each.ToString("x2"));
                 }
                 catch (ProtocolException broken) { told.Length = 0; told.Append("refused: " + broken.Message); }
