@@ -154,8 +154,11 @@ def test_what_is_just_within_the_limits_is_taken(program: Path) -> None:
         b'{"a":[' + b",".join([b"1"] * 65_534) + b"]}",
         b'{"a":{' + b",".join(b'"%d":1' % each for each in range(40)) + b"}}",
         b'{"a":1.7976931348623158e308}',
+        '{"a\\u0000\\u001f":"\\"\\\\\\/\\b\\n\u007f\u0080\u07ff\u0800\uffff\U00010000\U0010ffff"}'.encode(),
     ]
-    assert [each.split()[0] for each in answers(program, within)] == ["taken"] * len(within)
+    for each, told in zip(within, answers(program, within), strict=True):
+        assert told.startswith("taken ")
+        assert again(told) == parse_object(each, 65_536)
 
 
 def is_taken(payload: bytes) -> bool:

@@ -16,28 +16,19 @@ namespace SplatBus
             return message.TryMember("meta", out member) && !message.TryMember("type", out member);
         }
 
-        /// <summary>The generation that the answer to it names; 0 if there is none to name [OPN-1, OPN-4].</summary>
-        public static long Generation(JsonValue message)
-        {
-            JsonValue generation;
-            long value = 0;
-            return message.TryMember("generation", out generation) && generation.TryInteger(out value) ? value : 0;
-        }
-
         /// <summary>The packet; null from a server of 1.0, whose images are in memory of a GPU.</summary>
         /// <exception cref="ProtocolException">It breaks a rule, or is of other memory: do not open that [INI-9, MEM-11].</exception>
         public static InitPacket Read(JsonValue message)
         {
-            JsonValue version;
-            if (!message.TryMember("version", out version)) return null;
             var root = new Part(message, "");
-            string spelt = root.Member("version", "MEM-1").Text("MEM-1");
-            if (!IsOwnOrLater(spelt)) throw new ProtocolException("is no 1.x from 1.1 on [MEM-1]", "/version");
+            Part version, handle;
+            if (!root.Has("version", out version)) return null;
+            if (!IsOwnOrLater(version.Text("MEM-1"))) throw version.Broken("is no 1.x from 1.1 on", "MEM-1");
             Meta meta = ReadMeta(root.Member("meta", "INI-1"));
             long generation = root.Member("generation", "MEM-1").Integer(1, Limits.MaxSafeInteger, "MEM-1");
             HostShmMemory memory = ReadMemory(root.Member("memory", "MEM-2"));
-            foreach (string handle in new[] { "mem_color", "mem_depth", "evt_done" })
-                if (message.TryMember(handle, out version)) throw new ProtocolException("is there with memory of the host [MEM-3]", "/" + handle);
+            foreach (string name in new[] { "mem_color", "mem_depth", "evt_done" })
+                if (root.Has(name, out handle)) throw handle.Broken("is there with memory of the host", "MEM-3");
             Ring ring = ReadRing(root.Member("ring", "MEM-8"), meta.W * meta.H);
             CheckSlots(ring, meta.W * meta.H, memory.Bytes);
             Semantics semantics = ReadSemantics(root.Member("semantics", "MEM-12"));

@@ -118,7 +118,7 @@ namespace SplatBus
                 nodes[member].NameStart = start;
                 nodes[member].NameLength = length;
                 nodes[index].Count++;
-                if (!IsNew(index, member, ref names)) throw Broken("the name '" + NameOf(member) + "' stands twice [JSN-3]");
+                if (!IsNew(index, member, ref names)) throw Broken("a name stands twice in an object [JSN-3]");
             }
         }
 
