@@ -60,7 +60,7 @@ def exact(kind: str, depth: np.ndarray, alpha: np.ndarray) -> np.ndarray:
 def measure(million: int) -> list[dict[str, Any]]:
     from splatbus_server.cuda.driver import Device, api, call
     from splatbus_server.cuda.memory import DeviceMemory
-    from splatbus_wire.init_packet import Semantics
+    from splatbus_wire.semantics import Semantics
 
     height = million * (1 << 20) // WIDTH
     shape = height, WIDTH

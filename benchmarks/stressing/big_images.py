@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.exchange import BOTH
 from splatbus_server.memory import Memory
-from splatbus_wire.init_packet import Semantics, host_ring
+from splatbus_wire.init_packet import host_ring
+from splatbus_wire.semantics import Semantics
 
 SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160), "8K": (7680, 4320)}
 

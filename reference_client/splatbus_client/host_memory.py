@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.init_packet import HostMemory, InitPacket, Semantics, Slots
+from splatbus_wire.init_packet import HostMemory, InitPacket, Slots
+from splatbus_wire.semantics import Semantics
 
 from splatbus_client.mapping import MemoryLostError, extent, map_memory, read
 

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import DEFAULT_OBJECT, Frame, FrameCamera, Placement
 from splatbus_wire.poses import IDENTITY
+from splatbus_wire.semantics import Semantics
 
 Image = NDArray[np.float32]
 

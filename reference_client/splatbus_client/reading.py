@@ -9,8 +9,9 @@ import logging
 from typing import Any, NamedTuple, Protocol
 
 from splatbus_schemas.visible import visible
-from splatbus_wire.init_packet import InitPacket, Semantics
+from splatbus_wire.init_packet import InitPacket
 from splatbus_wire.messages import Frame, Hello
+from splatbus_wire.semantics import Semantics
 
 from splatbus_client import cuda
 from splatbus_client.complaints import Complaints

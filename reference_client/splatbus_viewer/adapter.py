@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from splatbus_client.session import Session, connect
 from splatbus_wire.conventions import ENGINES, Engine
-from splatbus_wire.init_packet import semantics_object
 from splatbus_wire.poses import Pose
+from splatbus_wire.semantics import semantics_object
 
 from splatbus_viewer.display import composed
 from splatbus_viewer.mirror import Mirror

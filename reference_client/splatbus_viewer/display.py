@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.compositing import over_premultiplied, over_straight
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera
+from splatbus_wire.semantics import Semantics
 
 Float32Array = NDArray[np.float32]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 from splatbus_client.lease import FrameLease, Image
 from splatbus_client.mapping import MemoryLostError
 from splatbus_client.session import Session
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera, Placement
+from splatbus_wire.semantics import Semantics
 
 
 class Copied(NamedTuple):

@@ -10,10 +10,10 @@ with splatbus.serve(width, height) as bus:
             bus.publish(view, color, depth)
 """
 
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Box, SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.relative import PixelErrors
+from splatbus_wire.semantics import Semantics
 
 from splatbus_server.api import Address, Bus, serve
 from splatbus_server.limits import Limits

@@ -11,7 +11,6 @@ from importlib.metadata import version
 from types import TracebackType
 from typing import Any, Literal, NamedTuple
 
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import (
     DEFAULT_OBJECT,
     GetScene,
@@ -23,6 +22,7 @@ from splatbus_wire.messages import (
     encode,
 )
 from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.semantics import Semantics, checked_semantics
 
 from splatbus_server.connection import Terms
 from splatbus_server.control import Poses
@@ -100,12 +100,13 @@ def serve(
         limits: to what clients may take, all together.
 
     Raises:
-        ValueError: a setting is out of its range, the scene could not be told of [SCN-2], or an
-            address that other machines can reach lacks a token [NEG-17].
+        ValueError: a setting is out of its range, the scene [SCN-2] or the semantics [MEM-12] could
+            not be told of, or an address that other machines can reach lacks a token [NEG-17].
         OSError: an address is taken, memory is full, or there is no such GPU.
         ImportError: `cuda_ipc` without cuda-bindings.
     """
     where = settings(host, ipc_port, message_port, token)
+    semantics = checked_semantics(semantics)
     scene = checked_scene(Scene(tuple(objects), time_range, len(cameras), semantics.origin))
     sweep_stale()
     with ExitStack() as undo:

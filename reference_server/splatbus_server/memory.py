@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_schemas import LIMITS
-from splatbus_wire.init_packet import VERSION, HostMemory, InitPacket, Semantics, host_ring
+from splatbus_wire.init_packet import VERSION, HostMemory, InitPacket, host_ring
+from splatbus_wire.semantics import Semantics
 
 from splatbus_server import shared_memory
 from splatbus_server.publish import Publisher, source

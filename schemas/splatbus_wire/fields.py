@@ -16,6 +16,8 @@ from splatbus_wire.rotations import Quaternion, check_quaternion
 
 MAX_SAFE_INTEGER: int = LIMITS["max_safe_integer"]
 _MAX_POSITION: float = LIMITS["max_position"]
+ROUNDS_TO_INFINITY = 2.0**128 - 2.0**103
+"""The least number that single precision rounds to infinity: half an ULP beyond its greatest."""
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?")
 
 
@@ -121,6 +123,13 @@ class Field(NamedTuple):
         number = float(value)
         if not math.isfinite(number):
             raise self.refused(f"is {brief(self.value)}, not a finite number", "invalid_number")
+        return number
+
+    def single(self) -> float:
+        """This number, which single precision does not round to infinity."""
+        number = self.number()
+        if not abs(number) < ROUNDS_TO_INFINITY:
+            raise self.refused(f"is {brief(self.value)}, beyond single precision")
         return number
 
     def coordinate(self, *, or_string: bool = False) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
@@ -12,7 +11,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.fields import MAX_SAFE_INTEGER, Field
-from splatbus_wire.poses import Vector
+from splatbus_wire.semantics import Semantics, parse_semantics, semantics_object
 
 COLOR_PIXEL_BYTES = 16
 DEPTH_PIXEL_BYTES = 4
@@ -28,10 +27,6 @@ _HANDLES = ("mem_color", "mem_depth", "evt_done")
 SHM_NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
 VERSIONS = re.compile(r"1\.[1-9][0-9]*")
 _DEVICE_UUID = re.compile(r"GPU-[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")
-_ALPHAS = ("straight", "premultiplied")
-_COLOR_SPACES = ("srgb", "linear")
-_DEPTH_KINDS = ("planar_z", "ray_distance")
-_DEPTH_ESTIMATORS = ("harmonic", "expected", "median")
 
 
 class LegacyBuffers(NamedTuple):
@@ -79,22 +74,6 @@ class Slots(NamedTuple):
     depth_offset: int
     depth_stride: int
     events: tuple[bytes, ...] = ()
-
-
-class Semantics(NamedTuple):
-    """What the numbers in the buffers mean; rows are bottom-up always [MEM-12].
-
-    `depth_empty` may be infinity; `unit_metres` is None where it is not known; a position in the
-    scene's own coordinates is the position on the wire plus `origin`.
-    """
-
-    alpha: str = "straight"
-    color_space: str = "srgb"
-    depth_kind: str = "planar_z"
-    depth_estimator: str = "harmonic"
-    depth_empty: float = math.inf
-    unit_metres: float | None = None
-    origin: Vector = (0.0, 0.0, 0.0)
 
 
 class InitPacket(NamedTuple):
@@ -163,7 +142,7 @@ def parse_init_packet(message: Mapping[str, Any]) -> InitPacket:
     if described is None and isinstance(memory, HostMemory):
         described = root.under("MEM-8").member("ring")
     ring = None if described is None else _parse_ring(described, width, height, memory)
-    semantics = _parse_semantics(root.under("MEM-12").member("semantics"))
+    semantics = parse_semantics(root.under("MEM-12").member("semantics"))
     return InitPacket(width, height, legacy, VERSION, generation, memory, ring, semantics)
 
 
@@ -308,22 +287,6 @@ def _parse_ring(ring: Field, width: int, height: int, memory: HostMemory | CudaM
     )
 
 
-def _parse_semantics(semantics: Field) -> Semantics:
-    semantics.member("rows").one_of(["bottom_up"])
-    depth = semantics.member("depth")
-    empty = depth.member("empty")
-    unit = semantics.member("unitMetres")
-    return Semantics(
-        semantics.member("alpha").one_of(_ALPHAS),
-        semantics.member("colorSpace").one_of(_COLOR_SPACES),
-        depth.member("kind").one_of(_DEPTH_KINDS),
-        depth.member("estimator").one_of(_DEPTH_ESTIMATORS),
-        math.inf if empty.value == "inf" else empty.number(),
-        None if unit.value is None else unit.positive(),
-        semantics.member("origin").vector(),
-    )
-
-
 def check_slots(ring: Slots, pixels: int, memory_bytes: int) -> None:
     """Refuse slots that leave the memory [MEM-10], or overlap."""
     extents = [
@@ -377,23 +340,6 @@ def _ring_object(ring: Slots) -> dict[str, Any]:
         "depthStride": ring.depth_stride,
     }
     return layout | ({"events": [_base64(event) for event in ring.events]} if ring.events else {})
-
-
-def semantics_object(semantics: Semantics) -> dict[str, Any]:
-    """Return the member `semantics` of an init packet [MEM-12]."""
-    empty = semantics.depth_empty
-    return {
-        "rows": "bottom_up",
-        "alpha": semantics.alpha,
-        "colorSpace": semantics.color_space,
-        "depth": {
-            "kind": semantics.depth_kind,
-            "estimator": semantics.depth_estimator,
-            "empty": "inf" if empty == math.inf else empty,
-        },
-        "unitMetres": semantics.unit_metres,
-        "origin": list(semantics.origin),
-    }
 
 
 def _base64(data: bytes) -> str:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from splatbus_server.exchange import BOTH
 from splatbus_server.memory import Memory, _slots
-from splatbus_wire.init_packet import Semantics, host_ring
+from splatbus_wire.init_packet import host_ring
+from splatbus_wire.semantics import Semantics
 
 from benchmarks.stressing import big_images, depths, drift, far, pose_sets
 

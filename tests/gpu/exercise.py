@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from splatbus_server.cuda.driver import Device
 from splatbus_server.cuda.kernels import Compiler
-from splatbus_wire.init_packet import Semantics
+from splatbus_wire.semantics import Semantics
 
 from tests.gpu.images import BOTH, FORMATS, OnDevice, drawn, memory
 

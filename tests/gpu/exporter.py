@@ -5,7 +5,8 @@ import sys
 
 from splatbus_server.cuda.driver import Device
 from splatbus_server.cuda.memory import DeviceMemory
-from splatbus_wire.init_packet import Semantics, init_packet_object
+from splatbus_wire.init_packet import init_packet_object
+from splatbus_wire.semantics import Semantics
 
 if __name__ == "__main__":
     memory = DeviceMemory(16, 8, 1, Semantics(), Device(0))

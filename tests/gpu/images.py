@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from splatbus_server.cuda.driver import api, call
 from splatbus_server.cuda.memory import DeviceMemory
-from splatbus_wire.init_packet import Semantics
+from splatbus_wire.semantics import Semantics
 
 BOTH = frozenset(("color", "depth"))
 STRAIGHT = Semantics()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from splatbus_server.publish import Publisher, source
-from splatbus_wire.init_packet import Semantics
+from splatbus_wire.semantics import Semantics
 
 from tests.gpu import require_gpu
 

@@ -13,7 +13,8 @@ import pytest
 import splatbus_client
 import splatbus_server
 from splatbus_client.host_memory import CannotOpenError
-from splatbus_wire.init_packet import Semantics, init_packet_object, parse_init_packet
+from splatbus_wire.init_packet import init_packet_object, parse_init_packet
+from splatbus_wire.semantics import Semantics
 
 from tests.gpu import require_gpu
 

@@ -13,9 +13,9 @@ from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
 from splatbus_server.statistics import Statistics
 from splatbus_server.telemetry import Readings
 from splatbus_server.view import View, field_of_view
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import Placement, Program, Scene, SceneObject
 from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.semantics import Semantics
 
 from tests.peers.raw_client import hello, packet, packets
 

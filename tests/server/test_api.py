@@ -281,6 +281,13 @@ def test_a_scene_that_nobody_could_be_told_of_is_refused(
         splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0, **{**SCENE, **changed})
 
 
+def test_an_empty_depth_that_no_pixel_holds_is_refused() -> None:
+    """[MEM-12]"""
+    beyond = splatbus_server.Semantics(depth_empty=1e39)
+    with pytest.raises(ValueError, match="/semantics/depth/empty"):
+        splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0, semantics=beyond)
+
+
 @pytest.mark.parametrize("size", [(0, 1), (1, 32769)])
 def test_a_size_has_its_range(bus: splatbus_server.Bus, size: tuple[int, int]) -> None:
     """[INI-2]"""

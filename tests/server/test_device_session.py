@@ -8,8 +8,9 @@ import pytest
 from splatbus_server.connection import Connection, Terms
 from splatbus_server.exchange import BOTH, WITH_LEGACY
 from splatbus_server.memory import Memory
-from splatbus_wire.init_packet import CudaMemory, LegacyBuffers, Semantics
+from splatbus_wire.init_packet import CudaMemory, LegacyBuffers
 from splatbus_wire.messages import Program
+from splatbus_wire.semantics import Semantics
 
 from tests.peers.raw_client import hello
 from tests.server.stage import READERS, TERMS, Client, Stage

@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 from splatbus_server.exchange import BOTH
 from splatbus_server.memory import Memory
 from splatbus_server.publish import WORTH_COMPILING, Publisher, source
-from splatbus_wire.init_packet import Semantics
+from splatbus_wire.semantics import Semantics
 
 SHAPE = (3, 2)
 BLACK = np.zeros((*SHAPE, 3), np.float32)

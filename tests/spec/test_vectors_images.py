@@ -10,11 +10,12 @@ from splatbus_viewer import display
 from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.conventions import ENGINES
 from splatbus_wire.depth import expected_depth, planar_depth, surface_depth
-from splatbus_wire.init_packet import Semantics, Slots
+from splatbus_wire.init_packet import Slots
 from splatbus_wire.intrinsics import Pinhole, from_opencv, pixel_at, pixel_centre
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY, Pose, as_array, view_matrix, world_matrix
 from splatbus_wire.relative import object_to_camera, relative_view
+from splatbus_wire.semantics import Semantics
 
 from tests.spec.vector_files import cases, chosen, doubles, intrinsics, is_near, singles
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from splatbus_viewer.display import composed, rays, shown
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY
+from splatbus_wire.semantics import Semantics
 
 CAMERA = FrameCamera(IDENTITY, 2.0, 2.0, 1.5, 1.0, 3, 2, 0.01, 100.0)
 

@@ -11,8 +11,9 @@ from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_viewer.info import describe
 from splatbus_viewer.mirror import Mirror
 from splatbus_viewer.snapshot import snapshot
-from splatbus_wire.init_packet import LegacyBuffers, Semantics
+from splatbus_wire.init_packet import LegacyBuffers
 from splatbus_wire.messages import Hello, Program
+from splatbus_wire.semantics import Semantics
 
 from tests.peers.fake_server import HEIGHT, WIDTH, cuda_init_packet, image, init_packet
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from splatbus_viewer.display import Shown, composed, rays
 from splatbus_viewer.mesh import _AXIS, bound, drawn, ring_around, tilted
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.poses import IDENTITY, Pose, as_array
 from splatbus_wire.relative import object_to_camera
+from splatbus_wire.semantics import Semantics
 
 CAMERA = FrameCamera(IDENTITY, 100.0, 100.0, 60.0, 40.0, 120, 80, 0.01, 100.0)
 

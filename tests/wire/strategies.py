@@ -6,12 +6,12 @@ from typing import Any
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
+from splatbus_wire.fields import ROUNDS_TO_INFINITY
 from splatbus_wire.init_packet import (
     CudaMemory,
     HostMemory,
     InitPacket,
     LegacyBuffers,
-    Semantics,
     Slots,
     host_ring,
 )
@@ -52,11 +52,13 @@ from splatbus_wire.messages import (
     ViewportSize,
     Welcome,
 )
+from splatbus_wire.semantics import Semantics
 
 from tests.wire.stress import positions, quaternions
 
 MAX_INTEGER = LIMITS["max_safe_integer"]
 FARTHEST = LIMITS["max_position"]
+DEEPEST = math.nextafter(ROUNDS_TO_INFINITY, 0.0)
 CODES = (
     "malformed_packet packet_too_large unsupported_version unauthorized too_many_clients"
     " malformed_json not_an_object unknown_type invalid_message invalid_rotation invalid_number"
@@ -244,7 +246,7 @@ semantics = st.builds(
     st.sampled_from(["srgb", "linear"]),
     st.sampled_from(["planar_z", "ray_distance"]),
     st.sampled_from(["harmonic", "expected", "median"]),
-    st.just(math.inf) | floats,
+    st.just(math.inf) | st.floats(-DEEPEST, DEEPEST),
     st.none() | positive,
     vectors,
 )

@@ -13,7 +13,6 @@ from splatbus_wire.init_packet import (
     HostMemory,
     InitPacket,
     LegacyBuffers,
-    Semantics,
     Slots,
     check_fits,
     host_ring,
@@ -22,6 +21,7 @@ from splatbus_wire.init_packet import (
     readable_generation,
 )
 from splatbus_wire.messages import decode_from_server_ipc, encode
+from splatbus_wire.semantics import Semantics
 
 from tests.wire import strategies
 
@@ -169,6 +169,8 @@ def test_without_version_what_follows_is_not_known():
         (HOST, "/semantics/rows", "top_down", "MEM-12"),
         (HOST, "/semantics/alpha", "inverse", "MEM-12"),
         (HOST, "/semantics/depth/empty", "Infinity", "MEM-12"),
+        (HOST, "/semantics/depth/empty", 2.0**128 - 2.0**103, "MEM-12"),
+        (HOST, "/semantics/depth/empty", -1e39, "MEM-12"),
         (HOST, "/semantics/depth/estimator", "", "MEM-12"),
         (HOST, "/semantics/unitMetres", 0, "MEM-12"),
         (HOST, "/semantics/unitMetres", ..., "MEM-12"),

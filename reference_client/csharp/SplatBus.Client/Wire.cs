@@ -400,7 +400,7 @@ namespace SplatBus
         public string Kind { get; set; }
         /// <summary><c>estimator</c>: Which mean of the depths along a ray [MEM-12].</summary>
         public string Estimator { get; set; }
-        /// <summary><c>empty</c>: The depth of an empty pixel; +∞ is no JSON number [MEM-12]; the text "inf" on the wire is positive infinity.</summary>
+        /// <summary><c>empty</c>: The depth of an empty pixel, which single precision holds, or +∞, which is no JSON number [MEM-12]; the text "inf" on the wire is positive infinity.</summary>
         public double Empty { get; set; }
     }
 

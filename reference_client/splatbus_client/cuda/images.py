@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
-from splatbus_wire.init_packet import CudaMemory, InitPacket, Semantics, Slots, check_fits
+from splatbus_wire.init_packet import CudaMemory, InitPacket, Slots, check_fits
+from splatbus_wire.semantics import Semantics
 
 from splatbus_client.cuda.arrays import DeviceArray
 from splatbus_client.cuda.driver import CudaError, Device, api, call, device, filled

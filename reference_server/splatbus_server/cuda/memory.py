@@ -16,9 +16,9 @@ from splatbus_wire.init_packet import (
     CudaMemory,
     InitPacket,
     LegacyBuffers,
-    Semantics,
     host_ring,
 )
+from splatbus_wire.semantics import Semantics
 
 from splatbus_server.cuda.arrays import handle
 from splatbus_server.cuda.driver import (

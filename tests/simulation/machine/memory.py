@@ -17,9 +17,9 @@ from splatbus_wire.init_packet import (
     HostMemory,
     InitPacket,
     LegacyBuffers,
-    Semantics,
     host_ring,
 )
+from splatbus_wire.semantics import Semantics
 
 from tests.simulation.machine.world import World
 

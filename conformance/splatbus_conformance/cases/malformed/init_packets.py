@@ -15,6 +15,8 @@ from splatbus_conformance.wire.messages import Json, init_packet_1_1
 ROOM = 1 << 20
 WIDTH, HEIGHT, SLOTS = 64, 48, 3
 ABSENT = object()
+INFINITE_DEPTH = 2.0**128 - 2.0**103
+"""The least number that single precision rounds to infinity."""
 BEYOND: int = LIMITS["max_safe_integer"] + 1
 NO_OBJECTS: tuple[Any, ...] = (ABSENT, None, [], "{}", 1, True)
 NO_STRINGS: tuple[Any, ...] = (ABSENT, None, 1, [], {}, True)
@@ -199,6 +201,9 @@ def _semantics() -> Iterator[BrokenInitPacket]:
     }
     for member, values in wrong.items():
         yield from _each("MEM-12", f"semantics/{member}", values)
+    for beyond in (INFINITE_DEPTH, -INFINITE_DEPTH, 1e39, 10**39, 1e300):
+        how = f"an empty depth of {abs(beyond):.1e}"
+        yield BrokenInitPacket("MEM-12", {"semantics/depth/empty": beyond}, how=how)
 
 
 def beyond_memory() -> list[BrokenInitPacket]:

@@ -1,12 +1,15 @@
 """Init packets that break no rule, and yet are not what a server usually sends."""
 
+import math
 from typing import Any
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.cases.malformed.init_packets import ROOM, changed
+from splatbus_conformance.cases.malformed.init_packets import INFINITE_DEPTH, ROOM, changed
 from splatbus_conformance.cases.rings import GAP, MOST_GAPS, ORDERS, Arrangement, arranged
 from splatbus_conformance.wire.messages import EXAMPLE_HANDLE, Json, init_packet_1_1
+
+MOST_DEPTH = math.nextafter(INFINITE_DEPTH, 0.0)
 
 
 @st.composite
@@ -39,6 +42,7 @@ def unusual_packets() -> list[tuple[str, Json]]:
         ("offsets", changed(ordinary, {"meta/offsetColor": 1 << 40, "meta/offsetDepth": 4})),
         ("a device", changed(ordinary, {"meta/device": 2**53 - 1})),
         ("members of CUDA memory", changed(ordinary, CUDA_MEMBERS)),
+        ("the greatest empty depth", changed(ordinary, {"semantics/depth/empty": MOST_DEPTH})),
     ]
 
 

@@ -1,5 +1,6 @@
 """Rules on the init packet's members of 1.1 (spec 1.1 chapter 3)."""
 
+import math
 import re
 from collections.abc import Iterator
 from functools import lru_cache
@@ -16,6 +17,7 @@ from splatbus_conformance.wire.json_values import (
     integer_in,
     is_handle,
     is_number,
+    number_in,
     numbers,
     positive,
     show,
@@ -26,6 +28,8 @@ from splatbus_conformance.wire.json_values import (
 Json = dict[str, Any]
 MAX_SLOTS: int = LIMITS["max_slots"]
 ALIGNMENT = 16
+MOST_DEPTH = math.nextafter(2.0**128 - 2.0**103, 0.0)
+"""The greatest number that single precision does not round to infinity."""
 _NAME = re.compile(rf"(?!\.)[A-Za-z0-9._-]{{1,{LIMITS['max_shm_name_chars']}}}")
 _VERSION = re.compile(r"1\.[1-9][0-9]*")
 _UUID = re.compile(r"GPU-[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
@@ -236,9 +240,11 @@ def _semantics(semantics: object) -> Iterator[Judgement]:
         yield Judgement("MEM-12", breach, "/semantics/depth")
     else:
         yield from _one_of(depth, DEPTH, "/semantics/depth")
-        if not (is_number(depth.get("empty")) or depth.get("empty") == "inf"):
-            text = f'empty is {show(depth.get("empty"))}, neither a number nor "inf"'
-            yield Judgement("MEM-12", Breach("not-a-number", text), "/semantics/depth/empty")
+        empty = depth.get("empty")
+        if not (number_in(empty, -MOST_DEPTH, MOST_DEPTH) or empty == "inf"):
+            text = f'empty is {show(empty)}, neither a number of single precision nor "inf"'
+            code = "out-of-range" if is_number(empty) else "not-a-number"
+            yield Judgement("MEM-12", Breach(code, text), "/semantics/depth/empty")
     unit = semantics.get("unitMetres", "missing")
     if not (unit is None or positive(unit)):
         text = f"unitMetres is {show(unit)}, no positive number or null"

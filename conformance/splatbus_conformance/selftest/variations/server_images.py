@@ -8,8 +8,8 @@ import numpy as np
 from splatbus_renderer.raycast import Raycaster
 from splatbus_renderer.scene import Floor, Scene, Sphere
 from splatbus_server.view import Intrinsics
-from splatbus_wire.init_packet import Semantics
 from splatbus_wire.poses import Pose
+from splatbus_wire.semantics import Semantics
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seams import renderer

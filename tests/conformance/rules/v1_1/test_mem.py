@@ -67,6 +67,8 @@ BREAKS: list[tuple[str, str, Any]] = [
     ("MEM-12", "/semantics/depth/kind", ...),
     ("MEM-12", "/semantics/depth/estimator", "mean"),
     ("MEM-12", "/semantics/depth/empty", "Infinity"),
+    ("MEM-12", "/semantics/depth/empty", 2.0**128 - 2.0**103),
+    ("MEM-12", "/semantics/depth/empty", -1e300),
     ("MEM-12", "/semantics/unitMetres", ...),
     ("MEM-12", "/semantics/unitMetres", 0),
     ("MEM-12", "/semantics/origin", [0.0, 0.0]),
@@ -137,6 +139,6 @@ def test_numbers_as_strings_break_jsn_4_alone(pointer: str) -> None:
     assert breaches(broken(pointer, str(value))) == {("server", "JSN-4"): 1}
 
 
-@pytest.mark.parametrize("value", [100.0, 0, "inf"])
+@pytest.mark.parametrize("value", [100.0, 0, "inf", 3.4028235677973362e38])
 def test_the_depth_of_an_empty_pixel(value: object) -> None:
     assert breaches(broken("/semantics/depth/empty", value)) == {}

@@ -10,7 +10,7 @@ from typing import Any
 from splatbus_client import mapping
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
-from splatbus_wire import init_packet
+from splatbus_wire import fields, init_packet
 from splatbus_wire.init_packet import HostMemory, InitPacket, Slots, check_fits
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -185,6 +185,12 @@ def takes_slots_that_are_not_aligned(patch: Patch) -> None:
 def guesses_an_unknown_alpha(patch: Patch) -> None:
     """Takes an alpha that it does not know for straight."""
     init_packets(patch, lambda it: it["semantics"].update(alpha="straight"))
+
+
+@mutant("MEM-11", check=MEMBERS, code="accepts")
+def takes_an_empty_depth_that_no_pixel_holds(patch: Patch) -> None:
+    """Takes an empty depth that single precision rounds to infinity."""
+    Seam(fields, "ROUNDS_TO_INFINITY").replace(patch, float("inf"))
 
 
 @mutant("MEM-11", check=MEMBERS, code="accepts")

@@ -103,6 +103,13 @@ def server_has_an_alpha_of_its_own(patch: Patch) -> None:
     announces(patch, semantics={"alpha": "inverted"})
 
 
+@mutant("MEM-12", code="out-of-range")
+def server_has_an_empty_depth_that_no_pixel_holds(patch: Patch) -> None:
+    """Announces an empty depth that single precision rounds to infinity."""
+    depth = {"kind": "planar_z", "estimator": "expected", "empty": 1e39}
+    announces(patch, semantics={"depth": depth})
+
+
 @mutant("MEM-4", check="check_lets_only_its_user_in", code="others-may-open")
 def server_lets_everybody_read(patch: Patch) -> None:
     """Makes its memory readable for all users."""
