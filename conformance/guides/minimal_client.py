@@ -182,6 +182,11 @@ def numbers(value, count):
     return isinstance(value, list) and [type(n) in (int, float) for n in value] == [True] * count
 
 
+def is_single(value):
+    """A number that single precision does not round to infinity."""
+    return numbers([value], 1) and abs(value) < 2**128 - 2**103
+
+
 # Step 4: poses
 
 
@@ -270,7 +275,7 @@ def check_semantics(semantics):
         and semantics["colorSpace"] in ("srgb", "linear")
         and depth["kind"] in ("planar_z", "ray_distance")
         and depth["estimator"] in ("harmonic", "expected", "median")
-        and (depth["empty"] == "inf" or numbers([depth["empty"]], 1))
+        and (depth["empty"] == "inf" or is_single(depth["empty"]))
         and (unit is None or (numbers([unit], 1) and unit > 0))
         and numbers(semantics["origin"], 3)
     )

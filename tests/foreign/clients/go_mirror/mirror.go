@@ -186,8 +186,8 @@ func opened(packet object) *ring {
 	need(one(means, "rows", "bottom_up") && one(means, "alpha", "straight", "premultiplied") &&
 		one(means, "colorSpace", "srgb", "linear") && one(depth, "kind", "planar_z", "ray_distance") &&
 		one(depth, "estimator", "harmonic", "expected", "median"), "unknown semantics")
-	_, number := depth["empty"].(float64)
-	need(number || depth["empty"] == "inf", "no depth of what is empty")
+	empty, number := depth["empty"].(float64)
+	need(number && !math.IsInf(float64(float32(empty)), 0) || depth["empty"] == "inf", "no depth of what is empty")
 	metres, there := means["unitMetres"]
 	length, number := metres.(float64)
 	need(there && (metres == nil || number && length > 0), "no unit")

@@ -137,7 +137,7 @@ function faults(packet) {
   const empty = s.depth.empty;
   if (s.rows !== "bottom_up" || !["straight", "premultiplied"].includes(s.alpha) || !["srgb", "linear"].includes(s.colorSpace) ||
     !["planar_z", "ray_distance"].includes(s.depth.kind) || !["harmonic", "expected", "median"].includes(s.depth.estimator) ||
-    !(empty === "inf" || typeof empty === "number")) return "its meaning";
+    !(empty === "inf" || (typeof empty === "number" && Number.isFinite(Math.fround(empty))))) return "its meaning";
   if (!(s.unitMetres === null || (typeof s.unitMetres === "number" && s.unitMetres > 0))) return "its unit";
   if (!Array.isArray(s.origin) || s.origin.length !== 3 || s.origin.some((each) => typeof each !== "number")) return "its origin";
   return null;
