@@ -141,6 +141,7 @@ def lost_by_client(
     peer.close_all()
     if ended := testee.ended():
         return f"its process {ended}" if ended.crashed else ""
+    testee.ensure_running()  # the latest check may have ended it
     peer.clear()
     peer.on_open, peer.on_packet = role.on_open, role.on_packet
     for channel in sorted(facts.returns):

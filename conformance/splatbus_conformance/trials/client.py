@@ -240,6 +240,16 @@ class ClientTrial(Trial):
         if not self.opens(connection):
             self.not_observable("the testee did not open good memory")
 
+    def next_frame(self, connection: Connection) -> Json:
+        """The `frame` that lends the next image, once none is lent any more [IMG-2]."""
+        self.uses(lambda: not self.role.with_(connection).lends or connection.ended)
+        return self.role.next_frame(connection)
+
+    def lend(self, connection: Connection, **changes: object) -> int:
+        """Send it, with members changed as named; its `seq`."""
+        self.role.say(connection, self.next_frame(connection) | changes)
+        return self.role.with_(connection).frames[-1]
+
     def releases(self, connection: Connection, seq: int, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee releases this frame."""
         dealings = self.role.with_(connection)

@@ -15,6 +15,8 @@ from splatbus_conformance.selftest import judge
 from splatbus_conformance.selftest.judge import Fate
 from splatbus_conformance.selftest.registry import mutants
 
+from tests.conformance.harness import run, said
+
 MUTANTS = {mutant.name: mutant for mutant in mutants()}
 AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
 ROWS = {"unity": "CNV-4", "unreal": "CNV-5", "blender": "CNV-6", "opengl": "CNV-7"}
@@ -107,3 +109,18 @@ def test_a_check_that_asks_an_adapter_needs_one():
     for check in asking:
         assert check.level == "L2"
         assert any(need.startswith("adapter:") for need in check.needs)
+
+
+def test_an_image_is_lent_once_the_one_before_has_come_back(tmp_path):
+    """The harness's own server keeps IMG-2, which a client may rely on: one that shows no image
+    which breaks it would be taken for one that shows nothing.
+    """
+    command = f'"{sys.executable}" -m splatbus_viewer.adapter'
+    folder = tmp_path / "recorded"
+    lending = ",".join([*IMAGES, "IMG-12", "EVO-1", "OPN-6", "OPN-10"])
+    status, told = run("client", "--adapter", command, "--select", lending, "--record", str(folder))
+    assert status == 0, told
+    recordings = sorted(folder.glob("*.jsonl"))
+    assert len(recordings) > 10
+    for each in recordings:
+        assert "FAIL IMG-2 " not in said("audit", str(each))[1], each.name

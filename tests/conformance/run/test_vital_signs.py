@@ -193,3 +193,10 @@ def test_a_server_that_is_started_anew_is_tried_once_it_has_drawn(tmp_path: Path
         with unmet(loads) as another:
             another.meet_again(testbed.facts)
             assert told(another) == {"viewport_size": [64, 48]}
+
+
+def test_a_client_that_the_last_check_ended_has_lost_nothing() -> None:
+    """OPN-10 ends it, to look at the memory afterwards, and here no check follows."""
+    command = f'"{sys.executable}" -m splatbus_viewer view'
+    status, told = run("client", "--launch", command, "--select", "OPN-10", "--shrink", "0")
+    assert (status, "lost-a-vital-sign" in told) == (0, False), told

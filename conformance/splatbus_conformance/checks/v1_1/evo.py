@@ -77,7 +77,7 @@ def _reads_a_later_server(trial: ClientTrial, channel: Channel) -> None:
     trial.expect(trial.opens(connection), "not-opened", f"{what}: its memory was not opened")
     for _ in range(3 if "frames" in real else 0):
         role.say(connection, MARKER)
-        given_back = trial.releases(connection, role.lend(connection))
+        given_back = trial.releases(connection, trial.lend(connection))
         trial.expect(given_back, "not-released", f"{what}: a frame was not released")
     trial.delivered += 1
 

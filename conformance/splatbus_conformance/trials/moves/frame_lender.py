@@ -49,10 +49,10 @@ class FrameLender:
         return self._role.lens
 
     def lend(self, image: Painting) -> int:
-        """Lend an image, and do not wait; its number."""
+        """Lend an image once none is lent, and do not wait until it has been read; its number."""
         _, slot = self.announced(image)
         self.paint(image, slot)
-        return self._role.lend(self.connection)
+        return self._trial.lend(self.connection)
 
     def announced(self, image: Painting) -> NextFrame:
         """Know an image as the one to be lent next; its number and its slot."""

@@ -29,7 +29,7 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
         if number in (0, many - 1):
             seq = LAST_NUMBER if number else 0
             dealings.coming = trial.role.coming(connection)._replace(seq=seq)
-        seq = trial.role.lend(connection, time=(number - 5) / 4)
+        seq = trial.lend(connection, time=(number - 5) / 4)
         trial.expect(
             trial.releases(connection, seq),
             "not-released",
@@ -60,7 +60,7 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
     for broken in trial.each(cases, kind=lambda case: case.kind):
         connection = reading(trial) if connection.ended else connection
         released = trial.role.with_(connection).released
-        frame = broken.of(trial.role.next_frame(connection))
+        frame = broken.of(trial.next_frame(connection))
         trial.role.say(connection, frame)
         given_back = trial.releases(connection, frame["seq"])
         what = f"a frame with {broken}"
@@ -77,7 +77,7 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
             )
         trial.delivered += 1
     if not connection.ended:
-        seq = trial.role.lend(connection)
+        seq = trial.lend(connection)
         trial.expect(
             trial.releases(connection, seq),
             "good-frame-not-released",
@@ -98,12 +98,12 @@ def check_releases_frames_whose_numbers_do_not_grow(trial: ClientTrial, back: in
     """
     connection = reading(trial)
     dealings = trial.role.with_(connection)
-    last = trial.role.lend(connection)
+    last = trial.lend(connection)
     if not trial.releases(connection, last):
         trial.not_observable("the testee did not release a good frame")
     seq = max(0, last - back)
     dealings.coming = trial.role.coming(connection)._replace(seq=seq)
-    trial.role.lend(connection)
+    trial.lend(connection)
     due = dealings.frames.count(seq)
     trial.wait(lambda: dealings.released.count(seq) == due or connection.ended)
     what = f"frame {seq} after frame {last}"
@@ -127,7 +127,7 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
     dealings = trial.role.with_(connection)
     widths = trial.role.width, max(1, trial.role.width // 2)
     for number in range(1, 100 if trial.thorough else 12):
-        former, seq = dealings.generation, trial.role.lend(connection)
+        former, seq = dealings.generation, trial.lend(connection)
         trial.role.width = widths[number % 2]
         trial.role.offer(connection, trial.role.init_packet(connection))
         closes = trial.closes(connection, former)
@@ -163,7 +163,7 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
         member, _, after = name.partition(" ")
         since = trial.role.with_(connection).generation if after else 0
         changes = {member: since + value}
-        bad = trial.role.next_frame(connection) | changes
+        bad = trial.next_frame(connection) | changes
         judge_bad_frame(trial, connection, f"a frame with {changes}", bad)
 
 
@@ -179,7 +179,7 @@ def check_ignores_frames_that_name_no_image(trial: ClientTrial) -> None:
     cases = list(frames_of_no_image())
     for broken in trial.each(cases, kind=lambda case: case.kind):
         connection = reading(trial) if connection.ended else connection
-        bad = broken.of(trial.role.next_frame(connection))
+        bad = broken.of(trial.next_frame(connection))
         judge_bad_frame(trial, connection, f"a frame with {broken}", bad)
 
 
@@ -199,7 +199,7 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
         if not (trial.closes(connection, former) or connection.ended):
             expect_alive(trial, connection, "a further init packet")
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
-        bad = trial.role.next_frame(connection) | {"generation": former}
+        bad = trial.next_frame(connection) | {"generation": former}
         judge_bad_frame(trial, connection, "a frame of closed memory", bad)
 
 

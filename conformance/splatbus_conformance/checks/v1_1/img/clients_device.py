@@ -43,7 +43,7 @@ def lend(trial: ClientTrial, ring: DeviceRing, connection: Connection) -> tuple[
     ring.fill(slot, b"\0")
     ring.events[slot].begin()
     ring.events[slot].complete()
-    return slot, trial.role.lend(connection)
+    return slot, trial.lend(connection)
 
 
 def released_at(trial: ClientTrial, connection: Connection, seq: int) -> float:
@@ -88,7 +88,7 @@ def check_waits_for_the_event_of_the_slot(trial: ClientTrial) -> None:
             slot = trial.role.coming(connection).slot
             ring.events[slot].begin()
             before = len(trial.calls())
-            seq = trial.role.lend(connection)
+            seq = trial.lend(connection)
             trial.rest(PENDING_SECONDS)
             for call in ring.copies(trial.calls()[before:], slot):
                 trial.violated(

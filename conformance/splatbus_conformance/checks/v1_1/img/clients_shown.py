@@ -56,7 +56,7 @@ def check_shows_a_frame_after_its_event(trial: ClientTrial, ring: DeviceRing) ->
         image = coordinates(number, *lender.size)
         seq, slot = lender.announced(image)
         ring.events[slot].begin()
-        trial.role.lend(lender.connection)
+        trial.lend(lender.connection)
         trial.rest(PENDING_SECONDS)
         early = seq in released
         lender.paint(image, slot)

@@ -264,7 +264,7 @@ def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
         further = trial.role.init_packet(connection)["generation"]
         trial.role.offer(connection, init_packet_1_1(memory.name, further, 32))
         if "frames" in granted:
-            seq = trial.role.lend(connection, generation=former)
+            seq = trial.lend(connection, generation=former)
             alive = trial.releases(connection, seq)
         else:
             alive = not trial.ends(connection, REACTION_SECONDS)
@@ -296,7 +296,7 @@ def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
         trial.require_open(connection)
         if "frames" in trial.facts.capabilities():
             for _ in range(trial.role.slots):
-                trial.releases(connection, trial.role.lend(connection))
+                trial.releases(connection, trial.lend(connection))
         trial.expect(
             memory.digest() == before,
             "wrote-to-memory",

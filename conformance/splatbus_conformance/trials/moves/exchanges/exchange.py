@@ -60,7 +60,7 @@ def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchang
     connection = _with_open_memory(trial) if later else trial.for_init_packet()
     granted = trial.role.with_(connection).granted
     if later and "frames" in granted:
-        frame = trial.role.next_frame(connection)
+        frame = trial.next_frame(connection)
         awaited = [STRANGER, frame, STRANGER]
         return Exchange(connection, awaited, lambda: trial.releases(connection, frame["seq"]))
     if later and "reinit" not in granted:
