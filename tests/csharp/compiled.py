@@ -1,4 +1,4 @@
-"""The C# core, compiled with its test program, and what that answers to payloads."""
+"""The C# client, compiled with one of the programs that use it, and what those answer."""
 
 import shutil
 import subprocess
@@ -11,13 +11,15 @@ from splatbus_schemas.prose import CHECKOUT
 FOLDER = CHECKOUT / "reference_client" / "csharp"
 
 
-def compiled(target: Path) -> Path:
-    """The program, written there; skips where Mono is missing."""
+def compiled(target: Path, program: str = "Tests") -> Path:
+    """`SplatBus.` and this program, written there; skips where Mono is missing."""
     for command in ("mcs", "mono"):
         if not shutil.which(command):
             pytest.skip(f"{command} is not installed")
-    sources = [str(each) for each in sorted(FOLDER.glob("SplatBus.*/*.cs"))]
-    line = ["mcs", "-warn:4", "-warnaserror", "-r:System.Numerics.dll", f"-out:{target}", *sources]
+    sources = [str(each) for each in sorted(FOLDER.glob("SplatBus.Client/*.cs"))]
+    sources += [str(each) for each in sorted(FOLDER.glob(f"SplatBus.{program}/*.cs"))]
+    line = ["mcs", "-warn:4", "-warnaserror", "-unsafe", "-langversion:7"]
+    line += ["-r:System.Numerics.dll", f"-out:{target}", *sources]
     done = subprocess.run(line, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return target

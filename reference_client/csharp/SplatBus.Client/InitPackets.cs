@@ -120,77 +120,8 @@ namespace SplatBus
             if (!empty.Value.Is("inf") && float.IsInfinity((float)semantics.Depth.Empty)) throw empty.Broken("is beyond single precision", "MEM-12");
             if (unit.Value.Kind != JsonKind.Null) semantics.UnitMetres = unit.Number("MEM-12");
             if (semantics.UnitMetres <= 0) throw unit.Broken("is not positive", "MEM-12");
-            semantics.Origin = new double[3];
-            Part origin = part.Member("origin", "MEM-12");
-            if (!origin.Value.TryNumbers(semantics.Origin)) throw origin.Broken("is no array of 3 numbers", "MEM-12");
+            semantics.Origin = part.Member("origin", "MEM-12").Vector(3, "MEM-12");
             return semantics;
-        }
-
-        /// <summary>A value and its place in the message.</summary>
-        struct Part
-        {
-            readonly string pointer;
-
-            internal Part(JsonValue value, string pointer)
-            {
-                Value = value;
-                this.pointer = pointer;
-            }
-
-            internal readonly JsonValue Value;
-
-            internal bool Has(string name, out Part part)
-            {
-                JsonValue member;
-                bool there = Value.TryMember(name, out member);
-                part = new Part(member, pointer + "/" + name);
-                return there;
-            }
-
-            internal Part Member(string name, string requirement)
-            {
-                Part part;
-                if (Value.Kind != JsonKind.Object) throw Broken("is no object", requirement);
-                if (!Has(name, out part)) throw part.Broken("is missing", requirement);
-                return part;
-            }
-
-            internal long Integer(long least, long most, string requirement)
-            {
-                long value;
-                if (!Value.TryInteger(out value) || value < least || value > most) throw Broken("is no integer from " + least + " to " + most, requirement);
-                return value;
-            }
-
-            internal long Multiple(int unit, long least, string requirement)
-            {
-                long value = Integer(least, Limits.MaxSafeInteger, requirement);
-                if (value % unit != 0) throw Broken("is no multiple of " + unit, requirement);
-                return value;
-            }
-
-            internal double Number(string requirement)
-            {
-                if (Value.Kind != JsonKind.Number) throw Broken("is no number", requirement);
-                return Value.Number;
-            }
-
-            internal string Text(string requirement)
-            {
-                if (Value.Kind != JsonKind.String) throw Broken("is no string", requirement);
-                return Value.Text;
-            }
-
-            internal string OneOf(string requirement, params string[] values)
-            {
-                foreach (string each in values) if (Value.Is(each)) return each;
-                throw Broken("is none of " + string.Join(", ", values), requirement);
-            }
-
-            internal ProtocolException Broken(string what, string requirement)
-            {
-                return new ProtocolException(what + " [" + requirement + "]", pointer);
-            }
         }
     }
 }

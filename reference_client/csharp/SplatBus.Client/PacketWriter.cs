@@ -48,6 +48,14 @@ namespace SplatBus
         public void Null() { Literal("null"); }
         public void Boolean(bool value) { Literal(value ? "true" : "false"); }
 
+        /// <summary>An array of strings.</summary>
+        public void Texts(params string[] values)
+        {
+            BeginArray();
+            foreach (string each in values) Text(each);
+            EndArray();
+        }
+
         /// <summary>A number, which reads back as it is [ACC-1].</summary>
         /// <exception cref="ArgumentException">It is not finite [JSN-4].</exception>
         public void Number(double value)

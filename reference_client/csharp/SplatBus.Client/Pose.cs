@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: MIT
+using System;
+
 namespace SplatBus
 {
     /// <summary>A position, in scene units, and a rotation as a unit quaternion: camera-to-world or object-to-world.</summary>
@@ -6,6 +8,32 @@ namespace SplatBus
     {
         public double X, Y, Z;
         public double QX, QY, QZ, QW;
+
+        /// <summary>No move and no turn.</summary>
+        public static Pose Identity { get { return new Pose { QW = 1 }; } }
+
+        /// <param name="position">x, y, z.</param>
+        /// <param name="rotation">x, y, z, w.</param>
+        public static Pose Of(double[] position, double[] rotation)
+        {
+            return new Pose
+            {
+                X = position[0], Y = position[1], Z = position[2],
+                QX = rotation[0], QY = rotation[1], QZ = rotation[2], QW = rotation[3],
+            };
+        }
+
+        /// <summary>Why nobody may send it, or null [JSN-4, POS-2, POS-3].</summary>
+        public string Wrong
+        {
+            get
+            {
+                if (!(Math.Abs(X) <= Limits.MaxPosition && Math.Abs(Y) <= Limits.MaxPosition && Math.Abs(Z) <= Limits.MaxPosition))
+                    return "a position beyond single precision [POS-2]";
+                double norm = Math.Sqrt(QX * QX + QY * QY + QZ * QZ + QW * QW);
+                return Math.Abs(norm - 1) <= Limits.RotationNormTolerance ? null : "a rotation that is no unit quaternion [POS-3]";
+            }
+        }
     }
 
     /// <summary>
