@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+// Named memory of the host, mapped for reading only [MEM-19, OPN-10].
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <variant>
+
+#include "splatbus/init_packet.hpp"
+
+#ifdef _WIN32
+#ifndef NOMINMAX
+#define NOMINMAX
+#endif
+#include <windows.h>
+#else
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#endif
+
+namespace splatbus {
+
+/// The memory of one init packet; unmapped with the last who holds it.
+class HostMemory {
+ public:
+  InitPacket packet;
+
+  const std::byte* at(std::int64_t offset) const { return start_ + offset; }
+
+  /// Map it; nothing where there is none, it is shorter than announced [MEM-6], or not to be read, and why.
+  static std::shared_ptr<const HostMemory> open(InitPacket packet, std::string& why) {
+    auto memory = std::make_shared<HostMemory>();
+    const auto& described = std::get<HostShmMemory>(packet.memory);
+    memory->size_ = static_cast<std::size_t>(described.bytes);
+    why = memory->map(described.name);
+    if (!why.empty()) return nullptr;
+    memory->packet = std::move(packet);
+    return memory;
+  }
+
+  HostMemory() = default;
+  HostMemory(const HostMemory&) = delete;
+  HostMemory& operator=(const HostMemory&) = delete;
+
+#ifdef _WIN32
+  ~HostMemory() {
+    if (start_ != nullptr) UnmapViewOfFile(start_);
+  }
+
+ private:
+  std::string map(const std::string& name) {
+    const HANDLE object = OpenFileMappingA(FILE_MAP_READ, FALSE, ("Local\\" + name).c_str());
+    if (object == nullptr) return "no shared memory of that name";
+    // A view of more than there is fails: that is the measure [MEM-6].
+    const void* view = MapViewOfFile(object, FILE_MAP_READ, 0, 0, size_);
+    CloseHandle(object);
+    start_ = static_cast<const std::byte*>(view);
+    return view != nullptr ? std::string() : "the memory is shorter than announced, or cannot be mapped [MEM-6]";
+  }
+#else
+  ~HostMemory() {
+    if (start_ != nullptr) munmap(const_cast<std::byte*>(start_), size_);
+  }
+
+ private:
+  std::string map(const std::string& name) {
+#ifdef __linux__
+    // What shm_open means, which stands in another library with older C libraries; no link, no waiting for a pipe.
+    const int file = ::open(("/dev/shm/" + name).c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK);
+#else
+    const int file = shm_open(("/" + name).c_str(), O_RDONLY, 0);
+#endif
+    if (file < 0) return "no shared memory of that name: " + std::system_category().message(errno);
+    struct stat found {};
+    std::string why;
+    if (fstat(file, &found) != 0 || found.st_size < 0 || static_cast<std::size_t>(found.st_size) < size_) {
+      why = "memory is " + std::to_string(found.st_size) + " bytes long, " + std::to_string(size_) + " were announced [MEM-6]";
+    } else {
+      void* start = mmap(nullptr, size_, PROT_READ, MAP_SHARED, file, 0);
+      if (start == MAP_FAILED) why = "it cannot be mapped: " + std::system_category().message(errno);
+      else start_ = static_cast<const std::byte*>(start);
+    }
+    ::close(file);
+    return why;
+  }
+#endif
+
+  const std::byte* start_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+}  // namespace splatbus
