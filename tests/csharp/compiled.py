@@ -1,8 +1,7 @@
-"""The C# client, compiled with one of the programs that use it, and what those answer."""
+"""The C# client, compiled with one of the programs that use it."""
 
 import shutil
 import subprocess
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -23,18 +22,3 @@ def compiled(target: Path, program: str = "Tests") -> Path:
     done = subprocess.run(line, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return target
-
-
-def answers(program: Path, payloads: Sequence[bytes]) -> list[str]:
-    """To each payload `taken …`, or `refused: ` and why."""
-    done = subprocess.run(
-        ["mono", str(program)],
-        input="".join(f"{each.hex()}\n" for each in payloads),
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    told = done.stdout.splitlines()
-    assert len(told) == len(payloads)
-    return told

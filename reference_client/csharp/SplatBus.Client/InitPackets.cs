@@ -100,7 +100,7 @@ namespace SplatBus
 
         static void Place(List<KeyValuePair<long, long>> extents, long start, long length, long bytes, string pointer)
         {
-            if (start > bytes - length) throw new ProtocolException("has a slot end at byte " + (start + length) + " of " + bytes + " [MEM-10]", pointer);
+            if (start > bytes - length) throw new ProtocolException("has a slot of " + length + " bytes begin at " + start + " of " + bytes + " [MEM-10]", pointer);
             extents.Add(new KeyValuePair<long, long>(start, start + length));
         }
 

@@ -21,22 +21,24 @@ namespace SplatBus.Tests
         static int Main(string[] arguments)
         {
             if (arguments.Length == 0) return Answer();
-            if (arguments[0] == "--garbage") return Garbage.Measure(OfDigits(arguments[1]));
             if (arguments[0] == "--frames") return FrameLoop.Run(int.Parse(arguments[1], CultureInfo.InvariantCulture));
             JsonValue file = new Json(10000000).Read(new ArraySegment<byte>(File.ReadAllBytes(arguments[0])));
             Spelt(file, "");
             int numbers = tried;
             string name = Member(file, "name").Text;
             tried = 0;
-            if (name == "numbers" || name == "framing" || name == "packets" || name == "conventions")
+            if (name == "numbers" || name == "framing" || name == "packets" || name == "conventions" || name == "poses" || name == "images")
                 foreach (JsonValue each in Member(file, "cases"))
                 {
                     string what = Member(each, "name").Text;
                     if (name == "conventions" && !Member(each, "engine").Is("unity")) continue;
+                    if (name == "images" && !Member(each, "quantity").Is("composite")) continue;
                     tried++;
                     if (name == "numbers") Number(each, what);
                     else if (name == "framing") Stream(each, what);
                     else if (name == "packets") Packet(each, what);
+                    else if (name == "poses") Pixels.Taken(each, what);
+                    else if (name == "images") Pixels.Composite(each, what);
                     else Axes(each, what);
                 }
             Console.WriteLine("{0} numbers, {1} cases, {2} wrong", numbers, tried, wrong);
@@ -97,14 +99,14 @@ namespace SplatBus.Tests
             }
         }
 
-        static void Check(bool holds, string what)
+        internal static void Check(bool holds, string what)
         {
             if (holds) return;
             wrong++;
             Console.WriteLine(what);
         }
 
-        static JsonValue Member(JsonValue parent, string name)
+        internal static JsonValue Member(JsonValue parent, string name)
         {
             JsonValue member;
             if (!parent.TryMember(name, out member)) throw new InvalidDataException("no member " + name);
@@ -235,7 +237,7 @@ namespace SplatBus.Tests
             Check(same || opposite, what + ": another rotation");
         }
 
-        static Pose OfMember(JsonValue each, string name)
+        internal static Pose OfMember(JsonValue each, string name)
         {
             JsonValue pose = Member(each, name);
             double[] p = new double[3], q = new double[4];

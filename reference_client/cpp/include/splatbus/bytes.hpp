@@ -130,6 +130,11 @@ class Outbox {
     bytes_ += "null";
   }
 
+  void boolean(bool value) {
+    separate();
+    bytes_ += value ? "true" : "false";
+  }
+
   /// A finite number or an integer, which reads back as it is [ACC-1, JSN-4].
   template <class Number>
   void number(Number value) {

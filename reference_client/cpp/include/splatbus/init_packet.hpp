@@ -71,12 +71,13 @@ inline Ring read_ring(const Part& part, std::int64_t pixels) {
 }
 
 /// Every slot lies in the memory, and none in another. No sum of this overflows 64 bits: offsets and
-/// strides are below 2⁵³, slots at most 1,024 [MEM-9, MEM-10, INI-10].
+/// strides are below 2⁵³, slots at most 1,024, and lengths are added to what lies in the memory
+/// [MEM-9, MEM-10, INI-10].
 inline void check_slots(const Part& root, const Ring& ring, std::int64_t pixels, std::int64_t bytes) {
   std::vector<std::pair<std::int64_t, std::int64_t>> extents;
   const auto place = [&](std::int64_t start, std::int64_t length, std::string_view offset) {
     if (start > bytes - length) root.optional("ring").optional(offset).broken("has a slot end beyond the memory", "MEM-10");
-    extents.emplace_back(start, start + length);
+    else extents.emplace_back(start, start + length);
   };
   for (std::int64_t slot = 0; slot < ring.slots; ++slot) {
     place(ring.colorOffset + slot * ring.colorStride, color_pixel_bytes * pixels, "colorOffset");

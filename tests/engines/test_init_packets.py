@@ -3,13 +3,12 @@
 import re
 from itertools import product
 from math import nextafter
-from pathlib import Path
 from typing import Any
 
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import check_fits, parse_init_packet
 
-from tests.csharp.compiled import answers
+from tests.engines.built import Command, answers
 from tests.wire.payloads import payload
 from tests.wire.test_init_packet import BYTES, CUDA, HOST, LEGACY, NO_VERSIONS, with_value
 
@@ -43,7 +42,7 @@ def refusal(message: dict[str, Any]) -> str:
     return ""
 
 
-def test_any_value_in_any_place(program: Path) -> None:
+def test_any_value_in_any_place(program: Command) -> None:
     """Memory on a GPU alone is another matter: this client has not listed it."""
     messages = [with_value(HOST, *each) for each in product(PLACES + MORE_PLACES, VALUES)]
     messages += [with_value(HOST, each, ...) for each in PLACES]
@@ -65,7 +64,7 @@ def is_on_a_gpu(message: dict[str, Any]) -> bool:
     return isinstance(memory, dict) and memory.get("kind") == "cuda_ipc"
 
 
-def test_a_server_of_1_0_and_memory_of_a_gpu(program: Path) -> None:
+def test_a_server_of_1_0_and_memory_of_a_gpu(program: Command) -> None:
     old, gpu = answers(program, [payload(LEGACY), payload(CUDA)])
     assert old.startswith("taken")
     assert "'/memory/kind' is none of host_shm" in gpu
