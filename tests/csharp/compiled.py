@@ -16,7 +16,7 @@ def compiled(target: Path, program: str = "Tests") -> Path:
         if not shutil.which(command):
             pytest.skip(f"{command} is not installed")
     sources = [str(each) for each in sorted(FOLDER.glob("SplatBus.Client/*.cs"))]
-    sources += [str(each) for each in sorted(FOLDER.glob(f"SplatBus.{program}/*.cs"))]
+    sources += [str(each) for each in sorted(FOLDER.glob(f"SplatBus.{program}~/*.cs"))]
     line = ["mcs", "-warn:4", "-warnaserror", "-unsafe", "-langversion:7"]
     line += ["-r:System.Numerics.dll", f"-out:{target}", *sources]
     done = subprocess.run(line, capture_output=True, text=True, timeout=120)

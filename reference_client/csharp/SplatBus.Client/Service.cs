@@ -12,6 +12,7 @@ namespace SplatBus
     sealed class Service : IDisposable
     {
         const int Ipc = 0, Message = 1, MostEvents = 256;
+        static readonly string[] Nothing = new string[0];
         const double Ever = double.PositiveInfinity, StopSeconds = 5;
 
         /// <summary>Whoever reads or changes anything here holds it.</summary>
@@ -28,7 +29,9 @@ namespace SplatBus
         IpcSession ipcSession;
         MessageSession messageSession;
         bool wantsColor = true, wantsDepth = true, isIpcKnown, isStopping;
-        string problem, ipcLost, messageLost;
+        string ipcLost, messageLost;
+        /// <summary>By channel: what is wrong.</summary>
+        readonly string[] problems = new string[2];
 
         internal Service(ClientOptions options)
         {
@@ -54,9 +57,9 @@ namespace SplatBus
                         Ipc = ipcSession != null ? ipcSession.State : ChannelState.Away,
                         Message = messageSession != null ? messageSession.State : ChannelState.Away,
                         Server = either != null ? either.Server.Name + " " + either.Server.Version : null,
-                        Capabilities = welcome != null ? welcome.Capabilities : new string[0],
+                        Capabilities = welcome != null ? welcome.Capabilities : Nothing,
                         Images = shelf.Packet,
-                        Problem = problem,
+                        Problem = problems[Ipc] ?? problems[Message],
                     };
                 }
             }
@@ -286,7 +289,8 @@ namespace SplatBus
 
         void Tell(ClientEvent told, string wrong)
         {
-            problem = wrong ?? (told is ConnectedEvent || told is ImagesEvent ? null : problem);
+            bool isWell = told is ConnectedEvent || told is ImagesEvent;
+            if (wrong != null || isWell) problems[(int)told.Channel] = wrong;
             if (events.Count == MostEvents) events.Dequeue();
             events.Enqueue(told);
         }

@@ -3,6 +3,7 @@
 // server does. Its methods may be called from any thread; none waits but `take_frame` with a limit.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
@@ -99,7 +100,7 @@ class Client {
       status.capabilities = message_session_->welcome->capabilities;
       status.server = message_session_->welcome->server.name + " " + message_session_->welcome->server.version;
     }
-    status.problem = problem_;
+    status.problem = problems_[0].empty() ? problems_[1] : problems_[0];
     return status;
   }
 
@@ -332,10 +333,10 @@ class Client {
     const Wrong wrong = std::exchange(session.problem, {});
     pass_replies();
     if (step == MessageStep::close) return wrong;
-    if (!wrong.empty()) tell(Problem{ChannelName::message, wrong}, wrong.c_str());
+    if (!wrong.empty()) tell(Problem{ChannelName::message, wrong}, wrong.c_str(), ChannelName::message);
     if (step == MessageStep::agreed) {
       message_.settled();
-      tell(Connected{ChannelName::message, session.welcome}, "");
+      tell(Connected{ChannelName::message, session.welcome}, "", ChannelName::message);
     }
     if (step == MessageStep::telemetry) tell(session.telemetry, nullptr);
     if (step == MessageStep::error) on_error(message_, ChannelName::message, session.error);
@@ -344,7 +345,7 @@ class Client {
 
   void on_error(Channel& channel, ChannelName name, const Error& error) {
     channel.warned(now(), error.code);
-    tell(ServerError{name, error}, (error.code + ": " + error.message).c_str());
+    tell(ServerError{name, error}, (error.code + ": " + error.message).c_str(), name);
   }
 
   void pass_replies() {
@@ -366,13 +367,13 @@ class Client {
       pass_replies();
       message_session_.reset();
     }
-    if (*lost != message_lost_) tell(Lost{ChannelName::message, *lost}, lost->c_str());
+    if (*lost != message_lost_) tell(Lost{ChannelName::message, *lost}, lost->c_str(), ChannelName::message);
     message_lost_ = *lost;
   }
 
-  /// `problem`: what is wrong from now on; empty for nothing any more, null for no change.
-  void tell(Event event, const char* problem) {
-    if (problem != nullptr) problem_ = problem;
+  /// `problem`: what is wrong with its channel from now on; empty for nothing any more, null for no change.
+  void tell(Event event, const char* problem, ChannelName of = ChannelName::ipc) {
+    if (problem != nullptr) problems_[static_cast<std::size_t>(of)] = problem;
     if (events_.size() == most_events) events_.pop_front();
     events_.push_back(std::move(event));
   }
@@ -389,7 +390,8 @@ class Client {
   std::unique_ptr<MessageSession> message_session_;
   std::deque<Request> unsent_;
   std::deque<Event> events_;
-  std::string problem_, ipc_lost_, message_lost_;
+  std::array<std::string, 2> problems_;  ///< by channel
+  std::string ipc_lost_, message_lost_;
   std::int64_t requests_ = 0;
   bool wants_color_ = true, wants_depth_ = true, is_ipc_known_ = false, is_stopping_ = false;
   std::thread thread_;  ///< the last: it uses all of these
