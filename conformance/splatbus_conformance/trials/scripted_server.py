@@ -261,9 +261,13 @@ class ScriptedServer:
     @property
     def ring_layout(self) -> Json:
         """Where the slots lie in what is offered."""
-        packet = self._packet(0, self.width, self.height)
-        layout: Json = self.ring.layout if self.ring else packet["ring"]
+        layout: Json = self.ring.layout if self.ring else self.packet["ring"]
         return layout
+
+    @property
+    def packet(self) -> Json:
+        """A good init packet of the memory of the host that is offered, of generation 0."""
+        return self._packet(0, self.width, self.height)
 
     def _packet(self, generation: int, width: int, height: int) -> Json:
         name = self.memory.name

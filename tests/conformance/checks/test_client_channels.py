@@ -1,6 +1,9 @@
 """Clients that go about their channels in ways of their own."""
 
+import sys
 from pathlib import Path
+
+import pytest
 
 from tests.conformance.harness import broken, run
 
@@ -71,3 +74,14 @@ def test_poses_that_come_after_an_init_packet_alone(tmp_path: Path) -> None:
     code, output = run("client", "--launch", command.replace(" 1.1", " 1.0"), "--select", "JSN-4")
     assert code == 1, output
     assert "JSN-4 broken" in output
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_good_memory_is_announced_as_it_is_whatever_the_ring(seed: int) -> None:
+    """The seed draws how many slots there are; a packet of more is refused, and rightly."""
+    command = f'"{sys.executable}" -m splatbus_viewer view'
+    about = "MEM-11,MEM-18,MEM-19,OPN-11"
+    chosen = ("--select", about, "--seed", str(seed), "--shrink", "0")
+    status, told = run("client", "--launch", command, *chosen)
+    assert status == 0, told
+    assert "4 of 128 requirements observed" in told

@@ -10,7 +10,12 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.cases.malformed.init_packets import ROOM, beyond_memory, breaches_of_1_1
+from splatbus_conformance.cases.malformed.init_packets import (
+    ROOM,
+    beyond_memory,
+    breaches_of_1_1,
+    changed,
+)
 from splatbus_conformance.checks import OPENS_HOST_MEMORY, Cases, check
 from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet, judge_breaches, offer
 from splatbus_conformance.images.memory.host import LINUX_FOLDER, HostMemory
@@ -156,9 +161,8 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
     the generation of the last and of the one before it.
     """
     trial.role.offers_memory = False
-    name, width, height = trial.role.memory.name, trial.role.width, trial.role.height
-    zero = packet(encode(init_packet_1_1(name, 0, width, height)))
-    outcome = trial.outcome_on_ipc(trial.greeted("ipc"), zero)
+    zero = trial.role.packet
+    outcome = trial.outcome_on_ipc(trial.greeted("ipc"), packet(encode(zero)))
     trial.judge(outcome, "the first init packet with generation 0 (MEM-1)")
     for back in (0, 1):
         connection = trial.for_init_packet()
@@ -168,8 +172,8 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
         *_, former, newest = trial.role.with_(connection).generations
         trial.closes(connection, former, REACTION_SECONDS)
         again = (newest, former)[back]
-        stale = packet(encode(init_packet_1_1(name, again, width, height)))
-        outcome = trial.outcome_on_ipc(connection, stale)
+        stale = zero | {"generation": again}
+        outcome = trial.outcome_on_ipc(connection, packet(encode(stale)))
         trial.judge(outcome, f"generation {again} after generation {newest} (MEM-1)")
 
 
@@ -182,8 +186,7 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
 def check_takes_later_versions(trial: ClientTrial, minor: int) -> None:
     """Good memory is announced by a server that names a later minor version."""
     trial.role.offers_memory = False
-    good = init_packet_1_1(trial.role.memory.name, 0, trial.role.width, trial.role.height)
-    opened, _ = offer(trial, good | {"version": f"1.{minor}"})
+    opened, _ = offer(trial, trial.role.packet | {"version": f"1.{minor}"})
     trial.expect(opened, "not-opened", f"an init packet of version 1.{minor} was not opened")
     trial.delivered += 1
 
@@ -201,8 +204,7 @@ def check_opens_memory_for_reading_only(trial: ClientTrial) -> None:
     for mode in (0o600, 0o400):
         with HostMemory(trial.role.memory.size) as memory:
             (LINUX_FOLDER / memory.name).chmod(mode)
-            good = init_packet_1_1(memory.name, 0, trial.role.width, trial.role.height)
-            opened, _ = offer(trial, good)
+            opened, _ = offer(trial, changed(trial.role.packet, {"memory/name": memory.name}))
             writes, holds = writers(memory.name), holders(memory.name)
         what = f"memory of mode {mode:04o}"
         trial.expect(not writes, "opened-for-writing", f"process {writes} may write to {what}")
