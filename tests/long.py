@@ -52,9 +52,11 @@ PAIR_SEEDS = range(20)
 BUSY_SEEDS = range(20, 25)
 COUNT, SEED = 1500, 1
 """Of the mutants."""
+AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
+"""One by each seed."""
 PAIR = {
     "client": ("client", "--launch", "splatbus_viewer view", {}),
-    "client beside its adapter": ("client", "--adapter", "splatbus_viewer.adapter", {}),
+    "client beside its adapter": ("client", "--adapter", "splatbus_viewer.adapter --axes {}", {}),
     "server": ("server", "--launch", "splatbus_renderer --quiet --size 64x48", {}),
     "server with a token": (
         *("server", "--launch", "splatbus_renderer --quiet --size 64x48"),
@@ -111,7 +113,8 @@ def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
     side, how, module, environment = PAIR[name]
     report = scratch / "report.json"
     line = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
-    line += [how, f'"{sys.executable}" -m {module}', "--json", str(report), "--shrink", "0"]
+    program = f'"{sys.executable}" -m {module.format(AXES[seed % len(AXES)])}'
+    line += [how, program, "--json", str(report), "--shrink", "0"]
     line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed)]
     ended = subprocess.run(
         line,

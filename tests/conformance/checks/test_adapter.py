@@ -1,15 +1,19 @@
 """The checks that need an adapter: the reference client passes in all axes, and mutants do not."""
 
 import json
+import math
 import subprocess
 import sys
 from fractions import Fraction
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
 import pytest
+from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.checks.v1_0.buf import compositing
+from splatbus_conformance.checks.v1_0.req.adapter import understood
 from splatbus_conformance.data import read_json
 from splatbus_conformance.selftest import judge
 from splatbus_conformance.selftest.judge import Fate
@@ -124,3 +128,19 @@ def test_an_image_is_lent_once_the_one_before_has_come_back(tmp_path):
     assert len(recordings) > 10
     for each in recordings:
         assert "FAIL IMG-2 " not in said("audit", str(each))[1], each.name
+
+
+def test_of_two_cameras_that_are_next_to_each_other_the_right_one_is_taken():
+    """Where positions are scaled, the rounding of a large number hides which of them it was."""
+    far, near = 939622.7486641401, -6.918583424999773e-08
+    identity = (0.0, 0.0, 0.0, 1.0)
+    former = Pose((near, math.nextafter(near, 0.0), far), identity)
+    right = Pose((near, near, far), identity)
+    reply = {"position": [100 * far, 100 * near, -100 * near], "rotation": [0.0, 0.0, 0.0, 1.0]}
+    trial = SimpleNamespace(
+        greeting=SimpleNamespace(axes="unreal", units_per_metre=100, single=False),
+        role=SimpleNamespace(width=64, height=48),
+    )
+    answering = SimpleNamespace(possible=lambda index: [former, right])
+    taken, error = understood(trial, answering, 0, reply)
+    assert (taken, error.position <= 0.5) == (right, True)

@@ -92,7 +92,8 @@ def understood(
         return off(got, *right, single=trial.greeting.single, size=size)
 
     found = ((wire, error(wire)) for wire in answering.possible(index))
-    return min(found, key=lambda it: it[1].angle + it[1].distance)
+    # Of two that are as near, such as of which one number is tiny, the worst number tells.
+    return min(found, key=lambda it: (it[1].angle + it[1].distance, it[1].position))
 
 
 @check("REQ-11", observable=OBSERVABLE, needs=("msg", "adapter:ask"))
