@@ -83,6 +83,20 @@ namespace SplatBus
             for (int i = 0; i < ReadsATurn && socket != null; i++) if (!Receive(now)) return;
         }
 
+        /// <summary>
+        /// Give TCP what it takes now, from any thread that holds the lock; whether that was all. What
+        /// went wrong the client's own thread finds, which alone closes.
+        /// </summary>
+        internal bool Offer(Outbox outbox)
+        {
+            if (!IsOpen || outbox.IsEmpty) return outbox.IsEmpty;
+            ArraySegment<byte> waiting = outbox.Waiting;
+            SocketError error;
+            int sent = socket.Send(waiting.Array, waiting.Offset, waiting.Count, SocketFlags.None, out error);
+            if (error == SocketError.Success) outbox.Taken(sent);
+            return outbox.IsEmpty;
+        }
+
         internal void Send(double now, Outbox outbox)
         {
             while (IsOpen && !outbox.IsEmpty)

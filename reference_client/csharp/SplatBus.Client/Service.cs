@@ -65,7 +65,13 @@ namespace SplatBus
             }
         }
 
-        internal void Wake() { wait.Wake(); }
+        /// <summary>Say what is wanted, at once where TCP takes it, so that no other thread has to wake; with the lock held.</summary>
+        internal void Say()
+        {
+            if (messageSession == null) return;
+            messageSession.SayWishes();
+            if (!message.Offer(messageSession.Out)) wait.Wake();
+        }
 
         internal void Subscribe(bool color, bool depth)
         {
@@ -74,7 +80,7 @@ namespace SplatBus
                 wantsColor = color;
                 wantsDepth = depth;
             }
-            Wake();
+            wait.Wake();
         }
 
         internal FrameLease Take(TimeSpan limit)
@@ -95,8 +101,14 @@ namespace SplatBus
 
         internal void GiveBack(long ticket, HostMemory memory)
         {
-            lock (Gate) shelf.GiveBack(ticket, memory);
-            Wake();
+            lock (Gate)
+            {
+                shelf.GiveBack(ticket, memory);
+                if (ipcSession == null) return;
+                shelf.Settle(ipcSession);
+                if (ipc.Offer(ipcSession.Out)) return;
+            }
+            wait.Wake();
         }
 
         internal bool TryTakeEvent(out ClientEvent taken)
@@ -116,7 +128,7 @@ namespace SplatBus
                 if (isStopping) throw new ObjectDisposedException("SplatBusClient");
                 unsent.Enqueue(request);
             }
-            Wake();
+            wait.Wake();
             return request.Task;
         }
 
@@ -127,7 +139,7 @@ namespace SplatBus
                 isStopping = true;
                 Monitor.PulseAll(Gate);
             }
-            Wake();
+            wait.Wake();
             if (Thread.CurrentThread != thread) thread.Join(TimeSpan.FromSeconds(StopSeconds));
         }
 

@@ -40,8 +40,11 @@ namespace SplatBus
             Check(pose.Wrong);
             Check(lens == null ? null : Lenses.Wrong(lens));
             if (tag != null) CheckText(tag, 1, Limits.MaxTagChars);
-            lock (service.Gate) service.Wishes.Camera(pose, lens, tag);
-            service.Wake();
+            lock (service.Gate)
+            {
+                service.Wishes.Camera(pose, lens, tag);
+                service.Say();
+            }
         }
 
         /// <summary>Move an object of the scene.</summary>
@@ -54,8 +57,11 @@ namespace SplatBus
             Check(pose.Wrong);
             CheckText(id, 1, Limits.MaxTagChars);
             Check(scale >= Limits.MinScale && scale <= Limits.MaxScale ? null : "a scale beyond 1e-6 to 1e6 [OBJ-1]");
-            lock (service.Gate) service.Wishes.Object(id, pose, scale);
-            service.Wake();
+            lock (service.Gate)
+            {
+                service.Wishes.Object(id, pose, scale);
+                service.Say();
+            }
         }
 
         /// <summary>Render the scene at this time, in seconds.</summary>
@@ -63,8 +69,11 @@ namespace SplatBus
         public void SendTime(double seconds)
         {
             Check(double.IsNaN(seconds) || double.IsInfinity(seconds) ? "a time that is not finite [TIM-1]" : null);
-            lock (service.Gate) service.Wishes.Time(seconds);
-            service.Wake();
+            lock (service.Gate)
+            {
+                service.Wishes.Time(seconds);
+                service.Say();
+            }
         }
 
         /// <summary>What images have to hold; at least one of both.</summary>
@@ -79,8 +88,11 @@ namespace SplatBus
         public void SubscribeTelemetry(params string[] names)
         {
             if (names != null) foreach (string each in names) CheckText(each, 1, Limits.MaxNameChars);
-            lock (service.Gate) service.Wishes.Telemetry(names);
-            service.Wake();
+            lock (service.Gate)
+            {
+                service.Wishes.Telemetry(names);
+                service.Say();
+            }
         }
 
         /// <summary>The size of the images; 0, 0 while there are none.</summary>

@@ -41,13 +41,19 @@ namespace SplatBus.Measure
             return values[(int)(part * (values.Length - 1))];
         }
 
+        static void Tell(string name, double value, string other = null, double another = 0)
+        {
+            string more = other == null ? "" : ", \"" + other + "\": " + another.ToString("f2");
+            Console.WriteLine("{\"" + name + "\": " + value.ToString("f2") + more + "}");
+        }
+
         /// <summary>Processor time of all threads, from one frame to the next.</summary>
         static void Frames(SplatBusClient client, int count)
         {
             TimeSpan before = Process.GetCurrentProcess().TotalProcessorTime;
             for (int i = 0; i < count; i++) Next(client).Dispose();
             TimeSpan took = Process.GetCurrentProcess().TotalProcessorTime - before;
-            Console.WriteLine("{{\"processor_us\": {0:f2}}}", 1e3 * took.TotalMilliseconds / count);
+            Tell("processor_us", 1e3 * took.TotalMilliseconds / count);
         }
 
         /// <summary>From a pose that is sent to its image.</summary>
@@ -63,7 +69,7 @@ namespace SplatBus.Measure
                     using (FrameLease lease = Next(client)) shown = lease.Frame.Camera.Tag;
                 took[i] = Microseconds(Stopwatch.GetTimestamp() - began);
             }
-            Console.WriteLine("{{\"p50_us\": {0:f1}, \"p99_us\": {1:f1}}}", Quantile(took, 0.5), Quantile(took, 0.99));
+            Tell("p50_us", Quantile(took, 0.5), "p99_us", Quantile(took, 0.99));
         }
 
         /// <summary>Colour and depth of an image into memory of our own, beside the same bytes from our own.</summary>
@@ -85,7 +91,7 @@ namespace SplatBus.Measure
                     Buffer.BlockCopy(own, 0, other, 0, 4 * own.Length);
                     floor[i] = Microseconds(Stopwatch.GetTimestamp() - began);
                 }
-            Console.WriteLine("{{\"copy_us\": {0:f1}, \"floor_us\": {1:f1}}}", Quantile(took, 0.5), Quantile(floor, 0.5));
+            Tell("copy_us", Quantile(took, 0.5), "floor_us", Quantile(floor, 0.5));
         }
     }
 }

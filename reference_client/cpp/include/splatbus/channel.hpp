@@ -68,6 +68,16 @@ class Channel {
   }
   bool is_connecting() const { return is_connecting_; }
 
+  /// Give TCP what it takes now, from any thread that holds the lock; whether that was all. What went
+  /// wrong the client's own thread finds, which alone closes.
+  bool offer(Outbox& outbox) {
+    if (!is_open() || outbox.is_empty()) return outbox.is_empty();
+    const std::string_view waiting = outbox.waiting();
+    const auto sent = ::send(socket_, waiting.data(), static_cast<sockets::Length>(waiting.size()), sockets::no_signal);
+    if (sent > 0) outbox.taken(static_cast<std::size_t>(sent));
+    return outbox.is_empty();
+  }
+
   /// Give TCP what it takes. Why the connection is lost, if it is.
   std::optional<std::string> send(double now, Outbox& outbox) {
     while (is_open() && !outbox.is_empty()) {

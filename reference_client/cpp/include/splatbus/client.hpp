@@ -20,58 +20,10 @@
 
 #include "splatbus/channel.hpp"
 #include "splatbus/events.hpp"
+#include "splatbus/frame_lease.hpp"
 #include "splatbus/image_shelf.hpp"
 
 namespace splatbus {
-
-class Client;
-
-/// A whole image, to be read where it lies until this ends. The server waits with the next one for that.
-/// Rows lie bottom-up: the first row in memory is the bottom one [BUF-1]. Colour is four singles a pixel,
-/// red, green, blue, alpha; depth one [BUF-2]; what they mean is in `packet().semantics`.
-class FrameLease {
- public:
-  FrameLease() = default;
-  FrameLease(FrameLease&& other) noexcept { swap(other); }
-  FrameLease& operator=(FrameLease&& other) noexcept {
-    FrameLease(std::move(other)).swap(*this);
-    return *this;
-  }
-  inline ~FrameLease();
-
-  /// Whether there is an image.
-  explicit operator bool() const { return memory_ != nullptr; }
-  /// What it was rendered with, in the axes of the wire: place your own geometry by it. Used again for the next image.
-  const Frame& frame() const { return *frame_; }
-  const InitPacket& packet() const { return memory_->packet; }
-  /// Width · height · 4 numbers; null where colour was not subscribed to [IMG-22].
-  const float* color() const { return has_color_ ? plane(packet().ring->colorOffset, packet().ring->colorStride) : nullptr; }
-  /// Width · height numbers; null where depth was not subscribed to [IMG-22].
-  const float* depth() const { return has_depth_ ? plane(packet().ring->depthOffset, packet().ring->depthStride) : nullptr; }
-  /// Whether the server still lends it: if its connection was lost while it was read, do not show it [CHN-18].
-  inline bool is_still_lent() const;
-
- private:
-  friend class Client;
-
-  const float* plane(std::int64_t offset, std::int64_t stride) const {
-    return reinterpret_cast<const float*>(memory_->at(offset + frame_->slot * stride));
-  }
-  void swap(FrameLease& other) noexcept {
-    std::swap(client_, other.client_);
-    std::swap(memory_, other.memory_);
-    std::swap(frame_, other.frame_);
-    std::swap(ticket_, other.ticket_);
-    std::swap(has_color_, other.has_color_);
-    std::swap(has_depth_, other.has_depth_);
-  }
-
-  Client* client_ = nullptr;
-  std::shared_ptr<const HostMemory> memory_;
-  std::shared_ptr<const Frame> frame_;
-  std::uint64_t ticket_ = 0;
-  bool has_color_ = false, has_depth_ = false;
-};
 
 class Client {
  public:
@@ -153,7 +105,7 @@ class Client {
   /// What images have to hold; at least one of both, else nothing changes.
   void subscribe(bool color, bool depth) {
     if (!color && !depth) return;
-    wish([&] { wants_color_ = color, wants_depth_ = depth; });
+    change([&] { wants_color_ = color, wants_depth_ = depth; });
   }
 
   /// Be sent `Telemetry`, of these series; nothing for all.
@@ -197,20 +149,35 @@ class Client {
 
   static double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
+  /// Change something that the client's own thread has to look at.
   template <class Change>
-  const char* wish(Change change) {
+  void change(Change make) {
     {
       const std::lock_guard lock(gate_);
-      change();
+      make();
     }
     waiter_.wake();
+  }
+
+  /// Want something else; said at once where TCP takes it, so that no other thread has to wake.
+  template <class Change>
+  const char* wish(Change make) {
+    bool is_said = false;
+    {
+      const std::lock_guard lock(gate_);
+      make();
+      if (!message_session_) return nullptr;
+      message_session_->say_wishes();
+      is_said = message_.offer(message_session_->out);
+    }
+    if (!is_said) waiter_.wake();
     return nullptr;
   }
 
   template <class Message>
   std::int64_t ask(Message message) {
     std::int64_t number = 0;
-    wish([&] {
+    change([&] {
       number = ++requests_;
       Request request;
       request.number = number;
@@ -227,7 +194,15 @@ class Client {
   }
 
   void give_back(std::uint64_t ticket) {
-    wish([&] { shelf_.give_back(ticket); });
+    bool is_said = true;
+    {
+      const std::lock_guard lock(gate_);
+      shelf_.give_back(ticket);
+      if (!ipc_session_) return;
+      shelf_.settle(*ipc_session_);
+      is_said = ipc_.offer(ipc_session_->out);
+    }
+    if (!is_said) waiter_.wake();
   }
 
   void run() {
