@@ -1,9 +1,10 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
-Each foreign program in two profiles with three seeds, some at a time; the reference pair in two
-profiles with twenty, alone on the machine, and with five more beside two processes that never rest;
-1,500 mutants made by machine. What is done stays done as long as the sources of what is judged, and
-of what judges, are those of the first sitting; the results are stored beside.
+Each foreign program, and each client for an engine, in two profiles with three seeds, some at a
+time; the reference pair in two profiles with twenty, alone on the machine, and with five more
+beside two processes that never rest; 1,500 mutants made by machine. What is done stays done as long
+as the sources of what is judged, and of what judges, are those of the first sitting; the results
+are stored beside.
 """
 
 import argparse
@@ -11,6 +12,8 @@ import contextlib
 import itertools
 import json
 import os
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,10 +22,12 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from tests.engines.built import built
 from tests.foreign.programs import Lacking, Program, differences, judge, programs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,6 +51,9 @@ NO_PART = (
 JUDGES = ("conformance", "schemas/splatbus_wire", *NO_PART)
 JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
 """A result is of these sources."""
+ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl")}
+"""The clients for engines, each in folders of its own, and the axes of their adapters."""
+COMPILERS = {"csharp": ("mcs", "mono"), "cpp": ("g++",)}
 PROFILES = ("quick", "full")
 FOREIGN_SEEDS = range(3)
 PAIR_SEEDS = range(20)
@@ -91,6 +99,12 @@ def plan() -> Iterator[Task]:
             for program in (*programs("client"), *programs("server")):
                 name = f"{program.side} {program.name}, {profile}, seed {seed}"
                 yield Task(name, partial(foreign, program, profile, seed), AT_A_TIME)
+            for language, axes in ENGINES.items():
+                for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
+                    name = (
+                        f"{language} {words}, {profile}, seed {seed}, sources {sources(language)}"
+                    )
+                    yield Task(name, partial(engine, language, words, profile, seed), AT_A_TIME)
         for seed in PAIR_SEEDS:
             for name in PAIR:
                 yield Task(f"our {name}, {profile}, seed {seed}", partial(own, name, profile, seed))
@@ -108,13 +122,43 @@ def foreign(program: Program, profile: str, seed: int, scratch: Path) -> Outcome
         return {"wrong": [str(missing)]}
 
 
+@cache
+def sources(language: str) -> str:
+    """What the client for an engine is made of: with others it is another task."""
+    files = sorted(each for each in (ROOT / "reference_client" / language).rglob("*.[ch]*"))
+    return sha256(b"".join(each.read_bytes() for each in files if each.is_file())).hexdigest()[:10]
+
+
+def engine(language: str, words: str, profile: str, seed: int, scratch: Path) -> Outcome:
+    """Judge a client for an engine: anything but a run that conforms is wrong."""
+    program, *axes = words.split()
+    if missing := [each for each in COMPILERS[language] if not shutil.which(each)]:
+        return {"wrong": [f"{', '.join(missing)} is not installed"]}
+    command = shlex.join([*built(language, program, scratch), *axes])
+    how = "--adapter" if axes else "--launch"
+    return judged("client", how, command, {}, profile, seed, scratch)
+
+
 def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
     """Judge one of the pair: anything but a run that conforms is wrong."""
     side, how, module, environment = PAIR[name]
+    command = f'"{sys.executable}" -m {module.format(AXES[seed % len(AXES)])}'
+    return judged(side, how, command, environment, profile, seed, scratch)
+
+
+def judged(
+    side: str,
+    how: str,
+    command: str,
+    environment: dict[str, str],
+    profile: str,
+    seed: int,
+    scratch: Path,
+) -> Outcome:
+    """What is wrong with a program that has to conform, and which verdicts are no passes."""
     report = scratch / "report.json"
     line = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
-    program = f'"{sys.executable}" -m {module.format(AXES[seed % len(AXES)])}'
-    line += [how, program, "--json", str(report), "--shrink", "0"]
+    line += [how, command, "--json", str(report), "--shrink", "0"]
     line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed)]
     ended = subprocess.run(
         line,
@@ -128,16 +172,16 @@ def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
     )
     if not report.is_file():
         return {"wrong": [f"no report was written: {ended.stdout[-400:]}"]}
-    judged = json.loads(report.read_text("utf-8"))
-    verdicts = {it["id"]: it["verdict"] for it in judged["requirements"]}
-    found = [(each["id"], it) for each in judged["requirements"] for it in each["results"]]
+    told = json.loads(report.read_text("utf-8"))
+    verdicts = {it["id"]: it["verdict"] for it in told["requirements"]}
+    found = [(each["id"], it) for each in told["requirements"] for it in each["results"]]
     wrong = [
         f"{id}: {it['verdict']} in {it['check']}: {it['text'][:400]}"
-        for id, it in (*found, *(("", other) for other in judged["others"]))
+        for id, it in (*found, *(("", other) for other in told["others"]))
         if it["verdict"] not in GOOD
     ]
     if ended.returncode and not wrong:
-        wrong = [f"it ended with {ended.returncode}: {judged['summary']}"]
+        wrong = [f"it ended with {ended.returncode}: {told['summary']}"]
     return {"wrong": wrong, "others": {k: v for k, v in verdicts.items() if v != "pass"}}
 
 
