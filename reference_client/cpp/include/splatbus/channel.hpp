@@ -129,6 +129,7 @@ class Channel {
   std::optional<std::string> connect(double now) {
     began_ = now;
     connected_ = now + connect_seconds;
+    if (port_ < 1 || port_ > 65535) return close(now, "the port is no number from 1 to 65535");
     if (next_ >= addresses_.size()) return close(now, "no address is known of '" + host_ + "'");
     int error = 0;
     socket_ = sockets::connect(addresses_[next_++], error);

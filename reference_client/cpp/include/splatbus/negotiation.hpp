@@ -25,7 +25,8 @@ struct ClientOptions {
   std::string name = "splatbus-cpp";
   std::string version = "0.1.0";
 
-  /// What the environment says, and what is usual where it says nothing [CHN-2, NEG-21].
+  /// What the environment says, and what is usual where it says nothing [CHN-2, NEG-21]. A port that is
+  /// no number is 0, and the client says so when it would connect.
   static ClientOptions from_environment() {
     ClientOptions options;
     if (const char* it = variable(framing::host_variable)) options.host = it;

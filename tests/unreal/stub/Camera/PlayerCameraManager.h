@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: MIT
+// A stub of Unreal's header of this name: ours, without a line of Unreal's, made from what the plugin
+// uses. It lets a compiler check names and types, and the tests run the plugin; it proves nothing of Unreal.
+#pragma once
+
+#include "Camera/CameraTypes.h"
+#include "GameFramework/Actor.h"
+
+class APlayerCameraManager : public AActor
+{
+public:
+	const FMinimalViewInfo& GetCameraCacheView() const { return StubView; }
+	float GetFOVAngle() const { return StubView.FOV; }
+	FMinimalViewInfo StubView;
+};

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: MIT
+// A stub of Unreal's header of this name: ours, without a line of Unreal's, made from what the plugin
+// uses. It lets a compiler check names and types, and the tests run the plugin; it proves nothing of Unreal.
+#pragma once
+
+#include "CoreMinimal.h"
+
+class UGameInstance : public UObject
+{
+public:
+	template <class T>
+	T* GetSubsystem() const
+	{
+		return static_cast<T*>(StubSubsystem);
+	}
+	UObject* StubSubsystem = nullptr;
+};

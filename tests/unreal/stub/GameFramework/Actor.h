@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: MIT
+// A stub of Unreal's header of this name: ours, without a line of Unreal's, made from what the plugin
+// uses. It lets a compiler check names and types, and the tests run the plugin; it proves nothing of Unreal.
+#pragma once
+
+#include "CoreMinimal.h"
+
+class AActor : public UObject
+{
+public:
+	const FTransform& GetActorTransform() const { return Transform; }
+	FTransform Transform;
+};
