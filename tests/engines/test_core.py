@@ -17,7 +17,7 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.json_text import parse_object
 
 from tests.csharp.compiled import FOLDER
-from tests.engines.built import CPP, Command, answers
+from tests.engines.built import CPP, Command, answers, built
 from tests.wire.payloads import edited, payload_of
 
 VECTORS = CHECKOUT / "spec" / "vectors"
@@ -139,6 +139,31 @@ def test_a_refusal_names_what_was_broken(
     assert told.startswith("refused: ")
     assert requirement in told
     assert " at byte " in told
+
+
+def test_the_cpp_client_knows_a_text_of_the_programs_own(tmp_path: Path) -> None:
+    """[JSN-1]: what nobody could read is not sent."""
+    draw = random.Random(2)
+    pieces = ["a", "\x00", "é", "\u07ff", "\u0800", "\uffff", "\U00010000", "\U0010ffff"]
+    whole = [each.encode() for each in pieces]
+    whole += [
+        b"\xed\xa0\x80",
+        b"\xc0\x80",
+        b"\xe0\x9f\xbf",
+        b"\xf0\x8f\xbf\xbf",
+        b"\xf4\x90\x80\x80",
+    ]
+    texts = [b"".join(draw.choices(whole, k=draw.randrange(1, 8))) for _ in range(3_000)]
+    texts += [each[: draw.randrange(1, len(each) + 1)] for each in texts]
+    program = [*built("cpp", "Tests", tmp_path), "--texts"]
+    told = answers(program, texts)
+    for text, answer in zip(texts, told, strict=True):
+        try:
+            good = 1 <= len(text.decode()) <= 5
+        except UnicodeDecodeError:
+            good = False
+        assert (answer == "text") == good, text
+    assert set(told) == {"text", "none"}
 
 
 def test_what_is_just_within_the_limits_is_taken(program: Command) -> None:

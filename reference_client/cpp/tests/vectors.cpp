@@ -2,7 +2,8 @@
 // Tries all cases of a file of test vectors, and prints how many and what is wrong. Without a file it
 // answers each line of hexadecimal digits: a payload by what is wrong with it, an init packet looked at
 // whole, or by the bits of each number inside and the packet that our writer makes of it. With --frames
-// it reads so many images from the server that the environment names, and prints how often it allocated.
+// it reads so many images from the server that the environment names, and prints how often it allocated. With --texts it
+// says of each line whether its bytes are a text of 1 to 5 characters.
 #include "vectors.hpp"
 
 #include <atomic>
@@ -134,6 +135,10 @@ int frame_loop(long frames) {
 }  // namespace
 
 int main(int count, char** arguments) {
+  if (count == 2 && std::string_view(arguments[1]) == "--texts") {
+    for (std::string line; std::getline(std::cin, line);) std::puts(is_text(vectors::of_digits(line), 1, 5) ? "text" : "none");
+    return 0;
+  }
   if (count > 2 && std::string_view(arguments[1]) == "--frames") return frame_loop(std::atol(arguments[2]));
   if (count > 1) return try_file(arguments[1]);
   Json json(limits::max_server_values);

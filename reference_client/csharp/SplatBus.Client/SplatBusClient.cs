@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 using System;
+using System.Collections.Generic;
 using System.Threading.Tasks;
 
 namespace SplatBus
@@ -85,9 +86,15 @@ namespace SplatBus
 
         /// <summary>Be sent telemetry, as <see cref="TelemetryEvent"/>.</summary>
         /// <param name="names">Of the series; null for all, none for none.</param>
+        /// <exception cref="ArgumentException">No server takes it [TEL-1].</exception>
         public void SubscribeTelemetry(params string[] names)
         {
-            if (names != null) foreach (string each in names) CheckText(each, 1, Limits.MaxNameChars);
+            if (names != null)
+            {
+                Check(names.Length <= Limits.MaxSeries ? null : "more than 256 series [TEL-1]");
+                Check(new HashSet<string>(names).Count == names.Length ? null : "a series twice [TEL-1]");
+                foreach (string each in names) CheckText(each, 1, Limits.MaxNameChars);
+            }
             lock (service.Gate)
             {
                 service.Wishes.Telemetry(names);

@@ -3,14 +3,17 @@
 // server does. Its methods may be called from any thread; none waits but `take_frame` with a limit.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -84,14 +87,14 @@ class Client {
   const char* send_camera(const Pose& pose, const Intrinsics* lens = nullptr, std::string_view tag = {}) {
     if (const char* wrong = why_not(pose)) return wrong;
     if (const char* wrong = lens != nullptr ? why_not(*lens) : nullptr) return wrong;
-    if (tag.size() > static_cast<std::size_t>(limits::max_tag_chars)) return "a tag of more than 64 bytes";
+    if (!is_text(tag, 0, limits::max_tag_chars)) return "no tag of at most 64 characters of UTF-8 [CAM-1]";
     return wish([&] { wishes_.camera(pose, lens, tag); });
   }
 
   /// Move an object of the scene, object-to-world; "default" is the main one. Why nobody may send it, or null.
   const char* send_object(std::string_view id, const Pose& pose, double scale = 1) {
     if (const char* wrong = why_not(pose)) return wrong;
-    if (id.empty() || id.size() > static_cast<std::size_t>(limits::max_tag_chars)) return "no id of 1 to 64 bytes [OBJ-1]";
+    if (!is_text(id, 1, limits::max_tag_chars)) return "no id of 1 to 64 characters of UTF-8 [OBJ-1]";
     if (!(scale >= limits::min_scale && scale <= static_cast<double>(limits::max_scale))) return "a scale beyond 1e-6 to 1e6 [OBJ-1]";
     return wish([&] { wishes_.object(id, pose, scale); });
   }
@@ -108,9 +111,13 @@ class Client {
     change([&] { wants_color_ = color, wants_depth_ = depth; });
   }
 
-  /// Be sent `Telemetry`, of these series; nothing for all.
-  void subscribe_telemetry(std::optional<std::vector<std::string>> names) {
-    wish([&] { wishes_.telemetry(std::move(names)); });
+  /// Be sent `Telemetry`, of these series; nothing for all. Why nobody may send it, or null.
+  const char* subscribe_telemetry(std::optional<std::vector<std::string>> names) {
+    if (names && names->size() > static_cast<std::size_t>(limits::max_series)) return "more than 256 series [TEL-1]";
+    if (names && std::set<std::string>(names->begin(), names->end()).size() < names->size()) return "a series twice [TEL-1]";
+    const auto is_name = [](const std::string& each) { return is_text(each, 1, limits::max_name_chars); };
+    if (names && !std::all_of(names->begin(), names->end(), is_name)) return "no name of 1 to 64 characters of UTF-8 [TEL-1]";
+    return wish([&] { wishes_.telemetry(std::move(names)); });
   }
 
   // Requests: each returns the number by which its `Replied` comes.
@@ -118,7 +125,7 @@ class Client {
   std::int64_t ask_scene() { return ask(GetScene{}); }
   std::int64_t ask_camera(std::int64_t index) {
     GetCameraPose message;
-    message.cam_idx = index;
+    message.cam_idx = std::clamp(index, -limits::max_safe_integer, limits::max_safe_integer);
     return ask(message);
   }
   std::int64_t ask_for_viewport(std::int64_t width, std::int64_t height) {
@@ -206,6 +213,10 @@ class Client {
   }
 
   void run() {
+    if (const char* wrong = why_not(options_)) {
+      const std::lock_guard lock(gate_);
+      return tell(Lost{ChannelName::ipc, wrong}, wrong);
+    }
     for (;;) {
       ipc_.look_up(now());
       message_.look_up(now());

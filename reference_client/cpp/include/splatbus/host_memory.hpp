@@ -16,6 +16,9 @@
 #ifndef NOMINMAX
 #define NOMINMAX
 #endif
+#ifndef WIN32_LEAN_AND_MEAN
+#define WIN32_LEAN_AND_MEAN  // or it brings another version of what sockets.hpp includes
+#endif
 #include <windows.h>
 #else
 #include <fcntl.h>

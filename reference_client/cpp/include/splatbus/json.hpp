@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "splatbus/bytes.hpp"
+#include "splatbus/text.hpp"
 
 namespace splatbus {
 
@@ -260,20 +261,10 @@ class Json {
     return true;
   }
 
-  /// A character beyond ASCII: the shortest form of it, and no surrogate.
   bool beyond_ascii(std::size_t& to) {
-    const auto byte = [this](std::size_t i) { return static_cast<unsigned char>(text_[at_ + i]); };
-    const std::uint32_t lead = byte(0), more = lead >= 0xf0 ? 3 : lead >= 0xe0 ? 2 : 1;
-    if (lead < 0xc2 || lead > 0xf4 || size_ - at_ <= more) return fail("no UTF-8 [JSN-1]");
-    std::uint32_t code = lead & (0x3fu >> more);
-    for (std::uint32_t i = 1; i <= more; ++i) {
-      if ((byte(i) & 0xc0) != 0x80) return fail("no UTF-8 [JSN-1]");
-      code = code << 6 | (byte(i) & 0x3fu);
-    }
-    const std::uint32_t least = more == 1 ? 0x80 : more == 2 ? 0x800 : 0x10000;
-    if (code < least || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return fail("no UTF-8 [JSN-1]");
-    for (std::uint32_t i = 0; i <= more; ++i) text_[to++] = text_[at_++];
-    return true;
+    const std::size_t bytes = character_bytes({text_ + at_, size_ - at_});
+    for (std::size_t i = 0; i < bytes; ++i) text_[to++] = text_[at_++];
+    return bytes > 0 || fail("no UTF-8 [JSN-1]");
   }
 
   std::size_t most_values_;

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "splatbus/part.hpp"
+#include "splatbus/text.hpp"
 
 namespace splatbus {
 
@@ -42,6 +43,14 @@ struct ClientOptions {
     return value != nullptr && *value != '\0' ? value : nullptr;
   }
 };
+
+/// Why nobody may say `hello` so, or null [NEG-2].
+inline const char* why_not(const ClientOptions& options) {
+  const bool has_names = is_text(options.name, 0, limits::max_name_chars) && is_text(options.version, 0, limits::max_name_chars);
+  if (!has_names) return "the program's name or version is no UTF-8 of at most 64 characters";
+  const bool has_token = !options.token || is_text(*options.token, 1, limits::max_token_chars);
+  return has_token ? nullptr : "the token is no UTF-8 of 1 to 256 characters";
+}
 
 /// How far a connection has come.
 enum class ChannelState {

@@ -18,6 +18,9 @@
 #endif
 #include <winsock2.h>
 #include <ws2tcpip.h>
+#ifdef _MSC_VER
+#pragma comment(lib, "ws2_32")
+#endif
 #else
 #include <arpa/inet.h>
 #include <fcntl.h>
