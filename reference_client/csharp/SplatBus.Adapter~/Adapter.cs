@@ -33,16 +33,13 @@ namespace SplatBus.Adapter
                 JsonValue command = json.Read(new ArraySegment<byte>(Utf8.GetBytes(line)));
                 string name = Member(command, "command").Text;
                 Writer.Begin();
-                Writer.Name("id");
-                Writer.Number(Member(command, "id").Number);
+                Writer.Member("id", Member(command, "id").Number);
                 try { Obey(name, command); }
                 catch (Exception problem)
                 {
                     Writer.Begin();
-                    Writer.Name("id");
-                    Writer.Number(Member(command, "id").Number);
-                    Writer.Name("error");
-                    Writer.Text(problem.GetBaseException().Message);
+                    Writer.Member("id", Member(command, "id").Number);
+                    Writer.Member("error", problem.GetBaseException().Message);
                 }
                 Line();
                 if (name == "stop") return 0;
@@ -53,16 +50,15 @@ namespace SplatBus.Adapter
         static void Greet()
         {
             Writer.Begin();
-            Field("adapter", "1");
+            Writer.Member("adapter", "1");
             Writer.Name("client");
             Writer.BeginObject();
-            Field("name", "splatbus-csharp");
-            Field("version", "0.1.0");
+            Writer.Member("name", "splatbus-csharp");
+            Writer.Member("version", "0.1.0");
             Writer.EndObject();
-            Field("axes", "unity");
-            Writer.Name("unitsPerMetre");
-            Writer.Integer(1);
-            Field("precision", "double");
+            Writer.Member("axes", "unity");
+            Writer.Member("unitsPerMetre", 1);
+            Writer.Member("precision", "double");
             Writer.Name("can");
             Writer.Texts(Can);
             Line();
@@ -110,10 +106,8 @@ namespace SplatBus.Adapter
                 var size = each as Task<ViewportSize>;
                 if (size != null)
                 {
-                    Writer.Name("width");
-                    Writer.Integer(size.Result.ViewportSizeValue[0]);
-                    Writer.Name("height");
-                    Writer.Integer(size.Result.ViewportSizeValue[1]);
+                    Writer.Member("width", size.Result.ViewportSizeValue[0]);
+                    Writer.Member("height", size.Result.ViewportSizeValue[1]);
                 }
                 else
                 {
@@ -155,13 +149,13 @@ namespace SplatBus.Adapter
             Numbers("height", packet.Meta.H);
             Writer.Name("semantics");
             Writer.BeginObject();
-            Field("rows", semantics.Rows);
-            Field("alpha", semantics.Alpha);
-            Field("colorSpace", semantics.ColorSpace);
+            Writer.Member("rows", semantics.Rows);
+            Writer.Member("alpha", semantics.Alpha);
+            Writer.Member("colorSpace", semantics.ColorSpace);
             Writer.Name("depth");
             Writer.BeginObject();
-            Field("kind", semantics.Depth.Kind);
-            Field("estimator", semantics.Depth.Estimator);
+            Writer.Member("kind", semantics.Depth.Kind);
+            Writer.Member("estimator", semantics.Depth.Estimator);
             Numbers("empty", semantics.Depth.Empty);
             Writer.EndObject();
             Writer.Name("unitMetres");
@@ -263,12 +257,6 @@ namespace SplatBus.Adapter
             JsonValue member;
             if (!parent.TryMember(name, out member)) throw new ArgumentException("no member " + name);
             return member;
-        }
-
-        static void Field(string name, string value)
-        {
-            Writer.Name(name);
-            Writer.Text(value);
         }
 
         static void Numbers(string name, params double[] values)

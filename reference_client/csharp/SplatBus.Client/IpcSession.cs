@@ -227,28 +227,23 @@ namespace SplatBus
             letColor = wantsColor;
             letDepth = wantsDepth;
             PacketWriter writer = Out.Begin("release");
-            writer.Name("generation");
-            writer.Integer(generation);
-            writer.Name("seq");
-            writer.Integer(seq);
+            writer.Member("generation", generation);
+            writer.Member("seq", seq);
             Out.Add();
         }
 
         void Fail(long generation, string reason)
         {
             PacketWriter writer = Out.Begin("open_failed");
-            writer.Name("generation");
-            writer.Integer(generation);
-            writer.Name("reason");
-            writer.Text(reason.Length > 1000 ? reason.Substring(0, 999) : reason);
+            writer.Member("generation", generation);
+            writer.Member("reason", reason.Length > 1000 ? reason.Substring(0, 999) : reason);
             Out.Add();
         }
 
         void Answer(string type, long generation)
         {
             PacketWriter writer = Out.Begin(type);
-            writer.Name("generation");
-            writer.Integer(generation);
+            writer.Member("generation", generation);
             Out.Add();
         }
     }

@@ -50,23 +50,15 @@ namespace SplatBus
         internal static void Write(PacketWriter writer, Intrinsics lens)
         {
             writer.BeginObject();
-            Number(writer, "fx", lens.Fx);
-            Number(writer, "fy", lens.Fy);
-            Number(writer, "cx", lens.Cx);
-            Number(writer, "cy", lens.Cy);
-            writer.Name("width");
-            writer.Integer(lens.Width);
-            writer.Name("height");
-            writer.Integer(lens.Height);
-            Number(writer, "near", lens.Near);
-            Number(writer, "far", lens.Far);
+            writer.Member("fx", lens.Fx);
+            writer.Member("fy", lens.Fy);
+            writer.Member("cx", lens.Cx);
+            writer.Member("cy", lens.Cy);
+            writer.Member("width", lens.Width);
+            writer.Member("height", lens.Height);
+            writer.Member("near", lens.Near);
+            writer.Member("far", lens.Far);
             writer.EndObject();
-        }
-
-        static void Number(PacketWriter writer, string name, double value)
-        {
-            writer.Name(name);
-            writer.Number(value);
         }
     }
 }

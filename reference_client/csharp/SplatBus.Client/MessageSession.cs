@@ -60,6 +60,8 @@ namespace SplatBus
             Capability.Intrinsics, Capability.Objects, Capability.Scene, Capability.Viewport, Capability.Time, Capability.Ping, Capability.Telemetry,
         };
 
+        static readonly string[] ReplyTypes = { "viewport_size", "camera", "scene", "pong" };
+
         readonly Json json;
         readonly Wishes wishes;
         readonly Queue<Request> asked = new Queue<Request>();
@@ -120,7 +122,7 @@ namespace SplatBus
             if (type.Is("error")) return OnError(message);
             if (State != ChannelState.Agreed) return MessageStep.Nothing;
             if (type.Is("telemetry")) return OnTelemetry(message);
-            foreach (string each in new[] { "viewport_size", "camera", "scene", "pong" }) if (type.Is(each)) return OnReply(message, each);
+            foreach (string each in ReplyTypes) if (type.Is(each)) return OnReply(message, each);
             return MessageStep.Nothing;
         }
 
@@ -136,8 +138,7 @@ namespace SplatBus
             if (request.Members != null) request.Members(writer);
             if (request.Id >= 0)
             {
-                writer.Name("id");
-                writer.Integer(request.Id);
+                writer.Member("id", request.Id);
             }
             Out.Add();
             request.Until = now + Limits.ReplySeconds;

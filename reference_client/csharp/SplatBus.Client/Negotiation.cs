@@ -29,17 +29,14 @@ namespace SplatBus
             writer.Texts(Own, Former);
             writer.Name("client");
             writer.BeginObject();
-            writer.Name("name");
-            writer.Text(options.Name);
-            writer.Name("version");
-            writer.Text(options.Version);
+            writer.Member("name", options.Name);
+            writer.Member("version", options.Version);
             writer.EndObject();
             writer.Name("capabilities");
             writer.Texts(capabilities);
             if (options.Token != null)
             {
-                writer.Name("token");
-                writer.Text(options.Token);
+                writer.Member("token", options.Token);
             }
             to.Add();
         }

@@ -21,8 +21,7 @@ namespace SplatBus
         public PacketWriter Begin(string type)
         {
             Writer.Begin();
-            Writer.Name("type");
-            Writer.Text(type);
+            Writer.Member("type", type);
             return Writer;
         }
 

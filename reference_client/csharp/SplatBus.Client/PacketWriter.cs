@@ -41,6 +41,24 @@ namespace SplatBus
             comma = false;
         }
 
+        public void Member(string name, string value)
+        {
+            Name(name);
+            Text(value);
+        }
+
+        public void Member(string name, double value)
+        {
+            Name(name);
+            Number(value);
+        }
+
+        public void Member(string name, long value)
+        {
+            Name(name);
+            Integer(value);
+        }
+
         public void BeginObject() { Open('{'); }
         public void EndObject() { Close('}'); }
         public void BeginArray() { Open('['); }

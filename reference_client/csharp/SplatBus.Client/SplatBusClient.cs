@@ -115,7 +115,7 @@ namespace SplatBus
             return service.Ask(new Request<Camera>
             {
                 Type = "get_camera_pose", Reply = "camera", Read = Replies.Camera,
-                Members = writer => Member(writer, "cam_idx", index),
+                Members = writer => writer.Member("cam_idx", index),
             });
         }
 
@@ -132,7 +132,7 @@ namespace SplatBus
             return service.Ask(new Request<ViewportSize>
             {
                 Type = "set_viewport", Reply = "viewport_size", Capability = Capability.Viewport, Read = Replies.Size,
-                Members = writer => { Member(writer, "width", width); Member(writer, "height", height); },
+                Members = writer => { writer.Member("width", width); writer.Member("height", height); },
             });
         }
 
@@ -142,7 +142,7 @@ namespace SplatBus
             return service.Ask(new Request<Pong>
             {
                 Type = "ping", Reply = "pong", Capability = Capability.Ping, Read = Replies.Pong,
-                Members = writer => { writer.Name("t"); writer.Number(Service.Now); },
+                Members = writer => writer.Member("t", Service.Now),
             });
         }
 
@@ -163,12 +163,6 @@ namespace SplatBus
             for (int i = 0; i < text.Length; i++)
                 if (char.IsSurrogatePair(text, i)) i++;
                 else Check(char.IsSurrogate(text[i]) ? "a name with half a surrogate pair [JSN-1]" : null);
-        }
-
-        static void Member(PacketWriter writer, string name, long value)
-        {
-            writer.Name(name);
-            writer.Integer(value);
         }
     }
 }

@@ -88,8 +88,7 @@ namespace SplatBus
             WritePose(writer, camera);
             if (welcome != null && tag != null)
             {
-                writer.Name("tag");
-                writer.Text(tag);
+                writer.Member("tag", tag);
             }
             if (lens != null && Negotiation.Lists(welcome, Capability.Intrinsics))
             {
@@ -107,14 +106,12 @@ namespace SplatBus
             PacketWriter writer = to.Begin(hasMany ? "object_pose" : "point_cloud_pose");
             if (hasMany)
             {
-                writer.Name("object");
-                writer.Text(id);
+                writer.Member("object", id);
             }
             WritePose(writer, thing.Pose);
             if (thing.Scale != 1)
             {
-                writer.Name("scale");
-                writer.Number(thing.Scale);
+                writer.Member("scale", thing.Scale);
             }
             to.Add();
             return true;
@@ -123,8 +120,7 @@ namespace SplatBus
         void SayTime(Outbox to)
         {
             PacketWriter writer = to.Begin("set_time");
-            writer.Name("time");
-            writer.Number(time);
+            writer.Member("time", time);
             to.Add();
             timeSaid = true;
         }
@@ -142,23 +138,16 @@ namespace SplatBus
         {
             writer.Name("position");
             writer.BeginObject();
-            writer.Name("x");
-            writer.Number(pose.X);
-            writer.Name("y");
-            writer.Number(pose.Y);
-            writer.Name("z");
-            writer.Number(pose.Z);
+            writer.Member("x", pose.X);
+            writer.Member("y", pose.Y);
+            writer.Member("z", pose.Z);
             writer.EndObject();
             writer.Name("rotation");
             writer.BeginObject();
-            writer.Name("x");
-            writer.Number(pose.QX);
-            writer.Name("y");
-            writer.Number(pose.QY);
-            writer.Name("z");
-            writer.Number(pose.QZ);
-            writer.Name("w");
-            writer.Number(pose.QW);
+            writer.Member("x", pose.QX);
+            writer.Member("y", pose.QY);
+            writer.Member("z", pose.QZ);
+            writer.Member("w", pose.QW);
             writer.EndObject();
         }
     }
