@@ -27,9 +27,11 @@ def start(*arguments: str, cwd: Path | None = None, **environment: str) -> subpr
     )
 
 
-def run(*arguments: str, cwd: Path | None = None, **environment: str) -> tuple[int, str]:
+def run(
+    *arguments: str, cwd: Path | None = None, limit: float = LIMIT_SECONDS, **environment: str
+) -> tuple[int, str]:
     process = start(*arguments, cwd=cwd, **environment)
-    output, _ = process.communicate(timeout=LIMIT_SECONDS)
+    output, _ = process.communicate(timeout=limit)
     return process.returncode, output
 
 

@@ -1,36 +1,27 @@
 """The Unity package, without Unity: compiled against a stub, run on it, its shader run as C++."""
 
-import ctypes
 import json
 import math
 import re
-import shutil
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from splatbus_server import Intrinsics, Semantics
-from splatbus_viewer.display import composed
-from splatbus_wire.messages import FrameCamera
-from splatbus_wire.poses import Pose
 
 from tests.csharp.unity_stub.building import STUB, UNITY, asmdefs, mcs, refers_to, sources_of
 from tests.csharp.unity_stub.metas import PACKAGE, assets, meta, text
 from tests.csharp.unity_stub.running import (
-    HEIGHT,
     IN_UNITY,
-    WIDTH,
     Renderer,
     check_matrices,
     component,
-    planes,
-    serving,
+    rendered,
     stepped,
     wire_pose,
 )
+from tests.engines import shading
+from tests.engines.stage import HEIGHT, WIDTH, serving
 from tests.waiting import eventually
 
 SHADERS = UNITY / "Runtime" / "Shaders"
@@ -143,91 +134,19 @@ def test_the_shader_has_what_the_component_sets_and_a_part_for_each_pipeline() -
 
 
 @pytest.fixture(scope="module")
-def screen(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., None]:
-    """The shader's text, as C++ whose compiler takes no number for infinite, like those of GPUs."""
-    if not shutil.which("c++"):
-        pytest.skip("c++ is not installed")
-    built = tmp_path_factory.mktemp("shader") / "pixel.so"
-    line = ["c++", "-O2", "-ffast-math", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror"]
-    line += [f"-I{SHADERS}", str(STUB / "pixel.cpp"), "-o", str(built)]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    function: Callable[..., None] = ctypes.CDLL(str(built)).screen
-    return function
+def screen(tmp_path_factory: pytest.TempPathFactory) -> shading.Screen:
+    return shading.compiled(tmp_path_factory.mktemp("shader"), SHADERS / "Pixel.hlsl", "_##it")
 
 
-def srgb(linear: Any) -> Any:
-    return np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
-    )
-
-
-def linear(encoded: Any) -> Any:
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-@pytest.mark.parametrize("alpha", ["straight", "premultiplied"])
-@pytest.mark.parametrize("space", ["srgb", "linear"])
-@pytest.mark.parametrize("kind", ["planar_z", "ray_distance"])
-@pytest.mark.parametrize("here", ["srgb", "linear"])
+@pytest.mark.parametrize("alpha", shading.ALPHAS)
+@pytest.mark.parametrize("space", shading.SPACES)
+@pytest.mark.parametrize("kind", shading.DEPTHS)
+@pytest.mark.parametrize("here", shading.SPACES)
 def test_the_shader_mixes_as_the_viewer_does(
-    alpha: str, space: str, kind: str, here: str, screen: Callable[..., None]
+    alpha: str, space: str, kind: str, here: str, screen: shading.Screen
 ) -> None:
-    """Depths of all kinds; the lens off the middle, so that no row or column is any other's."""
-    draw, empty, unit = np.random.default_rng(7), 100.0, 2.5
-    semantics = Semantics(alpha, space, kind, depth_empty=empty)
-    color = draw.random((HEIGHT, WIDTH, 4), np.float32)
-    color[draw.random((HEIGHT, WIDTH)) < 0.2, 3] = 0
-    depth = draw.uniform(1, 3, (HEIGHT, WIDTH)).astype(np.float32)
-    for odd in (math.inf, -math.inf, math.nan, 0.0, -1.0, empty):
-        depth[draw.random((HEIGHT, WIDTH)) < 0.05] = odd
-    own = draw.random((HEIGHT, WIDTH, 4), np.float32)
-    own_depth = draw.uniform(1, 3, (HEIGHT, WIDTH)).astype(np.float32)
-    own_depth[draw.random((HEIGHT, WIDTH)) < 0.3] = math.inf
-    lens = (40.0, 30.0, 20.0, 10.0)
-    camera = FrameCamera(Pose((0, 0, 0), (0, 0, 0, 1)), *lens, WIDTH, HEIGHT, 0.1, 100.0)
-
-    background = own[..., :3]
-    if space != here:
-        background = (linear if here == "srgb" else srgb)(background).astype(np.float32)
-    expected = composed(color, depth, camera, semantics, background, own_depth)
-    unchanged = (expected == background).all(axis=-1, keepdims=True)
-    if space != here:
-        expected = (linear if space == "srgb" else srgb)(expected)
-    expected = np.where(unchanged, own[..., :3], expected)
-
-    flags = [
-        (*lens,),
-        (WIDTH, HEIGHT, 0, 0),
-        (kind == "ray_distance", alpha == "premultiplied", space == "srgb", empty),
-        (unit, 1, here == "srgb", 0),
-    ]
-    got = shaded(screen, color, depth, flags, own, own_depth * np.float32(unit))
-    np.testing.assert_allclose(got[..., :3], expected, rtol=2e-6, atol=2e-6)
-    assert 0.1 < unchanged.mean() < 0.9
-
-    flags[3] = (unit, 0, here == "srgb", 0)  # no depth is compared
-    covered = np.full((HEIGHT, WIDTH), 1, np.float32)
-    got = shaded(screen, color, depth, flags, own, own_depth)
-    over = composed(color, covered, camera, semantics, background, covered + 9)
-    if space != here:
-        over = (linear if space == "srgb" else srgb)(over)
-    expected = np.where(color[..., 3:] > 0, over, own[..., :3])
-    np.testing.assert_allclose(got[..., :3], expected, rtol=2e-6, atol=2e-6)
-
-
-def shaded(
-    screen: Callable[..., None], color: Any, depth: Any, four: Any, own: Any, far: Any
-) -> Any:
-    """What the shader makes of them; rows top-down here, and bottom-up there."""
-    out = np.empty_like(own)
-    planes = [np.ascontiguousarray(each[::-1], np.float32) for each in (color, depth, own, far)]
-    numbers = np.array(four, np.float32)
-    pointers = [each.ctypes.data_as(ctypes.c_void_p) for each in (*planes, numbers, out)]
-    screen(
-        pointers[0], pointers[1], pointers[4], WIDTH, HEIGHT, pointers[2], pointers[3], pointers[5]
-    )
-    return out[::-1]
+    semantics = Semantics(alpha, space, kind, depth_empty=100.0)
+    shading.check_mixes(screen, semantics, here, 2.5, upside_down=True)
 
 
 @pytest.fixture(scope="module")
@@ -345,7 +264,7 @@ def test_transforms_move_objects(driver: Path) -> None:
 
 
 def test_it_says_what_is_wrong(driver: Path) -> None:
-    with serving(planes, token="hush") as where:
+    with serving(rendered, token="hush") as where:
         with component(driver, where | {"SPLATBUS_TOKEN": "wrong"}) as ask:
             state = stepped(ask, lambda state: str(state["problems"]).count("unauthorized") == 2)
             assert "hush" not in str(state)

@@ -36,7 +36,7 @@ def corpus() -> Iterator[bytes]:
                 )
 
 
-def run(folder: Path, *limits: str) -> tuple[int, str]:
+def run(folder: Path, *limits: str, seconds: float = 600) -> tuple[int, str]:
     """Status and output of the fuzzer within these limits; what it finds is kept there."""
     target = compiled_cpp(folder / "fuzz", "fuzz/client.cpp", "clang++", OPTIONS)
     inputs = folder / "corpus"
@@ -44,7 +44,9 @@ def run(folder: Path, *limits: str) -> tuple[int, str]:
     for number, each in enumerate(corpus()):
         (inputs / str(number)).write_bytes(each)
     line = [str(target), str(inputs), f"-max_len={LONGEST}", *limits]
-    done = subprocess.run(line, cwd=folder, capture_output=True, text=True, errors="replace")
+    done = subprocess.run(
+        line, cwd=folder, capture_output=True, text=True, errors="replace", timeout=seconds
+    )
     return done.returncode, done.stderr
 
 

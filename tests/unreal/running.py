@@ -1,7 +1,5 @@
 """A view of the plugin on the stub, and what has to come of where its camera is."""
 
-import json
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,19 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server import View
 
-from tests.csharp.unity_stub.running import (
-    HEIGHT,
-    WIDTH,
-    Ask,
-    Renderer,
-    State,
-    planes,
-    serving,
-    stepped,
-    uploaded,
-)
+from tests.csharp.unity_stub.running import Ask, Renderer, uploaded
+from tests.engines.stage import HEIGHT, WIDTH, asked
+from tests.engines.stage import Answer as State
 
-__all__ = ["HEIGHT", "WIDTH", "Drawn", "Eye", "planes", "serving", "stepped", "view"]
 NEAR, FAR = 25, 50_000
 """Clipping planes, in centimetres."""
 Vector = NDArray[np.float64]
@@ -80,25 +69,12 @@ class Drawn(Renderer):
 @contextmanager
 def view(driver: Path, where: dict[str, str], *first: str) -> Iterator[Ask]:
     """A view that plays, and how it is asked one command after the other."""
-    pipe = subprocess.PIPE
-    with subprocess.Popen([str(driver)], env=where, stdin=pipe, stdout=pipe, text=True) as process:
-        told, heard = process.stdin, process.stdout
-        assert told
-        assert heard
-
-        def ask(command: str) -> State:
-            told.write(command + "\n")
-            told.flush()
-            answer: State = json.loads(heard.readline())
-            return answer
-
-        setting = (f"screen {WIDTH} {HEIGHT}", f"lens 60 {NEAR}", f"set FarPlane {FAR}")
+    setting = (f"screen {WIDTH} {HEIGHT}", f"lens 60 {NEAR}", f"set FarPlane {FAR}")
+    with asked([str(driver)], where) as ask:
         for command in (*setting, Eye().command, *first, "begin"):
             ask(command)
         yield ask
         ask("end")
-        told.close()
-    assert process.returncode == 0
 
 
 def check_drawn(state: State, view: View, unit: float) -> None:

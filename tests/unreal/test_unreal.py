@@ -1,39 +1,25 @@
 """The Unreal plugin, without Unreal: compiled against a stub, run on it, its shader run as C++."""
 
-import ctypes
 import json
 import math
 import re
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from splatbus_server import Intrinsics, Semantics
-from splatbus_viewer.display import composed
-from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import Pose
 
 from tests.csharp.unity_stub.building import mcs
+from tests.csharp.unity_stub.running import rendered, stepped
+from tests.engines import shading
 from tests.engines.built import CPP
+from tests.engines.stage import HEIGHT, WIDTH, serving
 from tests.unreal import building
 from tests.unreal.building import MODULE, PLUGIN, SHADERS, STUB, UNREAL, headers, sources
-from tests.unreal.running import (
-    FAR,
-    HEIGHT,
-    NEAR,
-    WIDTH,
-    Drawn,
-    Eye,
-    check_drawn,
-    planes,
-    serving,
-    stepped,
-    view,
-)
+from tests.unreal.running import FAR, NEAR, Drawn, Eye, check_drawn, view
 from tests.waiting import eventually
 
 OFF_THE_MIDDLE = Intrinsics(50.0, 40.0, 20.0, 10.0)
@@ -182,86 +168,19 @@ def test_the_page_names_every_property() -> None:
 
 
 @pytest.fixture(scope="module")
-def screen(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., None]:
-    """The shader's text, as C++ whose compiler takes no number for infinite, like those of GPUs."""
-    if not shutil.which("c++"):
-        pytest.skip("c++ is not installed")
-    built = tmp_path_factory.mktemp("shader") / "pixel.so"
-    line = ["c++", "-O2", "-ffast-math", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror"]
-    line += [f"-I{SHADERS}", str(STUB.parent / "pixel.cpp"), "-o", str(built)]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    function: Callable[..., None] = ctypes.CDLL(str(built)).screen
-    return function
+def screen(tmp_path_factory: pytest.TempPathFactory) -> shading.Screen:
+    return shading.compiled(tmp_path_factory.mktemp("shader"), SHADERS / "SplatBusPixel.ush", "it")
 
 
-def srgb(linear: Any) -> Any:
-    return np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
-    )
-
-
-def linear(encoded: Any) -> Any:
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-@pytest.mark.parametrize("alpha", ["straight", "premultiplied"])
-@pytest.mark.parametrize("space", ["srgb", "linear"])
-@pytest.mark.parametrize("kind", ["planar_z", "ray_distance"])
+@pytest.mark.parametrize("alpha", shading.ALPHAS)
+@pytest.mark.parametrize("space", shading.SPACES)
+@pytest.mark.parametrize("kind", shading.DEPTHS)
 def test_the_shader_mixes_as_the_viewer_does(
-    alpha: str, space: str, kind: str, screen: Callable[..., None]
+    alpha: str, space: str, kind: str, screen: shading.Screen
 ) -> None:
-    """Depths of all kinds; the lens off the middle, so that no row or column is any other's."""
-    draw, empty, unit = np.random.default_rng(7), 100.0, 250.0
-    semantics = Semantics(alpha, space, kind, depth_empty=empty)
-    color = draw.random((HEIGHT, WIDTH, 4), np.float32)
-    color[draw.random((HEIGHT, WIDTH)) < 0.2, 3] = 0
-    depth = draw.uniform(1, 3, (HEIGHT, WIDTH)).astype(np.float32)
-    for odd in (math.inf, -math.inf, math.nan, 0.0, -1.0, empty):
-        depth[draw.random((HEIGHT, WIDTH)) < 0.05] = odd
-    own = draw.random((HEIGHT, WIDTH, 4), np.float32)
-    own_depth = draw.uniform(1, 3, (HEIGHT, WIDTH)).astype(np.float32)
-    own_depth[draw.random((HEIGHT, WIDTH)) < 0.3] = math.inf
-    lens = (40.0, 30.0, 20.0, 10.0)
-    camera = FrameCamera(Pose((0, 0, 0), (0, 0, 0, 1)), *lens, WIDTH, HEIGHT, 0.1, 100.0)
-
-    behind = own[..., :3] if space == "linear" else srgb(own[..., :3]).astype(np.float32)
-    mixed = composed(color, depth, camera, semantics, behind, own_depth)
-    unchanged = (mixed == behind).all(axis=-1, keepdims=True)
-    assert 0.1 < unchanged.mean() < 0.9
-    flags: list[Any] = [
-        lens,
-        (WIDTH, HEIGHT, 0, 0),
-        (kind == "ray_distance", alpha == "premultiplied", space == "srgb", empty),
-        (unit, 1, 0, 0),
-    ]
-    got = shaded(screen, color, depth, flags, own, own_depth * np.float32(unit))
-    back = linear(mixed) if space == "srgb" else mixed
-    expected = np.where(unchanged, own[..., :3], back)
-    np.testing.assert_allclose(got[..., :3], expected, rtol=2e-6, atol=2e-6)
-    np.testing.assert_array_equal(got[..., 3], own[..., 3])
-
-    flags[3] = (unit, 0, 0, 0)  # no depth is compared
-    covered = np.full((HEIGHT, WIDTH), 1, np.float32)
-    got = shaded(screen, color, depth, flags, own, own_depth)
-    over = composed(color, covered, camera, semantics, behind, covered + 9)
-    back = linear(over) if space == "srgb" else over
-    expected = np.where(color[..., 3:] > 0, back, own[..., :3])
-    np.testing.assert_allclose(got[..., :3], expected, rtol=2e-6, atol=2e-6)
-
-
-def shaded(
-    screen: Callable[..., None], color: Any, depth: Any, four: Any, own: Any, far: Any
-) -> Any:
-    """What the shader makes of them; the image's rows are bottom-up there, and top-down here."""
-    out = np.empty_like(own)
-    arrays = (color[::-1], depth[::-1], np.array(four), own, far)
-    kept = [np.ascontiguousarray(each, np.float32) for each in arrays]
-    image, depths, numbers, *rest, to = (
-        each.ctypes.data_as(ctypes.c_void_p) for each in (*kept, out)
-    )
-    screen(image, depths, numbers, WIDTH, HEIGHT, *rest, to)
-    return out
+    semantics = Semantics(alpha, space, kind, depth_empty=100.0)
+    alphas = shading.check_mixes(screen, semantics, "linear", 250.0, upside_down=False)
+    np.testing.assert_array_equal(*alphas)
 
 
 @pytest.fixture(scope="module")
@@ -382,7 +301,7 @@ def test_actors_and_components_move_objects(driver: Path) -> None:
 
 
 def test_it_says_what_is_wrong(driver: Path) -> None:
-    with serving(planes, token="hush") as where:
+    with serving(rendered, token="hush") as where:
         with view(driver, where | {"SPLATBUS_TOKEN": "wrong"}) as ask:
             state = stepped(ask, lambda state: str(state["problems"]).count("unauthorized") == 2)
             assert "hush" not in str(state)

@@ -122,7 +122,8 @@ def test_an_image_is_lent_once_the_one_before_has_come_back(tmp_path):
     command = f'"{sys.executable}" -m splatbus_viewer.adapter'
     folder = tmp_path / "recorded"
     lending = ",".join([*IMAGES, "IMG-12", "EVO-1", "OPN-6", "OPN-10"])
-    status, told = run("client", "--adapter", command, "--select", lending, "--record", str(folder))
+    chosen = ("--select", lending, "--record", str(folder))
+    status, told = run("client", "--adapter", command, *chosen, limit=600)
     assert status == 0, told
     recordings = sorted(folder.glob("*.jsonl"))
     assert len(recordings) > 10

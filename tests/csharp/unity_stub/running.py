@@ -1,9 +1,5 @@
 """A SplatBusView on the stub, a server for it, and what has to come of both."""
 
-import json
-import os
-import subprocess
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from hashlib import sha256
@@ -12,17 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import splatbus_server
 from splatbus_server import View
 from splatbus_wire.conventions import UNITY as AXES
 from splatbus_wire.poses import Pose
 
+from tests.engines.stage import HEIGHT, WIDTH, asked, planes
+from tests.engines.stage import Answer as State
 from tests.waiting import eventually
 
-WIDTH, HEIGHT = 64, 48
 IN_UNITY = "0.5 1.25 -4 0.1 0.2 0.3 0.9273618"
 """Position and rotation of a camera."""
-State = dict[str, Any]
 Ask = Callable[[str], State]
 
 
@@ -35,31 +30,12 @@ def wire_pose(unity: str, unit: float = 1) -> Pose:
 @contextmanager
 def component(driver: Path, where: dict[str, str], *first: str) -> Iterator[Ask]:
     """A SplatBusView, enabled, and how it is asked one command after the other."""
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        ["mono", str(driver)], env=where, stdin=pipe, stdout=pipe, text=True
-    ) as process:
-        told, heard = process.stdin, process.stdout
-        assert told
-        assert heard
-
-        def ask(command: str) -> State:
-            told.write(command + "\n")
-            told.flush()
-            answer: State = json.loads(heard.readline())
-            return answer
-
-        for command in (
-            f"screen {WIDTH} {HEIGHT}",
-            "lens 60 0.25 500",
-            f"camera {IN_UNITY}",
-            *first,
-            "enable",
-        ):
+    setting = (f"screen {WIDTH} {HEIGHT}", "lens 60 0.25 500", f"camera {IN_UNITY}")
+    with asked(["mono", str(driver)], where) as ask:
+        for command in (*setting, *first, "enable"):
             ask(command)
         yield ask
         ask("disable")
-        told.close()
 
 
 def stepped(ask: Ask, holds: Callable[[State], bool]) -> State:
@@ -74,41 +50,14 @@ def stepped(ask: Ask, holds: Callable[[State], bool]) -> State:
     return state
 
 
-def planes(view: View) -> tuple[Any, Any]:
-    """Colour and depth that are others wherever the camera's pose is."""
-    pose = view.poses.camera
-    noise = np.random.default_rng(abs(hash((pose.position, pose.rotation))))
-    shape = (view.height, view.width)
-    color = 0.5 + noise.random((*shape, 4), np.float32) / 2  # covered: no depth is left out
-    return color, noise.random(shape, np.float32) + np.float32(1)
+def rendered(view: View) -> tuple[Any, Any]:
+    """The planes of this view."""
+    return planes(view.poses.camera, view.width, view.height)
 
 
 def uploaded(view: View) -> list[str]:
     """Digests of what textures of this image hold, whose first row is the bottom one."""
-    return [sha256(each[::-1].tobytes()).hexdigest() for each in planes(view)]
-
-
-@contextmanager
-def serving(
-    render: Callable[[View], Any], *, on_and_on: bool = False, **settings: Any
-) -> Iterator[dict[str, str]]:
-    """A server whose images these are; where its clients are to connect."""
-    with splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0, **settings) as bus:
-        done = threading.Event()
-
-        def publish() -> None:
-            while not done.is_set():
-                if view := bus.next_view(0.1, contents_changed=on_and_on):
-                    bus.publish(view, *render(view))
-
-        thread = threading.Thread(target=publish)
-        thread.start()
-        ports = {"IPC": bus.address.ipc_port, "MSG": bus.address.message_port}
-        try:
-            yield os.environ | {f"SPLATBUS_{name}_PORT": str(port) for name, port in ports.items()}
-        finally:
-            done.set()
-            thread.join()
+    return [sha256(each[::-1].tobytes()).hexdigest() for each in rendered(view)]
 
 
 class Renderer:
@@ -119,7 +68,7 @@ class Renderer:
 
     def __call__(self, view: View) -> tuple[Any, Any]:
         self.views.append(view)
-        return planes(view)
+        return rendered(view)
 
     @property
     def last(self) -> View:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What Pixel.hlsl needs of HLSL, so that its text runs as C++: a whole screen at a time.
+// What the shaders' arithmetic needs of HLSL, so that its text runs as C++: a whole screen at a time. TEXT is
+// the file, NAMED(it) how it calls its parameters.
 #include <cmath>
 #include <cstring>
 
@@ -40,19 +41,19 @@ using std::floor;
 using std::pow;
 using std::sqrt;
 
-#include "Pixel.hlsl"
+#include TEXT
 
-// Rows from the bottom up throughout. four: lens, size, meaning, scene.
+// The textures' rows from the bottom up, the screen's as the engine counts them. four: lens, size, meaning, scene.
 extern "C" void screen(const float4* color, const float* depth, const float4* four, int width, int height,
                        const float4* own, const float* ownDepth, float4* out)
 {
-    _SplatBusLens = four[0];
-    _SplatBusSize = four[1];
-    _SplatBusMeaning = four[2];
-    _SplatBusScene = four[3];
-    _SplatBusColor.first = color;
-    _SplatBusDepth.first = depth;
-    _SplatBusColor.width = _SplatBusDepth.width = int(_SplatBusSize.x);
+    NAMED(SplatBusLens) = four[0];
+    NAMED(SplatBusSize) = four[1];
+    NAMED(SplatBusMeaning) = four[2];
+    NAMED(SplatBusScene) = four[3];
+    NAMED(SplatBusColor).first = color;
+    NAMED(SplatBusDepth).first = depth;
+    NAMED(SplatBusColor).width = NAMED(SplatBusDepth).width = int(four[1].x);
     for (int row = 0; row < height; row++)
         for (int column = 0; column < width; column++)
         {
