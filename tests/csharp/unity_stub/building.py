@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.csharp.unity_stub.metas import PACKAGE
+from tests.csharp.unity_stub.metas import PACKAGE, sources
 
 STUB = Path(__file__).parent
 UNITY = PACKAGE / "unity"
@@ -34,11 +34,7 @@ def asmdefs() -> dict[str, tuple[Path, dict[str, Any]]]:
 def sources_of(folder: Path) -> list[Path]:
     """As Unity has it: all below, but for what belongs to an assembly further down."""
     inner = [each for each, _ in asmdefs().values() if each != folder and folder in each.parents]
-    return [
-        each
-        for each in sorted(folder.rglob("*.cs"))
-        if not any(one in each.parents for one in inner)
-    ]
+    return [each for each in sources(folder) if not any(one in each.parents for one in inner)]
 
 
 def refers_to(said: dict[str, Any]) -> set[str]:

@@ -1,14 +1,15 @@
 """The `.meta` files of the Unity package; `python -m tests.csharp.unity_stub.metas` renews them.
 
 Unity knows an asset by the GUID in the file beside it, and makes none in a package that came from a
-Git URL: what has no such file it leaves out. A GUID here is made of the path, and stays for as long
-as the path does.
+Git URL: what has no such file it leaves out. What others made refers to an asset by its GUID, which
+therefore stays: who moves an asset moves the file beside it, too.
 """
 
+import re
 import sys
 from collections.abc import Iterator
-from hashlib import md5
 from pathlib import Path
+from uuid import uuid4
 
 from splatbus_schemas.prose import CHECKOUT
 
@@ -33,13 +34,19 @@ def meta(asset: Path) -> Path:
 
 def text(asset: Path) -> str:
     """What stands in that file; what it does not say of importing is as usual."""
-    path = asset.relative_to(PACKAGE).as_posix()
-    guid = md5(f"org.splatbus.client/{path}".encode(), usedforsecurity=False).hexdigest()
+    there = meta(asset).read_text("utf-8") if meta(asset).exists() else ""
+    found = re.search("^guid: ([0-9a-f]{32})$", there, re.MULTILINE)
+    guid = found[1] if found else uuid4().hex
     return f"fileFormatVersion: 2\nguid: {guid}\n" + "folderAsset: yes\n" * asset.is_dir()
 
 
+def sources(folder: Path) -> list[Path]:
+    """All in C# that Unity finds there and below, as the project file has it, too."""
+    return [each for each in assets(folder) if each.suffix == ".cs"]
+
+
 def main() -> int:
-    """Write those that are missing or others, and remove those whose asset is gone."""
+    """Write those that are missing or broken, and remove those whose asset is gone."""
     wanted = {meta(each): text(each) for each in assets()}
     for path in set(PACKAGE.rglob("*.meta")) - wanted.keys():
         path.unlink()
