@@ -46,7 +46,7 @@ def compiled(folder: Path) -> dict[str, list[str]]:
     line = ["g++", "-std=c++17", "-O2", f"-I{CLIENTS / 'cpp' / 'include'}", "-pthread"]
     subprocess.run([*line, CLIENTS / "cpp/programs/measure.cpp", "-o", cpp], check=True)
     parts = ("SplatBus.Client", "SplatBus.Measure~")
-    sources = [each for part in parts for each in (CLIENTS / "csharp" / part).glob("*.cs")]
+    sources = [each for part in parts for each in (CLIENTS / "csharp" / part).rglob("*.cs")]
     options = ["-unsafe", "-optimize", "-r:System.Numerics.dll", f"-out:{csharp}"]
     subprocess.run(["mcs", *options, *sources], check=True)
     here = [sys.executable, "-m", "benchmarks.engine_clients", "--as-client"]

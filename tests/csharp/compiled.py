@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from splatbus_schemas.prose import CHECKOUT
 
+from tests.csharp.unity_stub import metas
+
 FOLDER = CHECKOUT / "reference_client" / "csharp"
 
 
@@ -15,7 +17,7 @@ def compiled(target: Path, program: str = "Tests") -> Path:
     for command in ("mcs", "mono"):
         if not shutil.which(command):
             pytest.skip(f"{command} is not installed")
-    sources = [str(each) for each in sorted(FOLDER.glob("SplatBus.Client/*.cs"))]
+    sources = [str(each) for each in metas.sources(FOLDER / "SplatBus.Client")]
     sources += [str(each) for each in sorted(FOLDER.glob(f"SplatBus.{program}~/*.cs"))]
     line = ["mcs", "-warn:4", "-warnaserror", "-unsafe", "-langversion:7"]
     line += ["-r:System.Numerics.dll", f"-out:{target}", *sources]

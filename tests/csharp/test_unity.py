@@ -151,11 +151,8 @@ def test_the_shader_mixes_as_the_viewer_does(
 
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    sources = [
-        each
-        for name in ("SplatBus.Client", "unity/Runtime")
-        for each in (PACKAGE / name).glob("*.cs")
-    ]
+    folders = (PACKAGE / "SplatBus.Client", UNITY / "Runtime")
+    sources = [each for folder in folders for each in sources_of(folder)]
     target = tmp_path_factory.mktemp("unity") / "driver.exe"
     return mcs(target, *sources, STUB / "UnityEngine.cs", STUB / "Driver.cs")
 
