@@ -46,7 +46,8 @@ def compiled(folder: Path) -> dict[str, list[str]]:
     line = ["g++", "-std=c++17", "-O2", f"-I{CLIENTS / 'cpp' / 'include'}", "-pthread"]
     subprocess.run([*line, CLIENTS / "cpp/programs/measure.cpp", "-o", cpp], check=True)
     parts = ("SplatBus.Client", "SplatBus.Measure~")
-    sources = [each for part in parts for each in (CLIENTS / "csharp" / part).rglob("*.cs")]
+    found = (each for part in parts for each in (CLIENTS / "csharp" / part).rglob("*.cs"))
+    sources = [each for each in found if "obj~" not in each.parts]
     options = ["-unsafe", "-optimize", "-r:System.Numerics.dll", f"-out:{csharp}"]
     subprocess.run(["mcs", *options, *sources], check=True)
     here = [sys.executable, "-m", "benchmarks.engine_clients", "--as-client"]

@@ -19,8 +19,7 @@ PACKAGE = CHECKOUT / "reference_client" / "csharp"
 def assets(folder: Path = PACKAGE) -> Iterator[Path]:
     """All that Unity imports, folders too: nothing whose name begins with `.` or ends with `~`."""
     for each in sorted(folder.iterdir()):
-        name = each.name
-        if name.startswith(".") or name.endswith(("~", ".meta")) or name in ("bin", "obj"):
+        if each.name.startswith(".") or each.name.endswith(("~", ".meta")):
             continue
         yield each
         if each.is_dir():
@@ -41,7 +40,7 @@ def text(asset: Path) -> str:
 
 
 def sources(folder: Path) -> list[Path]:
-    """All in C# that Unity finds there and below, as the project file has it, too."""
+    """All in C# that Unity finds there and below."""
     return [each for each in assets(folder) if each.suffix == ".cs"]
 
 

@@ -12,7 +12,7 @@ namespace SplatBus
         Agreed,
         /// <summary>Other memory: open <see cref="IpcSession.Packet"/> unless it is null, then give up what was open before [OPN-5].</summary>
         Announced,
-        /// <summary><see cref="IpcSession.Frame"/> is lent, until <see cref="IpcSession.Release"/>.</summary>
+        /// <summary><see cref="IpcSession.Frame"/> is lent, until <see cref="IpcSession.Release()"/>.</summary>
         Lent,
         /// <summary><see cref="IpcSession.Error"/> came.</summary>
         Error,

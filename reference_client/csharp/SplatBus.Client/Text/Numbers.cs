@@ -10,7 +10,7 @@ namespace SplatBus
     /// </summary>
     public static class Numbers
     {
-        /// <summary>What <see cref="Write"/> needs at most, in bytes.</summary>
+        /// <summary>Of any number that is written, in bytes.</summary>
         public const int MaxBytes = 32;
 
         /// <summary>Digits that can decide how a double is rounded; further ones only break a tie.</summary>
