@@ -78,11 +78,21 @@ def test_they_are_printed_without_a_file(capsys: pytest.CaptureFixture[str]) -> 
     assert "// SplatBus 1.1. Generated" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+def test_limits_in_csharp_are_int_where_one_can_be(version: str, tmp_path: Path) -> None:
+    text = generated("csharp", version, tmp_path)
+    kinds: dict[str, list[float]] = {}
+    for kind, value in re.findall(r"const (\w+) \w+ = ([\d.e+-]+);", text):
+        kinds.setdefault(kind, []).append(float(value))
+    assert kinds.keys() == {"int", "long", "double"}
+    assert max(kinds["int"]) < 2**31 <= min(kinds["long"])
+
+
 def test_a_program_in_csharp(tmp_path: Path) -> None:
     generated("csharp", "1.1", tmp_path)
     shutil.copy(PROGRAMS / "use.cs", tmp_path)
     compiled("csharp", tmp_path, "-target:exe", "-out:use.exe", "use.cs")
-    told = ["frame 7 a", "host_shm splat 3", "Error", "mem_color colorOffset", "1048576 6001"]
+    told = ["frame 7 a", "host_shm splat 3", "Error", "mem_color colorOffset", "1048576 6001 5"]
     assert printed(tmp_path, "mono", "use.exe") == told
 
 

@@ -281,7 +281,7 @@ namespace SplatBus.Adapter
         static void Line()
         {
             ArraySegment<byte> packet = Writer.End();
-            Out.Write(packet.Array, packet.Offset + (int)Framing.HeaderBytes, packet.Count - (int)Framing.HeaderBytes);
+            Out.Write(packet.Array, packet.Offset + Framing.HeaderBytes, packet.Count - Framing.HeaderBytes);
             Out.WriteByte((byte)'\n');
             Out.Flush();
         }

@@ -8,8 +8,8 @@ namespace SplatBus
     public sealed class ClientOptions
     {
         public string Host { get; set; } = Framing.Host;
-        public int IpcPort { get; set; } = (int)Framing.IpcPort;
-        public int MessagePort { get; set; } = (int)Framing.MessagePort;
+        public int IpcPort { get; set; } = Framing.IpcPort;
+        public int MessagePort { get; set; } = Framing.MessagePort;
         /// <summary>The server's secret, or null; never take it from a command line [NEG-21].</summary>
         public string Token { get; set; }
         /// <summary>Of the program, for the server's log.</summary>

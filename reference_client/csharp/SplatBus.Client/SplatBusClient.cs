@@ -157,7 +157,7 @@ namespace SplatBus
             if (wrong != null) throw new ArgumentException(wrong);
         }
 
-        static void CheckText(string text, long least, long most)
+        static void CheckText(string text, int least, int most)
         {
             Check(text.Length >= least && text.Length <= most ? null : "a name of " + text.Length + " characters, not " + least + " to " + most);
             for (int i = 0; i < text.Length; i++)

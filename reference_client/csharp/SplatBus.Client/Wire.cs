@@ -7,33 +7,33 @@ namespace SplatBus
     public static class Limits
     {
         /// <summary>Smallest payload of a packet, in bytes [FRM-2, FRM-3].</summary>
-        public const long MinPayloadBytes = 1;
+        public const int MinPayloadBytes = 1;
         /// <summary>Largest payload of a packet, in bytes [FRM-2, FRM-3].</summary>
-        public const long MaxPayloadBytes = 1048576;
+        public const int MaxPayloadBytes = 1048576;
         /// <summary>Time from the first byte of a packet to its last, in seconds [FRM-5].</summary>
-        public const long PacketCompletionSeconds = 10;
+        public const int PacketCompletionSeconds = 10;
         /// <summary>Time within which a peer that closes has closed, in seconds [CHN-13].</summary>
-        public const long CloseSeconds = 5;
+        public const int CloseSeconds = 5;
         /// <summary>Nesting of arrays and objects, the payload's own object counted as 1, in levels [JSN-5].</summary>
-        public const long MaxJsonDepth = 64;
+        public const int MaxJsonDepth = 64;
         /// <summary>Objects, arrays, strings, numbers and literals in a payload of a client, its own object counted as 1, in values [JSN-12].</summary>
-        public const long MaxClientValues = 4096;
+        public const int MaxClientValues = 4096;
         /// <summary>The same in a payload of a server, in values [JSN-12].</summary>
-        public const long MaxServerValues = 65536;
+        public const int MaxServerValues = 65536;
         /// <summary>Largest integer that every JSON reader keeps exactly, 2^53 - 1 [REQ-2, INI-5, INI-6, NEG-27, OPN-13, MEM-1, MEM-2, MEM-8, IMG-1, SCN-2, TEL-2].</summary>
         public const long MaxSafeInteger = 9007199254740991;
         /// <summary>Least time between the beginnings of two attempts to connect, in seconds [CHN-21].</summary>
         public const double ReconnectMinSeconds = 0.1;
         /// <summary>Longest time from a failed attempt to connect to the next, in seconds [CHN-22].</summary>
-        public const long ReconnectMaxSeconds = 5;
+        public const int ReconnectMaxSeconds = 5;
         /// <summary>Longest wait for a reply, in seconds [CHN-15].</summary>
-        public const long ReplySeconds = 10;
+        public const int ReplySeconds = 10;
         /// <summary>Least time before a client repeats a request that had no answer yet, in seconds [REQ-12, VPT-9].</summary>
         public const double AskAgainMinSeconds = 0.1;
         /// <summary>Largest width and height of an image, in pixels [INI-2, REQ-3, CAM-4, VPT-1].</summary>
-        public const long MaxImageSize = 32768;
+        public const int MaxImageSize = 32768;
         /// <summary>Size of a CUDA IPC handle, in bytes [INI-7].</summary>
-        public const long HandleBytes = 64;
+        public const int HandleBytes = 64;
         /// <summary>Largest magnitude of a coordinate, the largest finite single-precision number, in scene units [POS-2].</summary>
         public const double MaxPosition = 3.4028234663852886e+38;
         /// <summary>Smallest normal single-precision number [ACC-15].</summary>
@@ -45,72 +45,72 @@ namespace SplatBus
         /// <summary>Least accumulated alpha of a covered pixel, 1/255 [ACC-9].</summary>
         public const double CoveredAlphaMin = 0.00392156862745098;
         /// <summary>Most bytes that a server holds for a client that does not read, in bytes [LIM-2].</summary>
-        public const long MaxUnsentBytes = 1048576;
+        public const int MaxUnsentBytes = 1048576;
         /// <summary>Longest time that a server waits to send to a client, in seconds [LIM-2].</summary>
-        public const long StalledReaderSeconds = 5;
+        public const int StalledReaderSeconds = 5;
         /// <summary>Time from accepting a connection to its hello, where a token is required, in seconds [NEG-12].</summary>
-        public const long HelloSeconds = 10;
+        public const int HelloSeconds = 10;
         /// <summary>Least time from an error to the next attempt to connect, in seconds [NEG-24].</summary>
         public const double ErrorPauseSeconds = 0.1;
         /// <summary>Longest list of versions, in items [NEG-2].</summary>
-        public const long MaxVersions = 16;
+        public const int MaxVersions = 16;
         /// <summary>Longest name, version or capability in hello and welcome, in characters [NEG-2].</summary>
-        public const long MaxNameChars = 64;
+        public const int MaxNameChars = 64;
         /// <summary>Longest list of capabilities, in items [NEG-2].</summary>
-        public const long MaxCapabilities = 64;
+        public const int MaxCapabilities = 64;
         /// <summary>Longest token, in characters [NEG-2].</summary>
-        public const long MaxTokenChars = 256;
+        public const int MaxTokenChars = 256;
         /// <summary>Longest text of an error, in characters [NEG-23].</summary>
-        public const long MaxMessageChars = 1024;
+        public const int MaxMessageChars = 1024;
         /// <summary>Longest reason of open_failed, in characters [OPN-3].</summary>
-        public const long MaxReasonChars = 1024;
+        public const int MaxReasonChars = 1024;
         /// <summary>Longest name of shared memory, in characters [MEM-7].</summary>
-        public const long MaxShmNameChars = 30;
+        public const int MaxShmNameChars = 30;
         /// <summary>Most slots of a ring, in slots [MEM-8].</summary>
-        public const long MaxSlots = 1024;
+        public const int MaxSlots = 1024;
         /// <summary>Time within which an idle client is sent a newer image, in seconds [IMG-11].</summary>
-        public const long FrameSeconds = 5;
+        public const int FrameSeconds = 5;
         /// <summary>Time for which a server reads on after it has ended its side, in seconds [NEG-34].</summary>
-        public const long LastWordsSeconds = 5;
+        public const int LastWordsSeconds = 5;
         /// <summary>Longest tag of a pose, in characters [CAM-1].</summary>
-        public const long MaxTagChars = 64;
+        public const int MaxTagChars = 64;
         /// <summary>Smallest focal length in pixels, and clipping plane in scene units [CAM-4].</summary>
         public const double MinLens = 1e-06;
         /// <summary>Largest focal length, clipping plane and magnitude of a principal point [CAM-4].</summary>
-        public const long MaxLens = 1000000000;
+        public const int MaxLens = 1000000000;
         /// <summary>Smallest scale of an object [OBJ-1].</summary>
         public const double MinScale = 1e-06;
         /// <summary>Largest scale of an object [OBJ-1].</summary>
-        public const long MaxScale = 1000000;
+        public const int MaxScale = 1000000;
         /// <summary>Most objects of a scene, in objects [OBJ-7, SCN-2].</summary>
-        public const long MaxObjects = 256;
+        public const int MaxObjects = 256;
         /// <summary>Time within which all connections are told of another size, in seconds [VPT-5].</summary>
-        public const long ReinitSeconds = 5;
+        public const int ReinitSeconds = 5;
         /// <summary>Time within which memory that nobody has any more is freed, in seconds [VPT-7].</summary>
-        public const long FreeSeconds = 5;
+        public const int FreeSeconds = 5;
         /// <summary>Time within which a client lets go of former memory, in seconds [VPT-8].</summary>
-        public const long LetGoSeconds = 10;
+        public const int LetGoSeconds = 10;
         /// <summary>Longest time from a new value of a series to the message that tells it, or a newer one, in seconds [TEL-7].</summary>
-        public const long TelemetrySeconds = 5;
+        public const int TelemetrySeconds = 5;
         /// <summary>Most series of telemetry, in series [TEL-1, TEL-2].</summary>
-        public const long MaxSeries = 256;
+        public const int MaxSeries = 256;
         /// <summary>Most edges of a histogram, in edges [TEL-2].</summary>
-        public const long MaxEdges = 1025;
+        public const int MaxEdges = 1025;
         /// <summary>Longest text of telemetry, in characters [TEL-2].</summary>
-        public const long MaxTextChars = 4096;
+        public const int MaxTextChars = 4096;
     }
 
     /// <summary>How packets and channels are found.</summary>
     public static class Framing
     {
         /// <summary>Bytes of the length, little-endian, unsigned, that stands before each payload [FRM-1].</summary>
-        public const long HeaderBytes = 4;
+        public const int HeaderBytes = 4;
         /// <summary>Default port of the ipc channel [CHN-1].</summary>
-        public const long IpcPort = 6001;
+        public const int IpcPort = 6001;
         /// <summary>Environment variable with the port of the ipc channel [CHN-1].</summary>
         public const string IpcPortVariable = "SPLATBUS_IPC_PORT";
         /// <summary>Default port of the message channel [CHN-1].</summary>
-        public const long MessagePort = 6000;
+        public const int MessagePort = 6000;
         /// <summary>Environment variable with the port of the message channel [CHN-1].</summary>
         public const string MessagePortVariable = "SPLATBUS_MSG_PORT";
         /// <summary>Default host [SEC-1].</summary>

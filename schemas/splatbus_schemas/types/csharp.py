@@ -84,9 +84,15 @@ def _constants(
     yield from (f"    public static class {name}", "    {")
     for each, (value, said) in constants.items():
         yield from _comment(said, 8)
-        kind = {str: "string", int: "long", float: "double"}[type(value)]
-        yield f"        public const {kind} {camel(each)} = {json.dumps(value)};"
+        yield f"        public const {_kind(value)} {camel(each)} = {json.dumps(value)};"
     yield from ("    }", "")
+
+
+def _kind(value: str | float) -> str:
+    """An `int` where one can be, as lengths and indices are in C#: it widens without a cast."""
+    if isinstance(value, int):
+        return "int" if -(2**31) <= value < 2**31 else "long"
+    return "string" if isinstance(value, str) else "double"
 
 
 def _record(record: Record, base: Record | None, groups: list[str]) -> Iterator[str]:

@@ -24,6 +24,8 @@ public static class Use
         }));
         System.Console.WriteLine(Told(new Error { Code = ErrorCode.Busy, Id = null }));
         System.Console.WriteLine(WireNames.Of("MemColor") + " " + WireNames.Of("ColorOffset"));
-        System.Console.WriteLine(Limits.MaxPayloadBytes + " " + Framing.IpcPort);
+        var packet = new byte[Framing.HeaderBytes + Limits.MinPayloadBytes];
+        int port = Framing.IpcPort;
+        System.Console.WriteLine(Limits.MaxPayloadBytes + " " + port + " " + packet.Length);
     }
 }

@@ -70,10 +70,10 @@ namespace SplatBus
         }
 
         /// <summary>A string of so many characters: code points, not UTF-16 units.</summary>
-        internal string Text(long least, long most, string requirement)
+        internal string Text(int least, int most, string requirement)
         {
             string text = Text(requirement);
-            long characters = 0;
+            int characters = 0;
             foreach (char each in text) if (!char.IsLowSurrogate(each)) characters++;
             if (characters < least || characters > most) throw Broken("has " + characters + " characters, not " + least + " to " + most, requirement);
             return text;
@@ -88,7 +88,7 @@ namespace SplatBus
         }
 
         /// <summary>The values of an array of so many.</summary>
-        internal List<Part> Items(long least, long most, string requirement)
+        internal List<Part> Items(int least, int most, string requirement)
         {
             if (Value.Kind != JsonKind.Array || Value.Count < least || Value.Count > most) throw Broken("is no array of " + least + " to " + most, requirement);
             var items = new List<Part>(Value.Count);

@@ -39,9 +39,9 @@ namespace SplatBus
         int first, at, end;
 
         /// <param name="mostValues">As many values as the payload may have [JSN-12, JSN-13].</param>
-        public Json(long mostValues)
+        public Json(int mostValues)
         {
-            this.mostValues = (int)mostValues;
+            this.mostValues = mostValues;
         }
 
         /// <summary>Read a payload, whose escapes are replaced where they stand.</summary>

@@ -39,7 +39,7 @@ namespace SplatBus
             payload = default(ArraySegment<byte>);
             int size = Announced();
             if (size == 0 || end - begin < size) return false;
-            payload = new ArraySegment<byte>(buffer, begin + (int)Framing.HeaderBytes, size - (int)Framing.HeaderBytes);
+            payload = new ArraySegment<byte>(buffer, begin + Framing.HeaderBytes, size - Framing.HeaderBytes);
             begin += size;
             passed += size;
             return true;

@@ -16,7 +16,7 @@ namespace SplatBus
         /// <summary>Begin a packet, whose payload is an object.</summary>
         public void Begin()
         {
-            at = (int)Framing.HeaderBytes;
+            at = Framing.HeaderBytes;
             comma = false;
             BeginObject();
         }
@@ -27,7 +27,7 @@ namespace SplatBus
         public ArraySegment<byte> End()
         {
             EndObject();
-            int length = at - (int)Framing.HeaderBytes;
+            int length = at - Framing.HeaderBytes;
             if (length > Limits.MaxPayloadBytes) throw new ProtocolException("a payload of " + length + " bytes [FRM-2]", Limits.MaxPayloadBytes);
             for (int i = 0; i < Framing.HeaderBytes; i++) buffer[i] = (byte)(length >> 8 * i);
             return new ArraySegment<byte>(buffer, 0, at);
