@@ -75,12 +75,13 @@ class Renderer:
         return self.views[-1]
 
     def shows(self, state: State, pose: Pose, near: float = 0.25) -> bool:
-        """Whether an image of this pose, through a lens of ours, was uploaded to the bit."""
+        """Whether an image of this pose was uploaded to the bit, through a lens of ours."""
         shown = [state.get("color"), state.get("depth")]
         return (
             bool(self.views)
             and (self.last.poses.camera, self.last.intrinsics.near) == (pose, near)
             and shown == uploaded(self.last)
+            and np.allclose(state["_SplatBusLens"], self.last.intrinsics[:4], rtol=1e-6)
         )
 
 
