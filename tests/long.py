@@ -33,7 +33,14 @@ from tests.foreign.programs import Lacking, Program, differences, judge, program
 ROOT = Path(__file__).resolve().parents[1]
 RESULT = ROOT / "tests" / "results" / "long.json"
 MUTANTS = RESULT.with_name("machine.json")
+STAND_IN = (
+    "conformance/splatbus_conformance/images/memory/cuda_stand_in",
+    "conformance/splatbus_conformance/trials/testee/device_probe.py",
+)
+"""What only a run with --stand-in-cuda uses: its task is named by them."""
+ASKS_FOR_IT = "--stand-in-cuda"
 NO_PART = (
+    *(f":(exclude){each}" for each in STAND_IN),
     ":(exclude)*.md",
     ":(exclude)conformance/guides",
     ":(exclude)conformance/site",
@@ -51,8 +58,9 @@ NO_PART = (
 JUDGES = ("conformance", "schemas/splatbus_wire", *NO_PART)
 JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
 """A result is of these sources."""
-ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl")}
+ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl", "opengl device")}
 """The clients for engines, each in folders of its own, and the axes of their adapters."""
+SOURCES = (".c", ".cpp", ".cs", ".h", ".hpp", ".py")
 COMPILERS = {"csharp": ("mcs", "mono"), "cpp": ("g++",)}
 PROFILES = ("quick", "full")
 FOREIGN_SEEDS = range(3)
@@ -98,12 +106,13 @@ def plan() -> Iterator[Task]:
         for seed in FOREIGN_SEEDS:
             for program in (*programs("client"), *programs("server")):
                 name = f"{program.side} {program.name}, {profile}, seed {seed}"
+                if ASKS_FOR_IT in program.options:
+                    name += f", stand-in {digest(*STAND_IN)}"
                 yield Task(name, partial(foreign, program, profile, seed), AT_A_TIME)
             for language, axes in ENGINES.items():
                 for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
-                    name = (
-                        f"{language} {words}, {profile}, seed {seed}, sources {sources(language)}"
-                    )
+                    made_of = (f"reference_client/{language}", *STAND_IN)
+                    name = f"{language} {words}, {profile}, seed {seed}, of {digest(*made_of)}"
                     yield Task(name, partial(engine, language, words, profile, seed), AT_A_TIME)
         for seed in PAIR_SEEDS:
             for name in PAIR:
@@ -123,20 +132,23 @@ def foreign(program: Program, profile: str, seed: int, scratch: Path) -> Outcome
 
 
 @cache
-def sources(language: str) -> str:
-    """What the client for an engine is made of: with others it is another task."""
-    files = sorted(each for each in (ROOT / "reference_client" / language).rglob("*.[ch]*"))
-    return sha256(b"".join(each.read_bytes() for each in files if each.is_file())).hexdigest()[:10]
+def digest(*paths: str) -> str:
+    """What a task is made of beside what all are: with other sources it is another task."""
+    found = [ROOT / each for each in paths]
+    files = [each for path in found for each in (path, *path.rglob("*")) if each.is_file()]
+    sources = sorted(each for each in files if each.suffix in SOURCES)
+    return sha256(b"".join(each.read_bytes() for each in sources)).hexdigest()[:10]
 
 
-def engine(language: str, words: str, profile: str, seed: int, scratch: Path) -> Outcome:
+def engine(language: str, program_and_axes: str, profile: str, seed: int, scratch: Path) -> Outcome:
     """Judge a client for an engine: anything but a run that conforms is wrong."""
-    program, *axes = words.split()
+    program, *axes = program_and_axes.split()
     if missing := [each for each in COMPILERS[language] if not shutil.which(each)]:
         return {"wrong": [f"{', '.join(missing)} is not installed"]}
     command = shlex.join([*built(language, program, scratch), *axes])
     how = "--adapter" if axes else "--launch"
-    return judged("client", how, command, {}, profile, seed, scratch)
+    words = (ASKS_FOR_IT,) if language == "cpp" else ()
+    return judged("client", how, command, {}, profile, seed, scratch, *words)
 
 
 def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
@@ -154,12 +166,13 @@ def judged(
     profile: str,
     seed: int,
     scratch: Path,
+    *words: str,
 ) -> Outcome:
     """What is wrong with a program that has to conform, and which verdicts are no passes."""
     report = scratch / "report.json"
     line = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
     line += [how, command, "--json", str(report), "--shrink", "0"]
-    line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed)]
+    line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed), *words]
     ended = subprocess.run(
         line,
         cwd=scratch,
@@ -230,6 +243,8 @@ def begun() -> dict[str, Any]:
         state: dict[str, Any] = json.loads(RESULT.read_text("utf-8"))
         with contextlib.suppress(subprocess.CalledProcessError):  # a commit that is not here
             if not git("diff", "--name-only", state["commit"], "--", *JUDGED):
+                planned = {task.name for task in plan()}
+                state["tasks"] = {k: it for k, it in state["tasks"].items() if k in planned}
                 return state
         print(f"the sources have changed since {state['commit'][:12]}: all begins anew")
         MUTANTS.unlink(missing_ok=True)

@@ -19,3 +19,8 @@ def program(language: str, tmp_path_factory: pytest.TempPathFactory) -> Command:
 @pytest.fixture(scope="session")
 def folder(language: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp(f"{language}-programs")
+
+
+@pytest.fixture(scope="session")
+def cpp_adapter(tmp_path_factory: pytest.TempPathFactory) -> Command:
+    return built("cpp", "Adapter", tmp_path_factory.mktemp("cpp-adapter"))

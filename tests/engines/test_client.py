@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ import pytest
 from splatbus_wire.poses import Pose
 
 from tests.conformance.harness import run
+from tests.conformance.images.cuda_stand_in.library import library
 from tests.engines.built import Command, built
 from tests.engines.stage import HEIGHT, WIDTH, Answer, asked, planes, serving
 
@@ -41,9 +43,24 @@ WHOLE_SECONDS = 600
 )
 def test_it_conforms(language: str, how: str, name: str, level: str, folder: Path) -> None:
     command = [*built(language, name, folder), *(AXES[language][:1] if name == "Adapter" else ())]
-    status, told = run("client", how, " ".join(command), "--shrink", "0", limit=WHOLE_SECONDS)
+    words = ("client", how, " ".join(command), "--shrink", "0")
+    if language == "cpp":  # which reads memory of a GPU too
+        library()
+        words, level = (*words, "--stand-in-cuda"), "L3"
+    status, told = run(*words, limit=WHOLE_SECONDS)
     assert status == 0, told
     assert f"\nconforming at {level}: " in told
+
+
+def test_a_stream_of_the_programs_own_reads_what_is_lent(cpp_adapter: Command) -> None:
+    """It waits for the image, and the lease's end for it."""
+    library()
+    command = shlex.join([*cpp_adapter, "opengl", "device"])
+    about = ("BUF-11", "CUD-5", "CHN-18", "CHN-24", "INI-8", "IMG-8", "IMG-13", "IMG-14")
+    words = ("client", "--adapter", command, "--stand-in-cuda", "--select", ",".join(about))
+    status, told = run(*words, "--shrink", "0", limit=WHOLE_SECONDS)
+    assert status == 0, told
+    assert f": {len(about)} of {len(about)} requirements observed" in told
 
 
 def test_the_frame_loop_leaves_no_garbage(program: Command) -> None:

@@ -36,7 +36,7 @@ def repository(monkeypatch, **answers):
 
 def test_everything_is_in_the_plan_and_once():
     names = [task.name for task in long.plan()]
-    count = len(programs("client")) + len(programs("server")) + 5  # those for engines
+    count = len(programs("client")) + len(programs("server")) + 6  # those for engines
     assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4 + 5 * 4)
     assert [", quick, " in name for name in names] == sorted(
         (", quick, " in name for name in names), reverse=True
@@ -96,10 +96,30 @@ def test_a_task_that_raises_is_wrong():
 
 @pytest.mark.parametrize(("diff", "goes_on"), [("", True), ("conformance/x.py", False)])
 def test_what_was_done_counts_for_the_same_sources_only(result, monkeypatch, diff, goes_on):
-    former = state(tasks={"a": {"wrong": [], "seconds": 1}})
+    name = next(long.plan()).name
+    former = state(tasks={name: {"wrong": [], "seconds": 1}})
     long.save(former)
     repository(monkeypatch, diff=diff, rev_parse="f00d")
     assert (long.begun() == former) is goes_on
+
+
+def test_what_is_planned_no_longer_is_left_out(result, monkeypatch):
+    long.save(state(tasks={"client of other sources, quick, seed 0": {"wrong": []}}))
+    repository(monkeypatch, rev_parse="f00d")
+    assert long.begun() == state()
+
+
+@pytest.mark.skipif(not (long.ROOT / ".git").exists(), reason="git tells which files are ours")
+def test_who_asks_for_the_stand_in_is_judged_by_its_sources():
+    digest = long.digest(*long.STAND_IN)
+    asks = [each.name for each in programs("client") if long.ASKS_FOR_IT in each.options]
+    named = {task.name for task in long.plan()}
+    assert asks
+    for name in asks:
+        assert f"client {name}, quick, seed 0, stand-in {digest}" in named
+    assert long.digest("reference_client/csharp") != long.digest("reference_client/cpp") != digest
+    judged = long.git("ls-files", "--", *long.JUDGED).splitlines()
+    assert not [name for name in judged if name.startswith(long.STAND_IN)]
 
 
 def test_a_commit_that_is_not_here_begins_anew(result, monkeypatch):

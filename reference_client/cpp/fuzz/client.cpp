@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "splatbus/ipc_session.hpp"
-#include "splatbus/message_session.hpp"
+#include "splatbus/protocol/ipc_session.hpp"
+#include "splatbus/protocol/message_session.hpp"
 
 namespace {
 
@@ -38,7 +38,7 @@ void feed(const std::uint8_t* data, std::size_t size, std::size_t piece, Receive
 
 void fuzz_ipc(const std::uint8_t* data, std::size_t size, bool is_welcome, std::size_t piece) {
   Json json(limits::max_server_values);
-  IpcSession session({}, json);
+  IpcSession session({}, json, true);
   std::string welcome(welcome_ipc);
   if (is_welcome) session.receive({welcome.data(), welcome.size()});
   feed(data, size, piece, [&](Bytes payload) {

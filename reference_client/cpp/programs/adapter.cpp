@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Between the conformance harness and the client: commands as JSON lines on standard input, answers on
 // standard output (conformance/ADAPTER.md). Poses are in the axes that the first argument names: opencv,
-// unreal or opengl.
+// unreal or opengl. With a second, "device", it reads images on a GPU by a stream of its own.
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -37,7 +37,7 @@ struct Image {
 
 class Adapter {
  public:
-  explicit Adapter(std::string axes) : axes_(std::move(axes)) {}
+  Adapter(std::string axes, bool is_on_device) : axes_(std::move(axes)), is_on_device_(is_on_device) {}
   ~Adapter() { stop(); }
   Adapter(const Adapter&) = delete;
   Adapter& operator=(const Adapter&) = delete;
@@ -109,20 +109,40 @@ class Adapter {
 
   /// Read each image as it comes, and keep a copy of the newest.
   void read() {
-    const FrameLease lease = client_->take_frame(std::chrono::milliseconds(100));
+    FrameLease lease = client_->take_frame(std::chrono::milliseconds(100));
     if (!lease) return;
     Image copy;
     copy.seq = lease.frame().seq;
     copy.width = lease.packet().meta.w;
     copy.height = lease.packet().meta.h;
     const auto pixels = static_cast<std::size_t>(copy.width * copy.height);
-    if (lease.color() != nullptr) copy.color.assign(lease.color(), lease.color() + 4 * pixels);
-    if (lease.depth() != nullptr) copy.depth.assign(lease.depth(), lease.depth() + pixels);
+    if (is_on_device_ && lease.device() != nullptr) {
+      fetch(lease, lease.color_on_device(stream_on(*lease.device())), 4 * pixels, copy.color);
+      fetch(lease, lease.depth_on_device(stream_on(*lease.device())), pixels, copy.depth);
+    } else {
+      if (lease.color() != nullptr) copy.color.assign(lease.color(), lease.color() + 4 * pixels);
+      if (lease.depth() != nullptr) copy.depth.assign(lease.depth(), lease.depth() + pixels);
+    }
     copy.semantics = lease.packet().semantics;
     copy.camera = lease.frame().camera;
-    if (!lease.is_still_lent()) return;
+    const bool is_good = lease.is_still_lent();
+    lease = FrameLease();  // which waits for the stream
+    if (!is_good) return;
     const std::lock_guard lock(gate_);
     newest_ = std::move(copy);
+  }
+
+  cuda::Stream stream_on(const cuda::Device& device) {
+    const cuda::Device::Current current(device);
+    if (stream_ == nullptr) device.driver.stream_create(&stream_, 1);
+    return stream_;
+  }
+
+  void fetch(const FrameLease& lease, std::uint64_t from, std::size_t count, std::vector<float>& to) {
+    if (from == 0) return;
+    const cuda::Device::Current current(*lease.device());
+    to.resize(count);
+    lease.device()->driver.memcpy_to_host(to.data(), from, count * sizeof(float), stream_);
   }
 
   std::optional<Image> newest() {
@@ -316,7 +336,9 @@ class Adapter {
     std::cout << '{' << packet.substr(type.size()) << std::endl;
   }
 
-  std::string axes_;
+  const std::string axes_;
+  const bool is_on_device_;
+  cuda::Stream stream_ = nullptr;
   std::optional<Client> client_;
   std::thread reader_;
   std::atomic<bool> is_stopping_{false};
@@ -329,7 +351,7 @@ class Adapter {
 }  // namespace
 
 int main(int count, char** arguments) {
-  Adapter adapter(count > 1 ? arguments[1] : "opencv");
+  Adapter adapter(count > 1 ? arguments[1] : "opencv", count > 2 && arguments[2] == std::string_view("device"));
   adapter.greet();
   for (std::string line; std::getline(std::cin, line) && adapter.obey(std::move(line));) {
   }

@@ -64,20 +64,8 @@ inline char shown(float value, bool is_linear) {
   return static_cast<char>(std::lround(255 * light));
 }
 
-/// Write colour over black.
-inline bool write(const char* path, const splatbus::FrameLease& lease) {
-  const auto& packet = lease.packet();
-  const bool is_linear = packet.semantics.colorSpace == splatbus::SemanticsColorSpace::linear;
-  const bool is_straight = packet.semantics.alpha == splatbus::SemanticsAlpha::straight;
-  const auto width = static_cast<std::size_t>(packet.meta.w), height = static_cast<std::size_t>(packet.meta.h);
-  std::string rows;
-  for (std::size_t row = height; row-- > 0;) {  // in memory the bottom one is first
-    rows += '\0';
-    for (std::size_t column = 0; column < width; ++column) {
-      const float* pixel = lease.color() + 4 * (row * width + column);
-      for (int i = 0; i < 3; ++i) rows += shown(is_straight ? pixel[i] * pixel[3] : pixel[i], is_linear);
-    }
-  }
+/// Write rows from the top, each a byte 0 and then red, green and blue of its pixels.
+inline bool save(const char* path, std::size_t width, std::size_t height, std::string_view rows) {
   std::string header;
   append(header, static_cast<std::uint32_t>(width));
   append(header, static_cast<std::uint32_t>(height));
@@ -90,6 +78,24 @@ inline bool write(const char* path, const splatbus::FrameLease& lease) {
   if (out == nullptr) return false;
   const bool is_whole = std::fwrite(file.data(), 1, file.size(), out) == file.size();
   return std::fclose(out) == 0 && is_whole;
+}
+
+/// Write colour over black.
+inline bool write(const char* path, const splatbus::FrameLease& lease) {
+  const auto& packet = lease.packet();
+  const bool is_linear = packet.semantics.colorSpace == splatbus::SemanticsColorSpace::linear;
+  const bool is_straight = packet.semantics.alpha == splatbus::SemanticsAlpha::straight;
+  const auto width = static_cast<std::size_t>(packet.meta.w), height = static_cast<std::size_t>(packet.meta.h);
+  const float* color = lease.color();
+  std::string rows;
+  for (std::size_t row = height; row-- > 0;) {  // in memory the bottom one is first
+    rows += '\0';
+    for (std::size_t column = 0; column < width; ++column) {
+      const float* pixel = color + 4 * (row * width + column);
+      for (int i = 0; i < 3; ++i) rows += shown(is_straight ? pixel[i] * pixel[3] : pixel[i], is_linear);
+    }
+  }
+  return save(path, width, height, rows);
 }
 
 }  // namespace png

@@ -2,8 +2,9 @@
 // Tries all cases of a file of test vectors, and prints how many and what is wrong. Without a file it
 // answers each line of hexadecimal digits: a payload by what is wrong with it, an init packet looked at
 // whole, or by the bits of each number inside and the packet that our writer makes of it. With --frames
-// it reads so many images from the server that the environment names, and prints how often it allocated. With --texts it
-// says of each line whether its bytes are a text of 1 to 5 characters.
+// it reads so many images from the server that the environment names, and prints how often it allocated.
+// With --texts it says of each line whether its bytes are a text of 1 to 5 characters; with --open why
+// the memory of an init packet cannot be opened, or "open".
 #include "vectors.hpp"
 
 #include <atomic>
@@ -63,7 +64,7 @@ void answer(Json& json, std::string payload) {
   std::string told = "taken ";
   const auto found = json.read({payload.data(), payload.size()});
   Wrong wrong = found ? "" : json.wrong();
-  if (found && init_packets::is_one(*found) && found->member("version")) init_packets::read(*found, wrong);
+  if (found && init_packets::is_one(*found)) init_packets::read(*found, wrong);
   if (!wrong.empty()) {
     std::cout << "refused: " << wrong << '\n';
     return;
@@ -83,6 +84,14 @@ void answer(Json& json, std::string payload) {
     told += digits;
   }
   std::cout << told << '\n';
+}
+
+void open(Json& json, std::string payload) {
+  std::string why;
+  const auto packet = init_packets::read(*json.read({payload.data(), payload.size()}), why);
+  if (packet && packet->ring) cuda::Images::open(*packet, why);
+  else if (packet) cuda::LegacyImages::open(*packet, why);
+  std::puts(why.empty() ? "open" : why.c_str());
 }
 
 int try_file(const char* path) {
@@ -137,6 +146,11 @@ int frame_loop(long frames) {
 int main(int count, char** arguments) {
   if (count == 2 && std::string_view(arguments[1]) == "--texts") {
     for (std::string line; std::getline(std::cin, line);) std::puts(is_text(vectors::of_digits(line), 1, 5) ? "text" : "none");
+    return 0;
+  }
+  if (count == 2 && std::string_view(arguments[1]) == "--open") {
+    Json json(limits::max_server_values);
+    for (std::string line; std::getline(std::cin, line);) open(json, vectors::of_digits(line));
     return 0;
   }
   if (count > 2 && std::string_view(arguments[1]) == "--frames") return frame_loop(std::atol(arguments[2]));

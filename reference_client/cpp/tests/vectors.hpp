@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "splatbus/compositing.hpp"
-#include "splatbus/frames.hpp"
+#include "splatbus/protocol/frames.hpp"
 
 namespace vectors {
 

@@ -15,8 +15,8 @@ from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Peer
 
 NOT_LOADED = (
-    "the testee did not load the stand-in CUDA runtime: it was started without the harness, is "
-    "linked with another one, or uses the driver (conformance/STAND_IN_CUDA.md)"
+    "the testee loaded neither the stand-in CUDA runtime nor its driver: it was started without "
+    "the harness, or is linked with a runtime of its own (conformance/STAND_IN_CUDA.md)"
 )
 
 

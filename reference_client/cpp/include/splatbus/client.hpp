@@ -21,10 +21,10 @@
 #include <variant>
 #include <vector>
 
-#include "splatbus/channel.hpp"
+#include "splatbus/io/channel.hpp"
 #include "splatbus/events.hpp"
 #include "splatbus/frame_lease.hpp"
-#include "splatbus/image_shelf.hpp"
+#include "splatbus/io/image_shelf.hpp"
 
 namespace splatbus {
 
@@ -207,12 +207,14 @@ class Client {
       shelf_.give_back(ticket);
       if (!ipc_session_) return;
       shelf_.settle(*ipc_session_);
-      is_said = ipc_.offer(ipc_session_->out);
+      is_said = ipc_.offer(ipc_session_->out) && shelf_.due() == never;
     }
     if (!is_said) waiter_.wake();
   }
 
   void run() {
+    std::string why_no_cuda;
+    has_cuda_ = cuda::Driver::find(why_no_cuda) != nullptr;
     if (const char* wrong = why_not(options_)) {
       const std::lock_guard lock(gate_);
       return tell(Lost{ChannelName::ipc, wrong}, wrong);
@@ -237,6 +239,7 @@ class Client {
     move(at);
     if (ipc_session_) {
       shelf_.settle(*ipc_session_);
+      if (shelf_.look(*ipc_session_, at)) arrived_.notify_all();
       if (ipc_session_->state == ChannelState::agreed) ipc_session_->subscribe(wants_color_, wants_depth_);
       note_ipc(ipc_.send(at, ipc_session_->out));
     }
@@ -249,7 +252,7 @@ class Client {
     message_.want(waiter_, 1, message_session_ && !message_session_->out.is_empty());
     const double first = unsent_.empty() ? never : unsent_.front().until;
     const double reply = message_session_ ? message_session_->deadline() : never;
-    return std::min({first, reply, ipc_.due(), message_.due()});
+    return std::min({first, reply, ipc_.due(), message_.due(), shelf_.due()});
   }
 
   /// Between the sockets and the sessions.
@@ -279,7 +282,7 @@ class Client {
   }
 
   void begin_ipc() {
-    ipc_session_ = std::make_shared<IpcSession>(options_, ipc_json_);
+    ipc_session_ = std::make_shared<IpcSession>(options_, ipc_json_, has_cuda_);
     is_ipc_known_ = false;
     ipc_lost_.clear();
   }
@@ -379,12 +382,13 @@ class Client {
   std::array<std::string, 2> problems_;  ///< by channel
   std::string ipc_lost_, message_lost_;
   std::int64_t requests_ = 0;
-  bool wants_color_ = true, wants_depth_ = true, is_ipc_known_ = false, is_stopping_ = false;
+  bool wants_color_ = true, wants_depth_ = true, has_cuda_ = false, is_ipc_known_ = false, is_stopping_ = false;
   std::thread thread_;  ///< the last: it uses all of these
 };
 
 inline FrameLease::~FrameLease() {
   if (client_ == nullptr) return;
+  memory_->finish();
   memory_.reset();
   client_->give_back(ticket_);
 }

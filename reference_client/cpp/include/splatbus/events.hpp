@@ -7,7 +7,7 @@
 #include <variant>
 #include <vector>
 
-#include "splatbus/message_session.hpp"
+#include "splatbus/protocol/message_session.hpp"
 
 namespace splatbus {
 

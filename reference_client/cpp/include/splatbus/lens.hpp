@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "splatbus/part.hpp"
+#include "splatbus/protocol/part.hpp"
 
 namespace splatbus {
 

@@ -1,4 +1,4 @@
-"""Build the stand-in `libcudart` with the system's C compiler, once for each version of it."""
+"""Build the stand-in `libcudart` and `libcuda` with the system's C compiler, once a version."""
 
 import hashlib
 import os
@@ -7,15 +7,17 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SOURCES = ("objects.c", "cudart.c", "events.c")
-HEADERS = ("objects.h",)
+SOURCES = ("objects.c", "cudart.c", "events.c", "driver.c")
+HEADERS = ("objects.h", "runtime.h")
 SONAMES = ("libcudart.so.11.0", "libcudart.so.12", "libcudart.so.13")
 """What programs of CUDA 11, 12 and 13 ask for; they want the symbols in a version of that name."""
+DRIVER = "libcuda.so.1"
 COMPILE = ("-std=c11", "-O2", "-fPIC", "-fvisibility=hidden", "-Wall", "-Wextra", "-c")
-LINK = ("-shared", "-pthread")
+LINK = ("-shared", "-pthread", "-ldl")
 COMPILER_SECONDS = 120.0
 
 
@@ -24,9 +26,9 @@ class NotAvailable(Exception):  # noqa: N818 - a finding, no error of ours
 
 
 def library_folder() -> Path:
-    """The folder with `libcudart.so` in all its names, for LD_LIBRARY_PATH; built if need be.
+    """The folder with `libcudart.so` in all its names and `libcuda.so.1`, for LD_LIBRARY_PATH.
 
-    It lies in the user's cache, under a digest of the sources. Raises NotAvailable.
+    Built if need be, in the user's cache, under a digest of the sources. Raises NotAvailable.
     """
     if sys.platform != "linux":
         raise NotAvailable(f"the stand-in CUDA runtime runs on Linux, and this is {sys.platform}")
@@ -55,19 +57,26 @@ def library_folder() -> Path:
 
 def _digest(command: list[str]) -> str:
     parts = [(HERE / name).read_bytes() for name in (*SOURCES, *HEADERS)]
-    parts.append(repr((command, COMPILE, LINK, SONAMES)).encode())
+    parts.append(repr((command, COMPILE, LINK, SONAMES, DRIVER)).encode())
     return hashlib.blake2b(b"\0".join(parts), digest_size=8).hexdigest()
 
 
 def _build(command: list[str], folder: Path) -> None:
     _run([*command, *COMPILE, *(str(HERE / name) for name in SOURCES)], folder)
-    objects = sorted(path.name for path in folder.glob("*.o"))
+    objects = {path.name for path in folder.glob("*.o")}
     for soname in SONAMES:
-        script = folder / f"{soname}.map"
-        script.write_text(f"{soname} {{ global: cuda*; local: *; }};\n", "utf-8")
-        named = (f"-Wl,-soname,{soname}", f"-Wl,--version-script,{script.name}", "-o", soname)
-        _run([*command, *LINK, *objects, *named], folder)
+        _link(command, folder, objects - {"driver.o"}, soname, f"{soname} {{ global: cuda*;")
+    _link(command, folder, objects, DRIVER, "{ global: cu[A-Z]*;")
     (folder / "libcudart.so").symlink_to(SONAMES[-1])
+
+
+def _link(
+    command: list[str], folder: Path, objects: Iterable[str], soname: str, exported: str
+) -> None:
+    script = folder / f"{soname}.map"
+    script.write_text(f"{exported} local: *; }};\n", "utf-8")
+    named = (f"-Wl,-soname,{soname}", f"-Wl,--version-script,{script.name}", "-o", soname)
+    _run([*command, *sorted(objects), *LINK, *named], folder)
 
 
 def _run(command: list[str], folder: Path) -> None:

@@ -88,13 +88,6 @@ API const char *cudaGetErrorString(int code) { return text_of(code)->text; }
 
 /* Allocations */
 
-static struct object *containing(const void *pointer) {
-    for (struct object *each = first(); each; each = each->next)
-        if (each->kind & MEMORY && (uintptr_t)pointer - (uintptr_t)each->address < each->size)
-            return each;
-    return NULL;
-}
-
 static struct object *beginning(const void *pointer, enum kind kind) {
     struct object *object = containing(pointer);
     return object && object->address == pointer && object->kind == kind ? object : NULL;

@@ -1,4 +1,4 @@
-/* A stand-in for the CUDA runtime over host memory.
+/* A stand-in for the CUDA runtime, and the driver, over host memory.
 
    An allocation of device memory is a file in a folder, and so is the progress of an event: other
    processes can open them, and the harness can read and write them. Work on a stream is done at
@@ -57,6 +57,7 @@ struct handle { /* a cudaIpcMemHandle_t or cudaIpcEventHandle_t */
 };
 
 extern _Thread_local int last_error, device;
+extern const int is_the_driver __attribute__((weak, visibility("hidden"))); /* NULL if it is not */
 
 /* Take the lock when a call begins; give it back when it ends, with a line in the trace that
    `format` adds JSON members to. `leave` returns the code that it is given. */
@@ -64,9 +65,11 @@ void enter(void);
 int leave(const char *call, int code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 void let_others_in(void);
+void load(void); /* tell the trace, once, that a program uses this */
 double now(void);
 
 struct object *first(void);
+struct object *containing(const void *pointer); /* memory that it points into */
 struct object *known(const void *object, unsigned kinds);
 struct object *create(enum kind kind, size_t size); /* NULL if there is no room */
 void drop(struct object *object);

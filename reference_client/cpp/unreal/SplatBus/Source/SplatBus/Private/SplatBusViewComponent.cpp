@@ -252,7 +252,12 @@ void USplatBusViewComponent::FitTextures(int32 Width, int32 Height)
 void USplatBusViewComponent::TakeImage()
 {
 	FSplatBusConnection& Connection = *GetSubsystem()->GetConnection();
-	if (splatbus::FrameLease Lease = Connection.Client.take_frame(); Lease && Lease.color())
+	splatbus::FrameLease Lease = Connection.Client.take_frame();
+	if (Lease && !Lease.has_camera())
+	{
+		View->ImageProblem = "the server speaks 1.0, which does not say what camera an image is of";
+	}
+	else if (Lease && Lease.color())
 	{
 		const splatbus::Meta& Meta = Lease.packet().meta;
 		const int64 Most = static_cast<int64>(GetMax2DTextureDimension());

@@ -10,7 +10,7 @@
 #include <utility>
 #include <variant>
 
-#include "splatbus/init_packet.hpp"
+#include "splatbus/io/image_memory.hpp"
 
 #ifdef _WIN32
 #ifndef NOMINMAX
@@ -31,15 +31,10 @@
 
 namespace splatbus {
 
-/// The memory of one init packet; unmapped with the last who holds it.
-class HostMemory {
+class HostMemory final : public ImageMemory {
  public:
-  InitPacket packet;
-
-  const std::byte* at(std::int64_t offset) const { return start_ + offset; }
-
   /// Map it; nothing where there is none, it is shorter than announced [MEM-6], or not to be read, and why.
-  static std::shared_ptr<const HostMemory> open(InitPacket packet, std::string& why) {
+  static std::shared_ptr<HostMemory> open(InitPacket packet, std::string& why) {
     auto memory = std::make_shared<HostMemory>();
     const auto& described = std::get<HostShmMemory>(packet.memory);
     memory->size_ = static_cast<std::size_t>(described.bytes);
@@ -49,12 +44,15 @@ class HostMemory {
     return memory;
   }
 
-  HostMemory() = default;
-  HostMemory(const HostMemory&) = delete;
-  HostMemory& operator=(const HostMemory&) = delete;
+  /// Where it lies.
+  const float* on_host(Plane plane, std::int64_t slot) override {
+    const Ring& ring = *packet.ring;
+    const bool is_color = plane == Plane::color;
+    return reinterpret_cast<const float*>(start_ + (is_color ? ring.colorOffset + slot * ring.colorStride : ring.depthOffset + slot * ring.depthStride));
+  }
 
 #ifdef _WIN32
-  ~HostMemory() {
+  ~HostMemory() override {
     if (start_ != nullptr) UnmapViewOfFile(start_);
   }
 
@@ -69,7 +67,7 @@ class HostMemory {
     return view != nullptr ? std::string() : "the memory is shorter than announced, or cannot be mapped [MEM-6]";
   }
 #else
-  ~HostMemory() {
+  ~HostMemory() override {
     if (start_ != nullptr) munmap(const_cast<std::byte*>(start_), size_);
   }
 

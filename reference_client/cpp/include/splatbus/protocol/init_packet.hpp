@@ -10,9 +10,11 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
-#include "splatbus/part.hpp"
+#include "splatbus/protocol/handle.hpp"
+#include "splatbus/protocol/part.hpp"
 
 namespace splatbus {
 namespace init_packets {
@@ -43,8 +45,28 @@ inline Meta read_meta(const Part& part) {
   return meta;
 }
 
-inline HostShmMemory read_memory(const Part& part) {
-  part.member("kind", "MEM-2").one_of({MemoryKind::host_shm}, "MEM-2");
+inline std::string read_handle_of(const Part& part, std::string_view rule) {
+  std::string text = part.text(rule);
+  if (!read_handle(text)) part.broken("is not 64 bytes in base64", rule);
+  return text;
+}
+
+inline CudaIpcMemory read_cuda_memory(const Part& part) {
+  const Part device = part.member("deviceUuid", "MEM-2");
+  CudaIpcMemory memory;
+  memory.bytes = part.member("bytes", "MEM-2").integer(1, limits::max_safe_integer, "MEM-2");
+  memory.deviceUuid = device.text("MEM-2");
+  constexpr std::string_view form = "GPU-xxxxxxxx-xxxx-xxxx-xxxx-xxxxxxxxxxxx";
+  const auto fits = [](char each, char wanted) {
+    return wanted == 'x' ? (each >= '0' && each <= '9') || (each >= 'a' && each <= 'f') : each == wanted;
+  };
+  const std::string& uuid = memory.deviceUuid;
+  if (!std::equal(uuid.begin(), uuid.end(), form.begin(), form.end(), fits)) device.broken("is not GPU- and a UUID in lower case", "MEM-2");
+  memory.handle = read_handle_of(part.member("handle", "MEM-2"), "MEM-2");
+  return memory;
+}
+
+inline HostShmMemory read_host_memory(const Part& part) {
   const Part named = part.member("name", "MEM-2");
   HostShmMemory memory;
   memory.name = named.text("MEM-7");
@@ -59,7 +81,19 @@ inline HostShmMemory read_memory(const Part& part) {
   return memory;
 }
 
-inline Ring read_ring(const Part& part, std::int64_t pixels) {
+inline Memory read_memory(const Part& part) {
+  if (part.member("kind", "MEM-2").one_of({MemoryKind::host_shm, MemoryKind::cuda_ipc}, "MEM-2") == MemoryKind::cuda_ipc) return read_cuda_memory(part);
+  return read_host_memory(part);
+}
+
+/// The buffers of 1.0.
+inline void read_legacy(const Part& root, InitPacket& packet) {
+  packet.mem_color = read_handle_of(root.member("mem_color", "INI-1"), "INI-7");
+  packet.mem_depth = read_handle_of(root.member("mem_depth", "INI-1"), "INI-7");
+  packet.evt_done = read_handle_of(root.member("evt_done", "INI-1"), "INI-7");
+}
+
+inline Ring read_ring(const Part& part, std::int64_t pixels, bool has_events) {
   constexpr std::string_view rule = "MEM-8";
   Ring ring;
   ring.slots = part.member("slots", rule).integer(1, limits::max_slots, rule);
@@ -67,6 +101,9 @@ inline Ring read_ring(const Part& part, std::int64_t pixels) {
   ring.colorStride = part.member("colorStride", rule).multiple(alignment, color_pixel_bytes * pixels, rule);
   ring.depthOffset = part.member("depthOffset", rule).multiple(alignment, 0, rule);
   ring.depthStride = part.member("depthStride", rule).multiple(alignment, depth_pixel_bytes * pixels, rule);
+  if (!has_events) return ring;
+  ring.events.emplace();
+  for (const Part& each : part.member("events", rule).items(ring.slots, ring.slots, rule)) ring.events->push_back(read_handle_of(each, "INI-7"));
   return ring;
 }
 
@@ -110,23 +147,44 @@ inline Semantics read_semantics(const Part& part) {
   return semantics;
 }
 
-/// The packet, with memory of the host; nothing if it must not be opened, for what is `wrong` [INI-9, MEM-11].
+inline Semantics semantics_of_1_0() {
+  Semantics semantics;
+  semantics.alpha = SemanticsAlpha::straight;
+  semantics.colorSpace = SemanticsColorSpace::srgb;
+  semantics.depth.kind = DepthSemanticsKind::planar_z;
+  semantics.depth.estimator = DepthSemanticsEstimator::harmonic;
+  semantics.depth.empty = std::numeric_limits<double>::infinity();
+  return semantics;
+}
+
+/// The packet; nothing if it must not be opened, for what is `wrong` [INI-9, MEM-11]. One of 1.0 has no
+/// version.
 inline std::optional<InitPacket> read(Value message, Wrong& wrong) {
   const Part root(message, "", wrong);
   InitPacket packet;
+  if (!root.optional("version").is_there()) {
+    packet.meta = read_meta(root.member("meta", "INI-1"));
+    read_legacy(root, packet);
+    packet.semantics = semantics_of_1_0();
+    return wrong.empty() ? std::optional(std::move(packet)) : std::nullopt;
+  }
   const Part version = root.member("version", "MEM-1");
   if (!is_own_or_later(version.text("MEM-1"))) version.broken("is no 1.x from 1.1 on", "MEM-1");
   packet.version = "1.1";
   packet.meta = read_meta(root.member("meta", "INI-1"));
   packet.generation = root.member("generation", "MEM-1").integer(1, limits::max_safe_integer, "MEM-1");
-  HostShmMemory memory = read_memory(root.member("memory", "MEM-2"));
+  packet.memory = read_memory(root.member("memory", "MEM-2"));
+  const auto* on_device = std::get_if<CudaIpcMemory>(&packet.memory);
   for (const std::string_view each : {"mem_color", "mem_depth", "evt_done"}) {
-    if (const Part it = root.optional(each); it.is_there()) it.broken("is there with memory of the host", "MEM-3");
+    if (const Part it = root.optional(each); it.is_there() && on_device == nullptr) it.broken("is there with memory of the host", "MEM-3");
   }
-  const std::int64_t pixels = packet.meta.w * packet.meta.h;
-  packet.ring = read_ring(root.member("ring", "MEM-8"), pixels);
-  if (wrong.empty()) check_slots(root, *packet.ring, pixels, memory.bytes);
-  packet.memory = std::move(memory);
+  if (on_device != nullptr) read_legacy(root, packet);
+  if (on_device == nullptr || root.optional("ring").is_there()) {  // a server without `frames` may have none [MEM-8]
+    const std::int64_t pixels = packet.meta.w * packet.meta.h;
+    packet.ring = read_ring(root.member("ring", "MEM-8"), pixels, on_device != nullptr);
+    const std::int64_t bytes = std::visit([](const auto& it) { return it.bytes; }, packet.memory);
+    if (wrong.empty()) check_slots(root, *packet.ring, pixels, bytes);
+  }
   packet.semantics = read_semantics(root.member("semantics", "MEM-12"));
   return wrong.empty() ? std::optional(std::move(packet)) : std::nullopt;
 }

@@ -13,8 +13,8 @@
 #include <variant>
 #include <vector>
 
-#include "splatbus/replies.hpp"
-#include "splatbus/wishes.hpp"
+#include "splatbus/protocol/replies.hpp"
+#include "splatbus/protocol/wishes.hpp"
 
 namespace splatbus {
 

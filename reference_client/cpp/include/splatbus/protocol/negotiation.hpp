@@ -10,8 +10,8 @@
 #include <string>
 #include <string_view>
 
-#include "splatbus/part.hpp"
-#include "splatbus/text.hpp"
+#include "splatbus/protocol/part.hpp"
+#include "splatbus/text/text.hpp"
 
 namespace splatbus {
 

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "splatbus/json.hpp"
+#include "splatbus/text/json.hpp"
 
 namespace splatbus {
 

@@ -16,8 +16,8 @@
 #include <unordered_set>
 #include <vector>
 
-#include "splatbus/bytes.hpp"
-#include "splatbus/text.hpp"
+#include "splatbus/text/bytes.hpp"
+#include "splatbus/text/text.hpp"
 
 namespace splatbus {
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <utility>
 
-#include "splatbus/frames.hpp"
+#include "splatbus/protocol/frames.hpp"
 #include "splatbus/lens.hpp"
 
 namespace splatbus {

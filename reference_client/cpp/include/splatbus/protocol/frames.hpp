@@ -5,7 +5,7 @@
 #include <optional>
 #include <string_view>
 
-#include "splatbus/json.hpp"
+#include "splatbus/text/json.hpp"
 #include "splatbus/pose.hpp"
 
 namespace splatbus {

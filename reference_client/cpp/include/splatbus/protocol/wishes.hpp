@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "splatbus/lens.hpp"
-#include "splatbus/negotiation.hpp"
+#include "splatbus/protocol/negotiation.hpp"
 #include "splatbus/pose.hpp"
 
 namespace splatbus {

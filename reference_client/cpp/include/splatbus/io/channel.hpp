@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "splatbus/bytes.hpp"
-#include "splatbus/sockets.hpp"
+#include "splatbus/text/bytes.hpp"
+#include "splatbus/io/sockets.hpp"
 
 namespace splatbus {
 

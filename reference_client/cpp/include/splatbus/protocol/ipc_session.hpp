@@ -3,16 +3,17 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
-#include "splatbus/frames.hpp"
-#include "splatbus/init_packet.hpp"
-#include "splatbus/negotiation.hpp"
+#include "splatbus/protocol/frames.hpp"
+#include "splatbus/protocol/init_packet.hpp"
+#include "splatbus/protocol/negotiation.hpp"
 
 namespace splatbus {
 
@@ -28,9 +29,10 @@ enum class IpcStep {
 
 class IpcSession {
  public:
-  /// `json` reads the payloads; no other session may use it at the time.
-  IpcSession(const ClientOptions& options, Json& json) : json_(json) {
-    constexpr std::array capabilities{Capability::host_shm, Capability::frames, Capability::reinit, Capability::subscribe};
+  /// `json` reads the payloads; no other session may use it at the time. `has_cuda`: memory of a GPU can be opened.
+  IpcSession(const ClientOptions& options, Json& json, bool has_cuda) : json_(json) {
+    std::vector capabilities{Capability::host_shm, Capability::frames, Capability::reinit, Capability::subscribe};
+    if (has_cuda) capabilities.push_back(Capability::cuda_ipc);
     negotiation::write_hello(out, options, capabilities);
   }
 
@@ -64,12 +66,29 @@ class IpcSession {
     return IpcStep::error;
   }
 
+  /// Whether `packet` is of buffers as 1.0 has them, to be looked at without a lease.
+  bool is_legacy() const {
+    return packet && packet->mem_color && !(packet->ring && negotiation::lists(welcome, Capability::frames));
+  }
+
   /// The memory of `packet` is mapped and checked [OPN-2].
   void memory_opened() {
-    open_.push_back({packet->generation, packet->ring->slots, packet->meta});
+    if (state == ChannelState::old) return;
+    open_.push_back({packet->generation, packet->ring ? packet->ring->slots : 0, packet->meta});
     let_color_ = wants_color_;
     let_depth_ = wants_depth_;
     answer(Opened::type, packet->generation);
+  }
+
+  /// `frame` is what lies in the buffers of 1.0 now.
+  void look() {
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    const std::int64_t seq = frame.seq + 1;
+    frame = Frame();
+    frame.seq = seq;
+    frame.time = frame.renderedAt = unknown;
+    has_color = wants_color_;
+    has_depth = wants_depth_;
   }
 
   /// The memory of `packet` cannot be used.
@@ -80,12 +99,13 @@ class IpcSession {
 
   /// The frame that was lent has been read [IMG-12, IMG-13].
   void release() {
-    is_lent = false;
+    if (!std::exchange(is_lent, false)) return;
     release(frame.generation, frame.seq);
   }
 
   /// The memory of this generation is unmapped, and what was lent of it released.
   void memory_closed(std::int64_t generation) {
+    if (state == ChannelState::old) return;
     open_.erase(std::remove_if(open_.begin(), open_.end(), [=](const Open& it) { return it.generation == generation; }), open_.end());
     answer(Closed::type, generation);
   }
@@ -134,12 +154,9 @@ class IpcSession {
   }
 
   IpcStep on_init_packet(Value message) {
-    if (state == ChannelState::old) return IpcStep::nothing;
     const bool is_early = state == ChannelState::greeted, is_further = newest_ > 0;
-    if (is_early && !message.member("version")) {
-      state = ChannelState::old;
-      return IpcStep::agreed;
-    }
+    if (!message.member("version")) return on_init_packet_of_1_0(message);
+    if (state == ChannelState::old) return IpcStep::nothing;
     const auto member = message.member("generation");
     const auto generation = member ? member->integer() : std::nullopt;
     if (!generation || *generation <= newest_) {
@@ -155,6 +172,19 @@ class IpcSession {
     problem = why_not_;
     if (is_early) return IpcStep::nothing;
     if (!packet) fail(newest_, why_not_);
+    return IpcStep::announced;
+  }
+
+  /// From a server that may know nothing of `hello`.
+  IpcStep on_init_packet_of_1_0(Value message) {
+    if (state == ChannelState::agreed) {
+      problem = "an init packet without version after welcome [MEM-1]";
+      return IpcStep::nothing;
+    }
+    state = ChannelState::old;
+    why_not_.clear();
+    packet = init_packets::read(message, why_not_);
+    problem = why_not_;
     return IpcStep::announced;
   }
 
@@ -198,6 +228,7 @@ class IpcSession {
   }
 
   void fail(std::int64_t generation, std::string_view reason) {
+    if (state == ChannelState::old) return;
     out.begin(OpenFailed::type);
     out.member("generation", generation);
     out.member("reason", reason.substr(0, longest_reason));
