@@ -10,6 +10,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -228,6 +229,7 @@ class Client {
         if (is_stopping_) return;
         until = turn(now());
       }
+      if (std::exchange(has_arrived_, false)) arrived_.notify_all();  // who waits for it needs the lock
       waiter_.wait(until - now());
     }
   }
@@ -239,7 +241,7 @@ class Client {
     move(at);
     if (ipc_session_) {
       shelf_.settle(*ipc_session_);
-      if (shelf_.look(*ipc_session_, at)) arrived_.notify_all();
+      has_arrived_ |= shelf_.look(*ipc_session_, at);
       if (ipc_session_->state == ChannelState::agreed) ipc_session_->subscribe(wants_color_, wants_depth_);
       note_ipc(ipc_.send(at, ipc_session_->out));
     }
@@ -310,7 +312,7 @@ class Client {
     }
     if (step == IpcStep::lent) {
       shelf_.put();
-      arrived_.notify_all();
+      has_arrived_ = true;
     }
     if (step == IpcStep::error) on_error(ipc_, ChannelName::ipc, session.error);
     return std::nullopt;
@@ -382,7 +384,7 @@ class Client {
   std::array<std::string, 2> problems_;  ///< by channel
   std::string ipc_lost_, message_lost_;
   std::int64_t requests_ = 0;
-  bool wants_color_ = true, wants_depth_ = true, has_cuda_ = false, is_ipc_known_ = false, is_stopping_ = false;
+  bool wants_color_ = true, wants_depth_ = true, has_cuda_ = false, is_ipc_known_ = false, is_stopping_ = false, has_arrived_ = false;
   std::thread thread_;  ///< the last: it uses all of these
 };
 
