@@ -12,6 +12,7 @@ import contextlib
 import itertools
 import json
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -51,16 +52,18 @@ NO_PART = (
     ":(exclude)reference_client/cpp",
     ":(exclude)reference_client/csharp",
     ":(exclude)schemas/splatbus_schemas/types",
+    ":(exclude)tests/foreign/clients",
     ":(exclude)tests/foreign/conftest.py",
+    ":(exclude)tests/foreign/servers",
     ":(exclude)tests/foreign/test_*.py",
 )
-"""Nothing here judges, or is judged here."""
+"""Nothing here judges, or is judged here but by tasks that are named by it."""
 JUDGES = ("conformance", "schemas/splatbus_wire", *NO_PART)
 JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
 """A result is of these sources."""
 ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl", "opengl device")}
 """The clients for engines, each in folders of its own, and the axes of their adapters."""
-SOURCES = (".c", ".cpp", ".cs", ".h", ".hpp", ".py")
+NO_SOURCES = (".md", ".meta", ".pyc")
 COMPILERS = {"csharp": ("mcs", "mono"), "cpp": ("g++",)}
 PROFILES = ("quick", "full")
 FOREIGN_SEEDS = range(3)
@@ -101,19 +104,17 @@ class Task:
 
 
 def plan() -> Iterator[Task]:
-    """Every task but the mutants, the short ones first."""
+    """Every task but the mutants: those of others first, which have found most."""
+    for seed, profile in itertools.product(FOREIGN_SEEDS, PROFILES):
+        for program in (*programs("client"), *programs("server")):
+            name = f"{program.side} {program.name}, {profile}, seed {seed}, of {made_of(program)}"
+            yield Task(name, partial(foreign, program, profile, seed), AT_A_TIME)
+        for language, axes in ENGINES.items():
+            for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
+                sources = digest(f"reference_client/{language}", *STAND_IN)
+                name = f"{language} {words}, {profile}, seed {seed}, of {sources}"
+                yield Task(name, partial(engine, language, words, profile, seed), AT_A_TIME)
     for profile in PROFILES:
-        for seed in FOREIGN_SEEDS:
-            for program in (*programs("client"), *programs("server")):
-                name = f"{program.side} {program.name}, {profile}, seed {seed}"
-                if ASKS_FOR_IT in program.options:
-                    name += f", stand-in {digest(*STAND_IN)}"
-                yield Task(name, partial(foreign, program, profile, seed), AT_A_TIME)
-            for language, axes in ENGINES.items():
-                for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
-                    made_of = (f"reference_client/{language}", *STAND_IN)
-                    name = f"{language} {words}, {profile}, seed {seed}, of {digest(*made_of)}"
-                    yield Task(name, partial(engine, language, words, profile, seed), AT_A_TIME)
         for seed in PAIR_SEEDS:
             for name in PAIR:
                 yield Task(f"our {name}, {profile}, seed {seed}", partial(own, name, profile, seed))
@@ -121,6 +122,14 @@ def plan() -> Iterator[Task]:
             for name in PAIR:
                 told = f"our {name}, {BUSY} busy beside it, {profile}, seed {seed}"
                 yield Task(told, partial(hurried, name, profile, seed))
+
+
+def made_of(program: Program) -> str:
+    """Its sources, those of programs that it borrows from, and the stand-in if it asks for that."""
+    borrows = re.findall(r"\.\./(\w+)", program.launch)
+    folders = (program.folder, *(program.folder.with_name(each) for each in borrows))
+    paths = [str(each.relative_to(ROOT)) for each in folders]
+    return digest(*paths, *(STAND_IN if ASKS_FOR_IT in program.options else ()))
 
 
 def foreign(program: Program, profile: str, seed: int, scratch: Path) -> Outcome:
@@ -136,7 +145,7 @@ def digest(*paths: str) -> str:
     """What a task is made of beside what all are: with other sources it is another task."""
     found = [ROOT / each for each in paths]
     files = [each for path in found for each in (path, *path.rglob("*")) if each.is_file()]
-    sources = sorted(each for each in files if each.suffix in SOURCES)
+    sources = sorted(each for each in files if each.suffix not in NO_SOURCES)
     return sha256(b"".join(each.read_bytes() for each in sources)).hexdigest()[:10]
 
 

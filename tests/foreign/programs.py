@@ -50,7 +50,7 @@ from tests.foreign.pressing import pressed
 HERE = Path(__file__).parent
 FOLDERS = {"client": HERE / "clients", "server": HERE / "servers"}
 BUILD_SECONDS = 300
-RUN_SECONDS = 900
+RUN_SECONDS = 1800
 MOST_STARTS = 4
 """What a person in front of an engine may be asked for in one quick run."""
 

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from tests import long
-from tests.foreign.programs import programs
+from tests.foreign.programs import FOLDERS, programs
 
 
 @pytest.fixture
@@ -38,9 +38,8 @@ def test_everything_is_in_the_plan_and_once():
     names = [task.name for task in long.plan()]
     count = len(programs("client")) + len(programs("server")) + 6  # those for engines
     assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4 + 5 * 4)
-    assert [", quick, " in name for name in names] == sorted(
-        (", quick, " in name for name in names), reverse=True
-    )
+    ours = [name.startswith("our ") for name in names]
+    assert ours == sorted(ours), "what has found most comes first"
 
 
 def test_the_pair_is_judged_alone():
@@ -110,16 +109,20 @@ def test_what_is_planned_no_longer_is_left_out(result, monkeypatch):
 
 
 @pytest.mark.skipif(not (long.ROOT / ".git").exists(), reason="git tells which files are ours")
-def test_who_asks_for_the_stand_in_is_judged_by_its_sources():
-    digest = long.digest(*long.STAND_IN)
-    asks = [each.name for each in programs("client") if long.ASKS_FOR_IT in each.options]
-    named = {task.name for task in long.plan()}
-    assert asks
-    for name in asks:
-        assert f"client {name}, quick, seed 0, stand-in {digest}" in named
-    assert long.digest("reference_client/csharp") != long.digest("reference_client/cpp") != digest
+def test_a_task_is_named_by_all_that_it_alone_is_made_of(monkeypatch):
+    def named():
+        return {it.name: long.made_of(it) for side in FOLDERS for it in programs(side)}
+
     judged = long.git("ls-files", "--", *long.JUDGED).splitlines()
-    assert not [name for name in judged if name.startswith(long.STAND_IN)]
+    own = (*long.STAND_IN, *(f"tests/foreign/{side}s/" for side in FOLDERS))
+    assert not [name for name in judged if name.startswith(own)]
+    before, of_all = named(), {task.name for task in long.plan()}
+    assert all(any(f"of {it}" in name for name in of_all) for it in before.values())
+    monkeypatch.setattr(long, "STAND_IN", ("tests/package/test_long.py",))
+    changed = {name for name, digest in named().items() if digest != before[name]}
+    asks = {it.name for side in FOLDERS for it in programs(side) if long.ASKS_FOR_IT in it.options}
+    assert changed == asks
+    assert before["next_minor"] != long.digest("tests/foreign/servers/next_minor"), "it borrows"
 
 
 def test_a_commit_that_is_not_here_begins_anew(result, monkeypatch):
