@@ -13,7 +13,7 @@ from splatbus_server import Semantics, View
 from splatbus_viewer.display import composed, srgb
 from splatbus_wire.messages import FrameCamera
 
-from tests.engines.built import CPP, compiled_cpp
+from tests.engines.built import compiled_cpp
 from tests.engines.stage import HEIGHT, WIDTH, serving
 
 WALL_DEPTH = 5.0
@@ -31,10 +31,9 @@ def gl_viewer(folder: Path) -> Path:
         line = ["g++", "-E", "-x", "c++", "-include", header, "/dev/null"]
         if subprocess.run(line, capture_output=True).returncode:
             pytest.skip(f"{header} is not installed (Debian: libegl-dev libopengl-dev libgl-dev)")
-    source = (CPP / "programs" / "gl_viewer.cpp").relative_to(CPP)
-    return compiled_cpp(
-        folder / "gl_viewer", str(source), options=("-O2",), libraries=("-lEGL", "-lOpenGL")
-    )
+    libraries = ("-lEGL", "-lOpenGL")
+    target, source = folder / "gl_viewer", "programs/gl_viewer.cpp"
+    return compiled_cpp(target, source, options=("-O2",), libraries=libraries)
 
 
 def check_picture(
