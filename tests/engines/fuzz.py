@@ -38,7 +38,7 @@ def corpus() -> Iterator[bytes]:
 
 def run(folder: Path, *limits: str, seconds: float = 600) -> tuple[int, str]:
     """Status and output of the fuzzer within these limits; what it finds is kept there."""
-    target = compiled_cpp(folder / "fuzz", "fuzz/client.cpp", "clang++", OPTIONS)
+    target = compiled_cpp("fuzz/client.cpp", "clang++", OPTIONS)
     inputs = folder / "corpus"
     inputs.mkdir()
     for number, each in enumerate(corpus()):
