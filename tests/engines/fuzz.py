@@ -56,7 +56,10 @@ def main() -> int:
     minutes = parser.parse_args().minutes
     with tempfile.TemporaryDirectory() as scratch:
         status, told = run(
-            Path(scratch), f"-max_total_time={int(60 * minutes)}", "-print_final_stats=1"
+            Path(scratch),
+            f"-max_total_time={int(60 * minutes)}",
+            "-print_final_stats=1",
+            seconds=60 * minutes + 300,
         )
         found = re.search(r"Done (\d+) runs", told)
     if status or not found:

@@ -8,15 +8,17 @@ from typing import Any
 
 import pytest
 from splatbus_server import Semantics
-from splatbus_server.cuda.driver import Device
 
 from tests.engines.built import Command, built
 from tests.engines.pictures import SEMANTICS, check_picture
 from tests.gpu import require_gpu
-from tests.gpu.images import OnDevice
-from tests.gpu.test_judging import CLIENT, of_client
 
 require_gpu()
+
+from splatbus_server.cuda.driver import Device  # noqa: E402
+
+from tests.gpu.images import OnDevice  # noqa: E402
+from tests.gpu.test_judging import CLIENT, of_client  # noqa: E402
 
 
 @pytest.fixture(scope="module")
