@@ -6,25 +6,24 @@ compared with that.
 """
 
 import ctypes
-import json
-import os
-import subprocess
 import sys
-from collections.abc import Iterator
 from typing import Any
 
-from tests.conformance.images.cuda_stand_in import cuda_runtime
 from tests.conformance.images.cuda_stand_in.cuda_runtime import (
     DISABLE_TIMING,
     INTERPROCESS,
     LAZY_PEER_ACCESS,
     SIZE,
     TYPES,
+    Answers,
     Handle,
+    Neighbour,
     as_handle,
+    serve_neighbour,
+    tell,
 )
 
-Answers = Iterator[tuple[str, Any]]
+START = (sys.executable, "-m", "tests.conformance.images.cuda_stand_in.cuda_driver")
 SIGNATURES = {
     "Init": "u", "DriverGetVersion": "p", "GetErrorName": "ip", "GetErrorString": "ip",
     "DeviceGetCount": "p", "DeviceGet": "pi", "DeviceGetName": "pii", "DeviceGetUuid_v2": "pi",
@@ -101,41 +100,6 @@ class Driver:
         self.Init(0)
         self.CtxPushCurrent(self.made("DevicePrimaryCtxRetain", 0))
         return self
-
-
-class Neighbour:
-    """Another process with the same library: `neighbour("expression over cuda")` evaluates it."""
-
-    def __init__(self, path: str) -> None:
-        command = [sys.executable, "-m", __spec__.name if __spec__ else "", path, "--neighbour"]
-        pipe = subprocess.PIPE
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
-
-    def __call__(self, line: str) -> Any:
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        print(line, file=self.process.stdin, flush=True)
-        return json.loads(self.process.stdout.readline())
-
-    def leave(self) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait(60)
-
-
-def serve_neighbour(path: str) -> None:
-    known = {
-        **vars(cuda_runtime),
-        **globals(),
-        "cuda": Driver(path).begun(),
-        "out": ctypes.c_void_p(),
-    }
-    for line in sys.stdin:
-        try:
-            value = eval(line, known)
-        except Exception as error:
-            value = repr(error)
-        print(json.dumps(value), flush=True)
 
 
 def beginning(cuda: Any, _path: str) -> Answers:
@@ -287,7 +251,7 @@ def order(cuda: Any, _path: str) -> Answers:
 
 def handles(cuda: Any, path: str) -> Answers:
     cuda.begun()
-    neighbour = Neighbour(path)
+    neighbour = Neighbour(path, START)
     out, two, handle = ctypes.c_void_p(), ctypes.c_void_p(), Handle()
     size, host = ctypes.c_size_t(), (ctypes.c_ubyte * SIZE)()
     own = cuda.made("MemAlloc", 4 << 20)
@@ -361,28 +325,8 @@ def addresses(cuda: Any, _path: str) -> Answers:
 GROUPS = (beginning, contexts, memory, order, handles, texts, addresses)
 
 
-def answers(path: str, group: str, **environment: str) -> dict[str, Any]:
-    """What a driver answers to a group of calls, in a process of their own."""
-    command = [sys.executable, "-m", __name__, path, group]
-    if __spec__:
-        command[2] = __spec__.name
-    variables = {**os.environ, **environment}
-    ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=120, env=variables)
-    found = dict(json.loads(line) for line in ran.stdout.splitlines())
-    return found | ({"ended with": ran.returncode} if ran.returncode else {})
-
-
-def main(path: str, *what: str) -> None:
-    if what == ("--neighbour",):
-        serve_neighbour(path)
-    elif what:
-        group = next(group for group in GROUPS if group.__name__ == what[0])
-        for name, answer in group(Driver(path), path):
-            print(json.dumps([name, answer]), flush=True)
-    else:
-        names = [group.__name__ for group in GROUPS]
-        print(json.dumps({name: answers(path, name) for name in names}, indent=1))
-
-
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    if sys.argv[2:] == ["--neighbour"]:
+        serve_neighbour(cuda=Driver(sys.argv[1]).begun())
+    else:
+        tell(Driver(sys.argv[1]), GROUPS, START, *sys.argv[1:])

@@ -9,10 +9,12 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 Answers = Iterator[tuple[str, Any]]
+Group = Callable[[Any, str], Answers]
+START = (sys.executable, __file__)
 H2H, H2D, D2H, D2D, DEFAULT = range(5)
 DISABLE_TIMING, INTERPROCESS = 2, 4
 LAZY_PEER_ACCESS = 1
@@ -87,8 +89,8 @@ def as_text(handle: Handle) -> str:
 class Neighbour:
     """Another process with the same library: `neighbour("expression over cuda")` evaluates it."""
 
-    def __init__(self, path: str) -> None:
-        command = [sys.executable, __file__, path, "--neighbour"]
+    def __init__(self, path: str, start: Sequence[str] = START) -> None:
+        command = [*start, path, "--neighbour"]
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
 
@@ -104,9 +106,9 @@ class Neighbour:
         self.process.wait(60)
 
 
-def serve_neighbour(path: str) -> None:
+def serve_neighbour(**known: Any) -> None:
     host = (ctypes.c_ubyte * (64 << 10))()
-    known = {**globals(), "cuda": Cuda(path), "out": ctypes.c_void_p(), "host": host}
+    known = {**globals(), "out": ctypes.c_void_p(), "host": host, **known}
     for line in sys.stdin:
         try:
             value = eval(line, known)
@@ -371,25 +373,27 @@ GROUPS = (
 )  # fmt: skip
 
 
-def answers(path: str, group: str, **environment: str) -> dict[str, Any]:
-    """What a runtime answers to a group of calls, in a process of their own."""
-    command, variables = [sys.executable, __file__, path, group], {**os.environ, **environment}
+def answers(path: str, group: str, start: Sequence[str] = START, **more: str) -> dict[str, Any]:
+    """What a library answers to a group of calls, in a process of their own."""
+    command, variables = [*start, path, group], {**os.environ, **more}
     ran = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=120, env=variables)
     found = dict(json.loads(line) for line in ran.stdout.splitlines())
     return found | ({"ended with": ran.returncode} if ran.returncode else {})
 
 
-def main(path: str, *what: str) -> None:
-    if what == ("--neighbour",):
-        serve_neighbour(path)
-    elif what:
-        group = next(group for group in GROUPS if group.__name__ == what[0])
-        for name, answer in group(Cuda(path), path):
+def tell(cuda: Any, groups: Sequence[Group], start: Sequence[str], path: str, *what: str) -> None:
+    """What `path`, which is loaded as `cuda`, answers: to one group, or each in its own process."""
+    if what:
+        group = next(group for group in groups if group.__name__ == what[0])
+        for name, answer in group(cuda, path):
             print(json.dumps([name, answer]), flush=True)
     else:
-        names = [group.__name__ for group in GROUPS]
-        print(json.dumps({name: answers(path, name) for name in names}, indent=1))
+        names = [group.__name__ for group in groups]
+        print(json.dumps({name: answers(path, name, start) for name in names}, indent=1))
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    if sys.argv[2:] == ["--neighbour"]:
+        serve_neighbour(cuda=Cuda(sys.argv[1]))
+    else:
+        tell(Cuda(sys.argv[1]), GROUPS, START, *sys.argv[1:])

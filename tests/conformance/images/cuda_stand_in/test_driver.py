@@ -11,8 +11,8 @@ import pytest
 from splatbus_conformance.images.memory.cuda_stand_in.building import DRIVER
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 
-from tests.conformance.images.cuda_stand_in import cuda_driver
-from tests.conformance.images.cuda_stand_in.cuda_driver import GROUPS, answers
+from tests.conformance.images.cuda_stand_in.cuda_driver import GROUPS, START
+from tests.conformance.images.cuda_stand_in.cuda_runtime import answers
 from tests.conformance.images.cuda_stand_in.library import library, stand_in
 
 REAL = json.loads(
@@ -27,7 +27,7 @@ def driver() -> str:
 def evaluated(stand_in: StandIn, *lines: str) -> list[Any]:
     """What a process with the driver, and with device 0 current, makes of expressions."""
     ran = subprocess.run(
-        [sys.executable, "-m", cuda_driver.__name__, driver(), "--neighbour"],
+        [*START, driver(), "--neighbour"],
         input="\n".join(lines),
         stdout=subprocess.PIPE,
         text=True,
@@ -40,7 +40,7 @@ def evaluated(stand_in: StandIn, *lines: str) -> list[Any]:
 @pytest.mark.parametrize("group", [each.__name__ for each in GROUPS])
 def test_answers_as_a_real_driver(group: str) -> None:
     with stand_in() as it:
-        found = answers(driver(), group, **it.environment())
+        found = answers(driver(), group, START, **it.environment())
     assert found == REAL[group]
     assert list(found) == list(REAL[group])
 
