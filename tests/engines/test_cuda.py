@@ -25,8 +25,10 @@ NOBODY = "01234567-89ab-cdef-0123-456789abcdef"
 
 
 @contextmanager
-def serving(packet: bytes) -> Iterator[dict[str, str]]:
-    """A server of 1.0 whose init packet this is; where its clients are to connect."""
+def serving(image: DeviceImage) -> Iterator[dict[str, str]]:
+    """A server of 1.0 with this image; where its clients are to connect."""
+    text = payload(image.init_packet())
+    packet = len(text).to_bytes(4, "little") + text
     with ExitStack() as stack:
         ports = {}
         for name, first in (("IPC", packet), ("MSG", b"")):
@@ -50,10 +52,9 @@ def test_each_look_is_at_what_lies_there_then(how: tuple[str, ...], cpp_adapter:
     with stand_in() as it:
         image = DeviceImage(it.device)
         image.draw(0)
-        text = payload(image.init_packet())
         line = [*cpp_adapter, "opengl", *how]
         with (
-            serving(len(text).to_bytes(4, "little") + text) as ports,
+            serving(image) as ports,
             asked(line, it.environment() | ports, greets=True) as ask,
         ):
             ask(json.dumps({"id": 1, "command": "start"}))

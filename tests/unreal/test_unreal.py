@@ -9,14 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage
 from splatbus_server import Intrinsics, Semantics
 from splatbus_wire.poses import Pose
 
+from tests.conformance.images.cuda_stand_in.library import stand_in
 from tests.csharp.unity_stub.building import mcs
 from tests.csharp.unity_stub.running import rendered, stepped
 from tests.engines import shading
 from tests.engines.built import CPP
 from tests.engines.stage import HEIGHT, WIDTH, serving
+from tests.engines.test_cuda import serving as serving_1_0
 from tests.unreal import building
 from tests.unreal.building import MODULE, PLUGIN, SHADERS, STUB, UNREAL, headers, sources
 from tests.unreal.running import FAR, NEAR, Drawn, Eye, check_drawn, view
@@ -320,6 +323,15 @@ def test_it_says_what_is_wrong(driver: Path) -> None:
         ask("set MessagePort 1")
         ask("begin")
         stepped(ask, lambda state: "refused" in str(state["problems"]))
+
+
+def test_images_of_1_0_are_not_shown_and_why(driver: Path) -> None:
+    with stand_in() as it:
+        image = DeviceImage(it.device)
+        image.draw(0)
+        with serving_1_0(image) as ports, view(driver, it.environment() | ports) as ask:
+            state = stepped(ask, lambda state: "what camera" in str(state["problems"]))
+            assert state["images"] == 0
 
 
 def test_who_waits_for_control_is_told_and_who_has_it_no_more(driver: Path) -> None:
