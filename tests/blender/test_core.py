@@ -106,8 +106,8 @@ def test_a_lens_in_pixels() -> None:
     assert lens.camera_lens(OPTICS, Film(240, 360))[:4] == (500, 500, 120, 180)
     upright = OPTICS._replace(sensor_fit="VERTICAL")
     assert lens.camera_lens(upright, Film(360, 240))[:2] == (500, 500)
-    flat = lens.camera_lens(OPTICS, Film(360, 240, 1, 2), unit=0.5)
-    assert flat == (500 * 4 / 3, 250 * 4 / 3, 180, 120, 360, 240, 0.2, 200)
+    flat = lens.camera_lens(OPTICS, Film(360, 240, 1, 2))
+    assert flat == (500 * 4 / 3, 250 * 4 / 3, 180, 120, 360, 240, 0.1, 100)
 
 
 def test_a_shift_to_the_right_and_up_moves_the_view_there() -> None:
@@ -117,7 +117,8 @@ def test_a_shift_to_the_right_and_up_moves_the_view_there() -> None:
 
 def test_a_lens_for_images_of_another_shape_sees_the_same() -> None:
     one = lens.camera_lens(OPTICS._replace(shift_x=0.1), Film(360, 240))
-    two = lens.for_images(one, 64, 48)
+    two = lens.for_images(one, 64, 48, unit=0.5)
+    assert (two.width, two.height, two.near, two.far) == (64, 48, 0.2, 200)
     for x, y in ((0.1, 0.2), (-0.3, 0.1)):
         u, v = one.fx * x + one.cx, one.fy * y + one.cy
         assert two.fx * x + two.cx == pytest.approx(u * 64 / 360)

@@ -52,14 +52,8 @@ class Optics(NamedTuple):
     clip_end: float
 
 
-def camera_lens(optics: Optics, film: Film, unit: float = 1.0) -> Intrinsics:
-    """Return the lens through which Blender renders.
-
-    Args:
-        optics: of the camera.
-        film: of the render.
-        unit: Blender's units to one of the splats' scene, for the clipping planes.
-    """
+def camera_lens(optics: Optics, film: Film) -> Intrinsics:
+    """Return the lens through which Blender renders, its clipping planes in Blender's units."""
     width, height, tall = film.width, film.height, film.aspect_y / film.aspect_x
     fits = optics.sensor_fit
     # The sensor's height counts only for who asked for it: AUTO fits the width to the longer side.
@@ -75,13 +69,13 @@ def camera_lens(optics: Optics, film: Film, unit: float = 1.0) -> Intrinsics:
         height / 2 + optics.shift_y * side / tall,
         width,
         height,
-        optics.clip_start / unit,
-        optics.clip_end / unit,
+        optics.clip_start,
+        optics.clip_end,
     )
 
 
 def region_lens(
-    window: Rows, width: int, height: int, clip_start: float, clip_end: float, unit: float = 1.0
+    window: Rows, width: int, height: int, clip_start: float, clip_end: float
 ) -> Intrinsics:
     """Return the lens of a viewport that shows perspective.
 
@@ -91,7 +85,6 @@ def region_lens(
         height: the same.
         clip_start: in Blender's units; the matrix has it too, with few digits left.
         clip_end: the same.
-        unit: Blender's units to one of the splats' scene.
     """
     return Intrinsics(
         window[0][0] * width / 2,
@@ -100,17 +93,22 @@ def region_lens(
         (1 + window[1][2]) * height / 2,
         width,
         height,
-        clip_start / unit,
-        clip_end / unit,
+        clip_start,
+        clip_end,
     )
 
 
-def for_images(lens: Intrinsics, width: int, height: int) -> Intrinsics:
+def for_images(lens: Intrinsics, width: int, height: int, unit: float = 1.0) -> Intrinsics:
     """Return the same view in pixels of the server's images, which need not have its shape [CAM-6].
 
     They are stretched to what the lens was of when they are drawn.
+
+    Args:
+        lens: with clipping planes in Blender's units.
+        width: of the images.
+        height: of the images.
+        unit: Blender's units to one of the splats' scene.
     """
     x, y = width / lens.width, height / lens.height
-    return lens._replace(
-        fx=lens.fx * x, fy=lens.fy * y, cx=lens.cx * x, cy=lens.cy * y, width=width, height=height
-    )
+    fx, fy, cx, cy = lens.fx * x, lens.fy * y, lens.cx * x, lens.cy * y
+    return Intrinsics(fx, fy, cx, cy, width, height, lens.near / unit, lens.far / unit)
