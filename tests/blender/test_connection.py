@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import splatbus_server
-from splatbus_blender import wanted
-from splatbus_blender.connection import Connection
-from splatbus_blender.poses import Placed
-from splatbus_blender.wanted import Wanted
+from splatbus_blender.core import wanted
+from splatbus_blender.core.connection import Connection
+from splatbus_blender.core.poses import Placed
+from splatbus_blender.core.wanted import Wanted
 from splatbus_client.reading import ImagesOpen
 from splatbus_server import SceneObject, Semantics, View
 from splatbus_wire.message_types import FrameCamera, Intrinsics, Placement

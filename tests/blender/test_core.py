@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from splatbus_blender import lens, poses, timeline
-from splatbus_blender.lens import Film, Optics
-from splatbus_blender.poses import Placed
+from splatbus_blender.core import lens, poses, timeline
+from splatbus_blender.core.lens import Film, Optics
+from splatbus_blender.core.poses import Placed
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import rotation_matrix
 

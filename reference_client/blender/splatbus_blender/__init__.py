@@ -1,5 +1,6 @@
 """SplatBus in Blender.
 
-`poses`, `lens` and `timeline` are functions of numbers; `reading` takes the numbers from Blender's
-things. None of them imports `bpy`, so that they can be tried without it.
+`core` knows nothing of Blender, `reading` and `viewing` take its things and do not import it;
+`service` and what stands on it do. Importing this imports none of them, so that what needs no
+Blender can be tried without it.
 """

@@ -10,9 +10,9 @@ from typing import Any
 
 from splatbus_wire.rotations import Quaternion
 
-from . import poses, timeline
-from .lens import Film, Optics
-from .poses import Placed
+from .core import poses, timeline
+from .core.lens import Film, Optics
+from .core.poses import Placed
 
 
 def placed(thing: Any) -> Placed:

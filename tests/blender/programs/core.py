@@ -5,7 +5,8 @@ import math
 import random
 
 import bpy
-from splatbus_blender import lens, poses, reading
+from splatbus_blender import reading
+from splatbus_blender.core import lens, poses
 from splatbus_wire.poses import view_matrix
 
 MODES = ("QUATERNION", "AXIS_ANGLE", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")

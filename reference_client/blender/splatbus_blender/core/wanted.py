@@ -64,7 +64,7 @@ def said(wanted: Wanted, images: ImagesOpen | None, *, last: bool = True) -> Sai
         last: whether they keep their size, as far as is known: only a lens of their shape is
             taken [CAM-6].
     """
-    unit = scene_unit(images)
+    unit = scene_unit(None if images is None else images.semantics.unit_metres)
     camera = None if wanted.camera is None else poses.camera_pose(wanted.camera, unit)
     through = None
     if wanted.lens is not None and images is not None and last:
@@ -78,9 +78,8 @@ def said(wanted: Wanted, images: ImagesOpen | None, *, last: bool = True) -> Sai
     return Said(camera, through, objects, wanted.seconds, tuple(problems))
 
 
-def scene_unit(images: ImagesOpen | None) -> float:
+def scene_unit(metres: float | None) -> float:
     """Return Blender's units, which are metres, to one of the splats' scene; 1 if it is unknown."""
-    metres = None if images is None else images.semantics.unit_metres
     return 1.0 if metres is None else metres
 
 
