@@ -37,5 +37,5 @@ def ran(program: str, home: Path, *arguments: str, **more: str) -> str:
     done = subprocess.run(
         line, env=environment(home, **more), capture_output=True, text=True, timeout=280
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 0, f"{done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout

@@ -103,3 +103,5 @@ np.savez(
     **shown,
 )
 service.unregister()
+engine.unregister()  # 4.2 crashes at its end where a class of an engine is left behind
+properties.unregister()
