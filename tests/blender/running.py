@@ -32,10 +32,10 @@ def environment(home: Path, **more: str) -> dict[str, str]:
 
 
 def ran(program: str, home: Path, *arguments: str, **more: str) -> str:
-    """What a program has printed, which has to end well."""
+    """What a program has printed, and Blender logged; it has to end well."""
     line = [python(), str(PROGRAMS / program), *arguments]
     done = subprocess.run(
         line, env=environment(home, **more), capture_output=True, text=True, timeout=280
     )
     assert done.returncode == 0, f"{done.returncode}\n{done.stdout}{done.stderr}"
-    return done.stdout
+    return done.stdout + done.stderr

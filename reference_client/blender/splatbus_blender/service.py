@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from splatbus_client.reading import ImagesOpen
 
 from . import viewing
 from .core.connection import Connection
@@ -50,6 +51,32 @@ def tell() -> None:
     wanted, wrong = _wanted()
     problems = tuple(wrong)
     connection.tell(wanted)
+
+
+def images() -> ImagesOpen | None:
+    """Return what the server has said of its images; None while there are none."""
+    session = None if connection is None else connection.session
+    return None if session is None else session.images
+
+
+def told() -> list[str]:
+    """Return in words how the connection fares."""
+    status = None if connection is None else connection.status
+    if connection is None or status is None:
+        return []
+    lines = [
+        f"{name}: {each.server or 'a server'}, {each.version or 'connecting'}"
+        for name, each in (("Images", status.ipc), ("Messages", status.message))
+        if each.connected
+    ]
+    if (now := images()) is not None:
+        lines.append(f"{now.width} × {now.height} pixels")
+    return lines
+
+
+def complaints() -> tuple[str, ...]:
+    """Return in words what is wrong."""
+    return () if connection is None else connection.problems + problems
 
 
 def unregister() -> None:

@@ -107,9 +107,15 @@ class Connection:
             self._told = Said(problems=self._told.problems)  # so that all is said, with a new tag
             tag = None
             for _ in self._turns(end):
+                # Before it is known what the server can do, nothing could be said whole.
+                session = self._session
+                if session is None or session.images is None:
+                    continue
+                if session.status.message.version is None:
+                    continue
                 tag = self._tell(wanted) or tag
-                session, image = self._session, self.image
-                if session is None or session.images is None or self._sizes.under_way:
+                image = self.image
+                if self._sizes.under_way:
                     continue
                 if self._told.lens is None and wanted.lens is not None:
                     continue
@@ -175,7 +181,9 @@ class Connection:
                 with _noted(problems):
                     session.send_object(pose, name, scale)
                     objects[name] = pose, scale
-        if new.seconds is not None and new.seconds != seconds:
+        # Every scene of Blender has a timeline: where splats have none, that is no problem.
+        timed = "time" in session.status.message.capabilities
+        if timed and new.seconds is not None and new.seconds != seconds:
             with _noted(problems):
                 session.send_time(new.seconds)
                 seconds = new.seconds
