@@ -146,6 +146,20 @@ def test_telling_never_waits_for_a_render() -> None:
     assert eventually(lambda: not ours())
 
 
+def test_a_render_that_is_cancelled_waits_no_more() -> None:
+    asked = threading.Event()
+
+    def cancelled() -> bool:
+        asked.set()
+        return True
+
+    connection = Connection("127.0.0.1", 1, 1)
+    with pytest.raises(TimeoutError):
+        connection.image_of(looking_from(1), 3600, cancelled)
+    assert asked.is_set()
+    connection.close()
+
+
 def test_a_host_that_is_not_there_is_a_problem() -> None:
     connection = Connection("no-such-host.invalid")
     assert eventually(lambda: bool(connection.problems))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -37,7 +38,9 @@ class SplatBusEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         color = np.zeros((height, width, 4), np.float32)
         depth = np.full((height, width), np.inf, np.float32)
         try:
-            color, depth = (fitted(each, width, height) for each in _image(depsgraph))
+            color, depth = (
+                fitted(each, width, height) for each in _image(depsgraph, self.test_break)
+            )
         except UnrenderedError as why:
             self.report({"ERROR"}, f"SplatBus: {why}")
             self.error_set(f"SplatBus: {why}")
@@ -48,7 +51,7 @@ class SplatBusEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         self.end_result(result)
 
 
-def _image(depsgraph: Any) -> tuple[Any, Any]:
+def _image(depsgraph: Any, cancelled: Callable[[], bool]) -> tuple[Any, Any]:
     """Return the passes of the image that the server has of this frame."""
     splats = depsgraph.scene.original
     scene = compositing.scene_of(splats)
@@ -63,7 +66,7 @@ def _image(depsgraph: Any) -> tuple[Any, Any]:
     if wanted.camera is None:
         raise UnrenderedError("; ".join(problems))
     try:
-        image = connection.image_of(wanted, _IMAGE_SECONDS)
+        image = connection.image_of(wanted, _IMAGE_SECONDS, cancelled)
     except TimeoutError as why:
         raise UnrenderedError(str(why)) from None
     if image.color is None or image.depth is None:

@@ -12,7 +12,7 @@ import itertools
 import secrets
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from splatbus_client import Session, Status, connect
 from splatbus_viewer.mirror import Copied, Mirror
@@ -96,8 +96,15 @@ class Connection:
             finally:
                 self._steering.release()
 
-    def image_of(self, wanted: Wanted, timeout: float) -> Copied:
+    def image_of(
+        self, wanted: Wanted, timeout: float, cancelled: Callable[[], bool] = lambda: False
+    ) -> Copied:
         """Wait for an image of this, which no `tell` disturbs meanwhile; not for the interface.
+
+        Args:
+            wanted: what it is to show.
+            timeout: seconds.
+            cancelled: asked again and again; whether nobody wants it any more.
 
         Raises:
             TimeoutError: none came within `timeout` seconds; the message says what is wrong.
@@ -107,6 +114,8 @@ class Connection:
             self._told = Said(problems=self._told.problems)  # so that all is said, with a new tag
             tag = None
             for _ in self._turns(end):
+                if cancelled():
+                    break
                 # Before it is known what the server can do, nothing could be said whole.
                 session = self._session
                 if session is None or session.images is None:
