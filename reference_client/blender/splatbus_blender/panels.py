@@ -28,6 +28,7 @@ class SidebarPanel(bpy.types.Panel):  # type: ignore[misc]
         column.enabled = service.connection is None
         for name in ("host", "ipc_port", "message_port"):
             column.prop(settings, name)
+        layout.prop(settings, "show")
         end = service.connection is not None
         layout.operator((Disconnect if end else Connect).bl_idname)
         layout.operator(SetUpCompositor.bl_idname)

@@ -21,6 +21,14 @@ class SceneSettings(bpy.types.PropertyGroup):  # type: ignore[misc]
     message_port: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Message Port", description="0: SPLATBUS_MSG_PORT, or 6000", min=0, max=65535
     )
+    show: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Show",
+        items=(
+            ("COMPOSITE", "Composite", "Splats among the scene's meshes, by depth"),
+            ("COLOR", "Colour", "The server's image alone"),
+            ("DEPTH", "Depth", "How far what it shows is: black is near, white is far"),
+        ),
+    )
 
 
 def where(settings: Any) -> tuple[str | None, int | None, int | None]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import engine, operators, panels, properties, service
+from . import engine, operators, overlay, panels, properties, service
 
-_PARTS = (properties, engine, operators, panels)
+_PARTS = (properties, engine, operators, panels, overlay)
 
 
 def register() -> None:

@@ -13,6 +13,8 @@ import time
 from pathlib import Path
 
 import bpy
+import gpu
+import numpy as np
 
 MODULE = "bl_ext.user_default.splatbus"
 
@@ -82,6 +84,29 @@ def check_an_undo_is_shown():
     shows(5)
     bpy.ops.ed.undo()
     shows(2)
+
+
+def check_what_is_drawn_is_the_image():
+    """Over what is bound, once there is a GPU, which the first render with one brings."""
+    scene = bpy.context.scene
+    scene.render.engine = "BLENDER_WORKBENCH"
+    bpy.ops.render.render()
+    scene.render.engine = "CYCLES"
+    overlay = importlib.import_module(f"{MODULE}.overlay")
+    layer = gpu.types.GPUTexture((64, 48), format="SRGB8_A8")
+    frame = gpu.types.GPUFrameBuffer(color_slots=layer)
+    window = [(1, 0, 0, 0), (0, 1, 0, 0), (0, 0, -1.01, -0.1), (0, 0, -1, 0)]
+    with frame.bind():
+        frame.clear(color=(0, 0, 0, 0))
+        overlay.paint(window, "COLOR")
+        pixels = frame.read_color(0, 0, 64, 48, 4, 0, "UBYTE")
+    color = service().connection.image.color
+    expected = 255 * color[..., :3] * color[..., 3:]
+    found = np.array(pixels.to_list(), np.uint8).reshape(48, 64, 4)[::-1, :, :3]
+    assert np.abs(found - expected).max() <= 1
+    assert {each.identifier for each in scene.splatbus.bl_rna.properties["show"].enum_items} == {
+        *importlib.import_module(f"{MODULE}.drawing").LOOKS
+    }
 
 
 def check_renders_show_splats():
