@@ -1,5 +1,6 @@
 """What is drawn in a viewport, on Blender's GPU module, compared with our own compositor."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,3 +95,26 @@ def test_the_depth_alone_goes_from_black_to_white(kind: str, drawn: dict[str, An
     expected = np.where(np.isfinite(depth), grey, 0)
     for channel in range(3):
         np.testing.assert_allclose(drawn[f"{kind} DEPTH"][..., channel], expected, atol=1e-5)
+
+
+def test_a_viewport_wants_what_it_shows_and_is_drawn_over(tmp_path: Path) -> None:
+    """With the depth of Blender's own meshes, in a buffer whose steps are those of 24 bits."""
+    place = tmp_path / "drawn.npz"
+    told = ran("viewport.py", tmp_path, str(place))
+    for each in ("free_views", "the_view_of_a_camera", "an_orthographic_view"):
+        assert f"check_{each}\n" in told
+    found = np.load(place)
+    near, far = found["clips"].tolist()
+    in_window = found["far"].astype(np.float64)
+    behind = 2 * far * near / (far + near - (2 * in_window - 1) * (far - near))
+    cube = in_window < 1
+    assert 9 < behind[cube].min() < behind[cube].max() < 13
+    depth = np.where(cube, behind, np.inf).astype(np.float32)
+    meshes = found["meshes"][..., :3]
+    expected = composed(found["color"], found["depth"], None, STRAIGHT, meshes, depth)
+    clear = ~cube | (np.abs(depth - found["depth"]) > 0.01)
+    nearer = found["depth"] < depth
+    assert (cube & nearer & clear).sum() > 20
+    assert (cube & ~nearer & clear).sum() > 20
+    mixed = found["mixed"][..., :3]
+    np.testing.assert_array_max_ulp(mixed[clear], expected[clear], maxulp=3)
