@@ -10,6 +10,7 @@ import pytest
 import splatbus_server
 from splatbus_blender.core import wanted
 from splatbus_blender.core.connection import Connection
+from splatbus_blender.core.online import is_this_computer
 from splatbus_blender.core.poses import Placed
 from splatbus_blender.core.wanted import Wanted
 from splatbus_client.reading import ImagesOpen
@@ -168,6 +169,11 @@ def test_a_host_that_is_not_there_is_a_problem() -> None:
     connection.tell(looking_from(1))
     connection.close()
     assert eventually(lambda: not ours())
+
+
+def test_a_server_elsewhere_is_one_that_is_not_here_for_sure() -> None:
+    assert all(map(is_this_computer, ("localhost", "127.0.0.1", "127.3.2.1", "::1")))
+    assert not any(map(is_this_computer, ("192.168.0.2", "localhost.example", "8.8.8.8", "")))
 
 
 IMAGES = ImagesOpen(1, WIDTH, HEIGHT, Semantics(unit_metres=0.5))

@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+from splatbus_wire.settings import settings
 
 from . import compositing, service
+from .core.online import is_this_computer
+from .properties import where
 
 Done = set[str]
 
@@ -20,6 +23,15 @@ class Connect(bpy.types.Operator):  # type: ignore[misc]
 
     def execute(self, context: Any) -> Done:
         """Begin, and wait for nothing."""
+        try:
+            host = settings(*where(context.scene.splatbus)).host
+        except ValueError as wrong:
+            self.report({"ERROR"}, f"SplatBus: {wrong}")
+            return {"CANCELLED"}
+        if not (bpy.app.online_access or is_this_computer(host)):
+            why = f"{host} is not this computer: allow online access in the preferences first"
+            self.report({"ERROR"}, f"SplatBus: {why}")
+            return {"CANCELLED"}
         service.connect(context.scene)
         return {"FINISHED"}
 

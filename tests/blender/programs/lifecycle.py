@@ -59,6 +59,20 @@ def check_it_connects():
     assert not service().complaints()
 
 
+def check_it_goes_online_only_where_blender_may():
+    scene, connection = bpy.context.scene, service().connection
+    assert not bpy.app.online_access
+    scene.splatbus.host = "192.0.2.1"
+    said = ""
+    try:
+        bpy.ops.splatbus.connect()
+    except RuntimeError as wrong:
+        said = str(wrong)
+    assert "192.0.2.1 is not this computer" in said, said
+    assert service().connection is connection
+    scene.splatbus.host = ""
+
+
 def check_another_file_leaves_it_connected():
     connection = service().connection
     place = str(Path(tempfile.mkdtemp()) / "some.blend")
