@@ -69,8 +69,8 @@ def film(render: Any) -> Film:
     """Return what a scene's render settings make images of."""
     part = render.resolution_percentage
     return Film(
-        render.resolution_x * part // 100,
-        render.resolution_y * part // 100,
+        max(1, render.resolution_x * part // 100),
+        max(1, render.resolution_y * part // 100),
         render.pixel_aspect_x,
         render.pixel_aspect_y,
     )

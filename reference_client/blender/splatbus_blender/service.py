@@ -94,7 +94,7 @@ def viewport() -> tuple[Any, Any] | None:
         for area in window.screen.areas
         if area.type == "VIEW_3D"
         for region in area.regions
-        if region.type == "WINDOW"
+        if region.type == "WINDOW" and region.width > 1 and region.height > 1
     ]
     return max(found, key=lambda each: each[0].width * each[0].height, default=None)
 
@@ -108,10 +108,13 @@ def _wanted() -> tuple[Wanted, list[str]]:
 
 
 def _turn() -> float | None:
-    global _drawn
+    global _drawn, problems
     if connection is None:
         return None  # no further turn
-    tell()
+    try:
+        tell()
+    except Exception as wrong:  # a timer that raises is never called again
+        problems = (f"{type(wrong).__name__}: {wrong}",)
     image = connection.image
     seq = None if image is None else image.seq
     if seq != _drawn:

@@ -100,6 +100,17 @@ def check_an_undo_is_shown():
     shows(2)
 
 
+def check_a_turn_that_fails_is_not_the_last():
+    """Blender never calls a timer again that raised."""
+    tell = service().tell
+    service().tell = lambda: 1 / 0
+    assert service()._turn() is not None
+    assert service().complaints() == ("ZeroDivisionError: division by zero",)
+    service().tell = tell
+    assert service()._turn() is not None
+    assert not service().complaints()
+
+
 def check_what_is_drawn_is_the_image():
     """Over what is bound, once there is a GPU, which the first render with one brings."""
     scene = bpy.context.scene
