@@ -27,6 +27,7 @@ RENDERERS = (
 """What runs where trained models live, which is Python 3.9 and later."""
 PACKAGES = (
     *RENDERERS,
+    "reference_client/blender/splatbus_blender",
     "conformance/splatbus_conformance",
     "conformance/site/splatbus_site",
 )

@@ -1,0 +1,4 @@
+"""What the extension does without Blender: functions of numbers, and a session in the background.
+
+Nothing here imports `bpy` or takes a thing of Blender's.
+"""

@@ -1,0 +1,209 @@
+"""The connection that Blender's interface asks, without Blender, beside our server."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+import splatbus_server
+from splatbus_blender.core import wanted
+from splatbus_blender.core.connection import Connection
+from splatbus_blender.core.online import is_this_computer
+from splatbus_blender.core.poses import Placed
+from splatbus_blender.core.wanted import Wanted
+from splatbus_client.reading import ImagesOpen
+from splatbus_server import SceneObject, Semantics, View
+from splatbus_wire.message_types import FrameCamera, Intrinsics, Placement
+from splatbus_wire.poses import IDENTITY, Pose
+
+from tests.engines.stage import HEIGHT, WIDTH, planes, serving
+from tests.waiting import eventually
+
+UPRIGHT = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
+"""A camera that looks along Blender's y, which is the wire's z."""
+LENS = Intrinsics(50.0, 50.0, 32.0, 24.0, WIDTH, HEIGHT, 0.5, 200.0)
+
+
+def looking_from(x: float, **more: Any) -> Wanted:
+    return Wanted(Placed((x, 0.0, 0.0), UPRIGHT), LENS)._replace(**more)
+
+
+def render(view: View) -> Any:
+    return planes(view.poses.camera, view.width, view.height)
+
+
+@contextmanager
+def connected(where: dict[str, str]) -> Iterator[Connection]:
+    ports = (int(where[f"SPLATBUS_{name}_PORT"]) for name in ("IPC", "MSG"))
+    connection = Connection("127.0.0.1", *ports)
+    try:
+        yield connection
+    finally:
+        connection.close()
+
+
+def ours() -> list[threading.Thread]:
+    return [each for each in threading.enumerate() if each.name.startswith("splatbus-blender")]
+
+
+def test_an_image_of_what_is_wanted_comes() -> None:
+    with (
+        serving(render) as where,
+        connected(where) as connection,
+    ):
+        for x in (1.5, -2.5):
+            image = connection.image_of(looking_from(x), 20)
+            assert image.camera
+            assert image.camera.pose.position == (x, 0, 0)
+            assert image.camera.intrinsics == LENS
+            color, depth = planes(image.camera.pose)
+            np.testing.assert_array_equal(image.color, color)
+            np.testing.assert_array_equal(image.depth, depth)
+
+
+def test_it_is_told_what_is_new_alone() -> None:
+    seen: list[View] = []
+
+    def noted(view: View) -> Any:
+        seen.append(view)
+        return render(view)
+
+    with serving(noted) as where, connected(where) as connection:
+        connection.image_of(looking_from(1), 20)
+        assert eventually(lambda: connection.image is not None)
+        before = len(seen)
+        for _ in range(50):
+            connection.tell(looking_from(1))
+        connection.image_of(looking_from(2), 20)
+        assert len(seen) == before + 1
+
+
+def test_objects_and_time_are_shown_with_the_camera() -> None:
+    objects = {"chair": Placed((1.0, 5.0, 2.0), (0.0, 0.0, 0.0, 1.0), (2.0, 2.0, 2.0))}
+    scene: dict[str, Any] = {
+        "objects": [SceneObject(each, "", 0) for each in ("default", "chair")],
+        "time_range": (0.0, 10.0),
+    }
+    seen: list[View] = []
+
+    def noted(view: View) -> Any:
+        seen.append(view)
+        return render(view)
+
+    with serving(noted, **scene) as where, connected(where) as connection:
+        image = connection.image_of(looking_from(1, objects=objects, seconds=2.5), 20)
+        assert image.objects == (Placement("chair", Pose((1, -2, 5), (0, 0, 0, 1)), 2.0),)
+        assert seen[-1].poses.time == 2.5
+
+
+def test_a_view_of_another_size_gets_images_of_it() -> None:
+    with serving(render) as where, connected(where) as connection:
+        image = connection.image_of(looking_from(1, size=(40, 30)), 20)
+        assert image.camera
+        assert (image.camera.width, image.camera.height) == (40, 30)
+        assert image.camera.fx == LENS.fx * 40 / WIDTH
+
+
+def test_a_server_that_goes_takes_its_image_and_brings_it_back() -> None:
+    with splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0) as bus:
+        ports = bus.address.ipc_port, bus.address.message_port
+    connection = Connection("127.0.0.1", *ports)
+    try:
+        with pytest.raises(TimeoutError, match=r"images: .*refused"):
+            connection.image_of(looking_from(1), 0.5)
+        for _ in range(2):
+            assert connection.image is None
+            connection.tell(looking_from(3))
+            with splatbus_server.serve(
+                WIDTH, HEIGHT, ipc_port=ports[0], message_port=ports[1]
+            ) as bus:
+                view = bus.next_view(20)
+                while view is None or view.poses.camera.position != (3, 0, 0):
+                    connection.tell(looking_from(3))
+                    view = bus.next_view(20)
+                bus.publish(view, *render(view))
+                assert eventually(lambda: connection.image is not None)
+            assert eventually(lambda: connection.image is None)
+            assert connection.newest is not None
+    finally:
+        connection.close()
+
+
+def test_telling_never_waits_for_a_render() -> None:
+    connection = Connection("127.0.0.1", 1, 1)
+
+    def wait() -> None:
+        with pytest.raises(TimeoutError):
+            connection.image_of(looking_from(1), 3600)
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    connection.tell(looking_from(2))
+    connection.close()
+    waiting.join(20)
+    assert not waiting.is_alive()
+    assert eventually(lambda: not ours())
+
+
+def test_a_render_that_is_cancelled_waits_no_more() -> None:
+    asked = threading.Event()
+
+    def cancelled() -> bool:
+        asked.set()
+        return True
+
+    connection = Connection("127.0.0.1", 1, 1)
+    with pytest.raises(TimeoutError):
+        connection.image_of(looking_from(1), 3600, cancelled)
+    assert asked.is_set()
+    connection.close()
+
+
+def test_a_host_that_is_not_there_is_a_problem() -> None:
+    connection = Connection("no-such-host.invalid")
+    assert eventually(lambda: bool(connection.problems))
+    assert connection.session is None
+    assert connection.status is None
+    connection.tell(looking_from(1))
+    connection.close()
+    assert eventually(lambda: not ours())
+
+
+def test_a_server_elsewhere_is_one_that_is_not_here_for_sure() -> None:
+    assert all(map(is_this_computer, ("localhost", "127.0.0.1", "127.3.2.1", "::1")))
+    assert not any(map(is_this_computer, ("192.168.0.2", "localhost.example", "8.8.8.8", "")))
+
+
+IMAGES = ImagesOpen(1, WIDTH, HEIGHT, Semantics(unit_metres=0.5))
+
+
+def test_what_is_said_is_in_units_of_the_scene() -> None:
+    objects = {"chair": Placed((2.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 2.0))}
+    said = wanted.said(looking_from(1, objects=objects), IMAGES)
+    assert said.camera
+    assert said.camera.position == (2, 0, 0)
+    assert said.lens == LENS._replace(near=1.0, far=400.0)
+    assert not said.objects
+    assert "'chair'" in said.problems[0]
+    later = wanted.said(looking_from(1), IMAGES, last=False)
+    assert (later.camera, later.lens) == (said.camera, None)
+
+
+def test_an_image_shows_what_was_said_as_far_as_the_server_can() -> None:
+    said = wanted.said(looking_from(1, objects={"a": Placed((0, 1, 0), (0, 0, 0, 1))}), IMAGES)
+    assert said.camera
+    assert said.lens
+    camera = FrameCamera(said.camera, *said.lens)
+    moved = Placement("a", said.objects["a"][0])
+    every = ("intrinsics", "objects")
+    assert wanted.shows(camera, [moved], said, every)
+    assert wanted.shows(camera, [], said, ["intrinsics"])
+    assert not wanted.shows(camera, [], said, every)
+    assert not wanted.shows(camera._replace(fx=51.0), [moved], said, every)
+    assert wanted.shows(camera._replace(fx=51.0), [moved], said, ["objects"])
+    assert not wanted.shows(camera._replace(pose=IDENTITY), [moved], said, every)
+    x, y, z, w = camera.pose.rotation
+    negative = Pose(camera.pose.position, (-x, -y, -z, -w))
+    assert wanted.shows(camera._replace(pose=negative), [moved], said, every)
