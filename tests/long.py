@@ -49,6 +49,7 @@ NO_PART = (
     ":(exclude)conformance/splatbus_conformance/selftest/mutants/v1_0",
     ":(exclude)conformance/splatbus_conformance/selftest/mutants/v1_1",
     ":(exclude)conformance/splatbus_conformance/selftest/variations",
+    ":(exclude)reference_client/blender",
     ":(exclude)reference_client/cpp",
     ":(exclude)reference_client/csharp",
     ":(exclude)schemas/splatbus_schemas/types",

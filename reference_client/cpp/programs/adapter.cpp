@@ -2,6 +2,7 @@
 // Between the conformance harness and the client: commands as JSON lines on standard input, answers on
 // standard output (conformance/ADAPTER.md). Poses are in the axes that the first argument names: opencv,
 // unreal or opengl. With a second, "device", it reads images on a GPU by a stream of its own.
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -168,7 +169,9 @@ class Adapter {
     while (replies.size() < numbers.size()) {
       if (std::chrono::steady_clock::now() > until) return "no reply";
       while (auto event = client_->next_event()) {
-        if (const auto* replied = std::get_if<Replied>(&*event)) replies.insert({replied->request, *replied});
+        const auto* replied = std::get_if<Replied>(&*event);
+        const bool is_awaited = replied && std::find(numbers.begin(), numbers.end(), replied->request) != numbers.end();
+        if (is_awaited) replies.insert({replied->request, *replied});  // or it comes late, of a command that gave up
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
