@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
+from imgui_bundle import imgui
 from PIL import Image
 from splatbus_client.loop import clock
 from splatbus_client.session import Session
@@ -19,7 +21,7 @@ from splatbus_viewer.window.conversation import Conversation
 from splatbus_viewer.window.drawing.picture import MODES, Picture, Region, fitted, range_of
 from splatbus_viewer.window.packets import Packets
 from splatbus_viewer.window.panels.layout import Area, hold
-from splatbus_viewer.window.screen import SETTLING_SECONDS, Screen, imgui, wake
+from splatbus_viewer.window.screen import SETTLING_SECONDS, Screen, wake
 
 _REFRESH_SECONDS = 0.1
 """Plots and lists go on by themselves as often."""
@@ -66,6 +68,7 @@ class Window:
         picture: what draws the images.
         look: what the panels look at.
         drawn: images that were drawn, with or without a new one of the server's.
+        area: what part of the window the panels leave to images.
     """
 
     def __init__(
@@ -76,7 +79,7 @@ class Window:
         self.look = panels.Look(session, choices, self.conversation, packets, self._shoot)
         self.drawn = 0
         self._screen, self._session, self._where = screen, session, where
-        self._area: Area = (0.0, 0.0, *map(float, screen.size))
+        self.area: Area = (0.0, 0.0, 1.0, 1.0)
         self._drawn_at = self._fitted_at = 0.0
         self._is_moving = self._shoots = False
         self._generation = 0
@@ -87,12 +90,10 @@ class Window:
         self._screen.wait(self._patience(now), now)
         now = clock()
         has_image = self._take()
-        left, top, width, height = self._area
-        scale = self._screen.scale
         self.conversation.follow(
             self.choices,
             self.picture.taken and self.picture.taken.camera,
-            (round(scale * width), round(scale * height)),
+            self.region()[2:],
             now,
             wants_telemetry="Figures" in self.look.own.get("visible", ()),
         )
@@ -112,7 +113,7 @@ class Window:
 
     def region(self) -> Region:
         """Where in the window images go, in pixels from its lower left corner."""
-        left, top, width, height = (self._screen.scale * number for number in self._area)
+        left, top, width, height = (self._screen.scale * number for number in self.area)
         bottom = self._screen.size[1] - top - height
         return round(left), round(bottom), max(round(width), 1), max(round(height), 1)
 
@@ -129,7 +130,7 @@ class Window:
         with lease:
             self.picture.take(lease)
             self.look.own["objects"] = lease.objects
-            if lease.time == lease.time:  # it is known
+            if not math.isnan(lease.time):
                 self.look.own["image time"] = lease.time
         images = self._session.images
         self._generation = images.generation if images is not None else self._generation
@@ -159,7 +160,7 @@ class Window:
         self.drawn += 1
         screen.begin()
         self._keys()
-        self._area = panels.describe(look)
+        self.area = panels.describe(look)
         if camera is not None:
             self._hold(look)
         self._is_moving = hands.steer(choices, look.seconds)

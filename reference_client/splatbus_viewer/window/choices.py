@@ -13,6 +13,7 @@ from splatbus_viewer.window.drawing.ground import Ground
 
 ASSUMED_FIELD = 60.0
 """Degrees from the upper to the lower edge, of a server that does not say."""
+_TILTED = (math.sin(math.radians(-12)), 0.0, 0.0, math.cos(math.radians(-12)))
 RING = "the ring"
 """What the viewer's own mesh is called among what can be moved."""
 
@@ -40,7 +41,7 @@ class Choices:
 
     mode: str = "composite"
     kind: str = "orbit"
-    eye: Eye = Eye(IDENTITY)
+    eye: Eye = field(default_factory=lambda: Eye(IDENTITY))
     is_steering: bool = False
     field_of_view: float | None = None
     depths: tuple[float, float] = (0.0, 1.0)
@@ -72,6 +73,11 @@ class Choices:
         if self.field_of_view is None:
             return None
         return pinhole(self.field_of_view, width, height, near, far)
+
+
+def ring_before(eye: Eye) -> Placement:
+    """Return a ring about the eye's pivot, 0.4 times as large as that is far, a little tilted."""
+    return Placement(RING, Pose(eye.pivot, _TILTED), 0.4 * eye.distance)
 
 
 def pinhole(degrees: float, width: int, height: int, near: float, far: float) -> Intrinsics:

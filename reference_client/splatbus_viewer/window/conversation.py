@@ -59,6 +59,7 @@ class Conversation:
         self._name, self._tags = secrets.token_hex(4), 0  # no other viewer's tags are ours
         self._told: tuple[Pose, Intrinsics | None] | None = None
         self._told_at, self._told_seen = 0.0, 0
+        self._awaited: str | Pose | None = None
         self._told_objects: dict[str, Placement] = {}
         self._told_time: float | None = None
         self._channels = frozenset(("color", "depth"))
@@ -92,6 +93,8 @@ class Conversation:
         if choices.channels != self._channels:
             self._channels = choices.channels
             self._session.subscribe(*self._channels)
+        if camera is not None and self._awaited in (camera.tag, camera.pose):
+            self._awaited = None
         self._tell_camera(choices, camera, now)
         for name, placement in choices.objects.items():
             if self._told_objects.get(name) != placement:
@@ -111,6 +114,11 @@ class Conversation:
         status = self._session.status.message
         lacks = status.version is not None and "viewport" not in status.capabilities
         return lacks or "size" in self.problems
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether no answer is awaited, nor the image of a pose."""
+        return set(self._answers) <= {"ping"} and self._awaited is None
 
     def jump(self, index: int) -> None:
         """Ask for a camera of the scene, to look through it once the answer is here."""
@@ -177,7 +185,8 @@ class Conversation:
         if self._session.status.message.version == "1.1":
             self._tags += 1
             tag = f"{self._name}-{self._tags}"
-        self.images.latencies.asked_for(tag or choices.eye.pose, now)
+        self._awaited = tag or choices.eye.pose
+        self.images.latencies.asked_for(self._awaited, now)
         self._session.send_camera(choices.eye.pose, tag=tag, intrinsics=new_lens)
 
     def _ask_size(self, size: tuple[int, int], now: float) -> None:

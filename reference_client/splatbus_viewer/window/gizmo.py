@@ -25,6 +25,7 @@ Float64Array = NDArray[np.float64]
 
 def dragged(
     placement: Placement,
+    middle: Vector,
     camera: FrameCamera,
     operation: str,
     area: tuple[float, float, float, float],
@@ -36,6 +37,7 @@ def dragged(
 
     Args:
         placement: of what is held, object-to-world.
+        middle: where its handles are, in its own axes.
         camera: of the image that is shown.
         operation: one of `OPERATIONS`.
         area: of the interface that the image covers: left, top, width, height.
@@ -44,7 +46,7 @@ def dragged(
     _guizmo.set_rect(*area)
     _guizmo.set_orthographic(False)
     eye = camera.pose.position
-    held = _guizmo.Matrix16(_columns(from_eye(placement, eye)))
+    held = _guizmo.Matrix16(_columns(from_eye(placement, middle, eye)))
     view = as_array(view_matrix(camera.pose._replace(position=(0.0, 0.0, 0.0))))
     moved = _guizmo.manipulate(
         _guizmo.Matrix16(_columns(_TO_OPENGL @ view)),
@@ -56,18 +58,21 @@ def dragged(
     if not moved:
         return None
     matrix = np.array(held.values, np.float64).reshape(4, 4).T
-    return placed(placement.object, matrix, eye)
+    return placed(placement.object, matrix, middle, eye)
 
 
-def from_eye(placement: Placement, eye: Vector) -> Float64Array:
-    """Return (4, 4): from an object's axes to the world's, counted from the eye [OBJ-1]."""
+def from_eye(placement: Placement, middle: Vector, eye: Vector) -> Float64Array:
+    """Return (4, 4): from an object's axes to the world's [OBJ-1].
+
+    The former are counted from its middle, the latter from the eye.
+    """
     matrix = as_array(world_matrix(placement.pose))
     matrix[:3, :3] *= placement.scale
-    matrix[:3, 3] -= eye
+    matrix[:3, 3] += matrix[:3, :3] @ middle - eye
     return matrix
 
 
-def placed(name: str, matrix: Float64Array, eye: Vector) -> Placement:
+def placed(name: str, matrix: Float64Array, middle: Vector, eye: Vector) -> Placement:
     """Return the placement that `from_eye` makes such a matrix of.
 
     Its scale is the mean of the three axes', within what OBJ-1 allows, and its rotation the
@@ -76,7 +81,7 @@ def placed(name: str, matrix: Float64Array, eye: Vector) -> Placement:
     U, stretches, V = np.linalg.svd(matrix[:3, :3])
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     scale = min(max(float(np.mean(stretches)), LIMITS["min_scale"]), LIMITS["max_scale"])
-    x, y, z = (matrix[:3, 3] + eye).tolist()
+    x, y, z = (matrix[:3, 3] + eye - scale * R @ middle).tolist()
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = R.ravel().tolist()
     rotation = quaternion_from_matrix((r00, r01, r02, r10, r11, r12, r20, r21, r22))
     return Placement(name, Pose((x, y, z), rotation), scale)

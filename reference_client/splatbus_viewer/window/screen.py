@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import os
+from pathlib import Path
 from typing import Any
+
+import imgui_bundle
 
 # The bundle brings the library of GLFW that both must use, and says so when it is imported first.
 from imgui_bundle import imgui, imguizmo, implot
@@ -123,12 +126,22 @@ class Screen:
         io.set_ini_filename("")
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.config_windows_move_from_title_bar_only = True
+        fonts = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
+        for name, size in _FONTS.items():
+            io.fonts.add_font_from_file_ttf(str(fonts / name), size)
         imgui.style_colors_dark()
         style = imgui.get_style()
         style.window_rounding = style.frame_rounding = style.grab_rounding = 3.0
         address = ctypes.cast(self._window, ctypes.c_void_p).value
+        assert address is not None
         imgui.backends.glfw_init_for_opengl(address, True)  # it goes on to call what listens
         imgui.backends.opengl3_init("#version 330")
+
+
+def monospaced() -> imgui.ImFont:
+    """Return the font of what is set in columns."""
+    font: imgui.ImFont = imgui.get_io().fonts.fonts[1]
+    return font
 
 
 def wake() -> None:
@@ -146,6 +159,7 @@ _ADVICE = (
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or os.name == "nt"
     else "set DISPLAY or WAYLAND_DISPLAY, or try splatbus-client view, which needs no window"
 )
+_FONTS = {"Roboto/Roboto-Regular.ttf": 15.0, "Inconsolata-Medium.ttf": 14.0}
 _HINTS = {
     glfw.CONTEXT_VERSION_MAJOR: 3,
     glfw.CONTEXT_VERSION_MINOR: 3,

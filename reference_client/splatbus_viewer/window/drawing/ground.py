@@ -18,7 +18,7 @@ GRID_LINES = 20
 """To either side of the middle, a unit apart."""
 _FINE, _AXIS_X, _AXIS_Z = (0.34, 0.36, 0.40), (0.75, 0.27, 0.25), (0.27, 0.46, 0.80)
 _RING = (0.98, 0.62, 0.12)
-_THIN = 0.28
+_THIN = 0.14
 _AROUND, _ACROSS = 96, 32
 _NEAREST, _FARTHEST = 0.01, 1e4
 
@@ -55,7 +55,7 @@ class GroundDrawing:
         frame = self._sized(camera.width, camera.height)
         if (camera, ground) != self._drawn:
             self._drawn = camera, ground
-            self._program["projection"].write(_columns(projection(camera)))
+            self._program["projection"] = _columns(projection(camera))
             frame.use()
             frame.clear()
             self._context.enable(moderngl.DEPTH_TEST)
@@ -75,7 +75,7 @@ class GroundDrawing:
     ) -> None:
         matrix = as_array(object_to_camera(camera.pose, at.pose))
         matrix[:3, :3] *= at.scale
-        self._program["to_camera"].write(_columns(matrix))
+        self._program["to_camera"] = _columns(matrix)
         vertices.render(kind)
 
     def _sized(self, width: int, height: int) -> moderngl.Framebuffer:
@@ -119,8 +119,8 @@ def shader(name: str) -> str:
     return Path(__file__).with_name(name).read_text("utf-8")
 
 
-def _columns(matrix: NDArray[np.float64]) -> bytes:
-    return matrix.T.astype(np.float32).tobytes()
+def _columns(matrix: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple(matrix.T.ravel().tolist())
 
 
 def _grid() -> Float32Array:

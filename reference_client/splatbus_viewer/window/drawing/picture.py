@@ -68,7 +68,7 @@ class Picture:
         names = ("color", "depth", "ground_color", "ground_depth")
         for unit, name in enumerate(names):
             self._program[name] = unit
-        self._program["ramp"].write((np.array(RAMP) / 255).astype(np.float32).tobytes())
+        self._program["ramp"] = [tuple(channel / 255 for channel in stop) for stop in RAMP]
 
     def take(self, lease: FrameLease) -> None:
         """Copy an image into the textures; what of the geometry was drawn stays."""
@@ -173,9 +173,7 @@ def _is_on_device(lease: FrameLease) -> bool:
     return True
 
 
-def _textures(
-    context: moderngl.Context, width: int, height: int, is_on_device: bool
-) -> Textures:
+def _textures(context: moderngl.Context, width: int, height: int, is_on_device: bool) -> Textures:
     if is_on_device:
         from splatbus_viewer.window.drawing.interop import Interop  # it needs cuda-bindings
 

@@ -60,5 +60,7 @@ class Uploads:
 
     def release(self) -> None:
         """Give back textures and buffers."""
-        for each in (self.color, self.depth, *self._buffers.values()):
-            each.release()
+        self.color.release()
+        self.depth.release()
+        for buffer in self._buffers.values():
+            buffer.release()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from imgui_bundle import imgui
 
 from splatbus_viewer.window.gizmo import dragged
@@ -12,6 +14,8 @@ Area = tuple[float, float, float, float]
 """Left, top, width, height in the units of the desktop."""
 _SIDE, _BELOW = 0.24, 0.30
 _PANELS = {"View": view.panel, "Scene": scene.panel, "Figures": figures.panel, "Packets": log.panel}
+_SETTLED = 3
+"""Images after which the panels are where they were laid."""
 _BESIDE, _UNDER = ("View", "Scene"), ("Figures", "Packets")
 
 
@@ -34,17 +38,23 @@ def hold(look: Look, area: Area) -> None:
         return
     placement = scene.placement_of(look, choices.held)
     operation = look.own.setdefault("operation", "move")
-    if placement is not None and (put := dragged(placement, camera, operation, area)):
+    if placement is None:
+        return
+    middle = scene.middle_of(look, choices.held)
+    if put := dragged(placement, middle, camera, operation, area):
         scene.put(choices, put)
 
 
 def _docked() -> Area:
     identity = imgui.dock_space_over_viewport(
-        flags=imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
+        flags=imgui.DockNodeFlags_.passthru_central_node
+        | imgui.DockNodeFlags_.no_docking_over_central_node
     )
     node = imgui.internal.dock_builder_get_node(identity)
     if node is None or node.is_leaf_node():
         _lay_out(identity)
+    elif imgui.get_frame_count() == _SETTLED:
+        imgui.set_window_focus(_UNDER[0])  # of tabs the last one is in front at first
     central = imgui.internal.dock_builder_get_central_node(identity)
     if central is None:
         return _whole()
@@ -64,15 +74,12 @@ def _lay_out(identity: int) -> None:
     builder.dock_builder_finish(identity)
 
 
-def _shown(name: str, panel: object, look: Look) -> bool:
+def _shown(name: str, panel: Callable[[Look], None], look: Look) -> bool:
     visible, _ = imgui.begin(name)
-    try:
-        if visible:
-            assert callable(panel)
-            panel(look)
-    finally:
-        imgui.end()
-    return bool(visible)
+    if visible:
+        panel(look)
+    imgui.end()
+    return bool(visible) and imgui.get_frame_count() > _SETTLED
 
 
 def _whole() -> Area:

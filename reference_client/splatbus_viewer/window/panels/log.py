@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from splatbus_viewer.window.packets import Packet
 from splatbus_viewer.window.panels.look import Look
+from splatbus_viewer.window.screen import monospaced
 
 _TINTS = {"sent": imgui.ImVec4(0.60, 0.78, 1.0, 1), "received": imgui.ImVec4(0.80, 0.85, 0.70, 1)}
 _STREAMS = ("frame", "release", "camera_pose", "telemetry", "pong", "ping")
@@ -20,7 +21,9 @@ def panel(look: Look) -> None:
     _, own["quiet"] = imgui.checkbox("without streams", own.setdefault("quiet", True))
     imgui.same_line()
     imgui.set_next_item_width(220.0)
-    _, own["filter"] = imgui.input_text_with_hint("##filter", "only with this text", own.setdefault("filter", ""))
+    _, own["filter"] = imgui.input_text_with_hint(
+        "##filter", "only with this text", own.setdefault("filter", "")
+    )
     imgui.same_line()
     if imgui.button("clear"):
         packets.clear()
@@ -30,14 +33,16 @@ def panel(look: Look) -> None:
     imgui.text_disabled(f"{len(rows)} of {len(packets.newest)} packets")
     chosen: Packet | None = own.get("packet")
     width = imgui.get_content_region_avail().x
+    imgui.push_font(monospaced(), 0.0)
     imgui.begin_child("##list", imgui.ImVec2(0.55 * width if chosen else 0.0, 0.0))
     _list(look, rows, chosen)
     imgui.end_child()
     if chosen is not None:
         imgui.same_line()
         imgui.begin_child("##packet", imgui.ImVec2(0.0, 0.0))
-        _packet(look, chosen)
+        _packet(chosen)
         imgui.end_child()
+    imgui.pop_font()
 
 
 def _list(look: Look, rows: list[Packet], chosen: Packet | None) -> None:
@@ -59,7 +64,7 @@ def _list(look: Look, rows: list[Packet], chosen: Packet | None) -> None:
         imgui.set_scroll_here_y(1.0)
 
 
-def _packet(look: Look, packet: Packet) -> None:
+def _packet(packet: Packet) -> None:
     for name, text in (("JSON", packet.text), ("bytes", packet.dump)):
         imgui.separator_text(name)
         if imgui.small_button(f"copy##{name}"):

@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 from splatbus_client.lease import placement
 from splatbus_schemas.visible import visible
 from splatbus_wire.messages import DEFAULT_OBJECT, Placement, SceneObject
-from splatbus_wire.poses import IDENTITY
+from splatbus_wire.poses import IDENTITY, Vector
 
 from splatbus_viewer.window.choices import RING, Choices
 from splatbus_viewer.window.gizmo import OPERATIONS
@@ -28,6 +28,16 @@ def placement_of(look: Look, name: str) -> Placement | None:
     return placement(look.own.get("objects", ()), name)
 
 
+def middle_of(look: Look, name: str) -> Vector:
+    """The middle of an object in its own axes, as far as the server has told its bounds."""
+    objects = look.conversation.scene.objects if look.conversation.scene is not None else ()
+    box = next((each.bounds for each in objects if each.id == name), None)
+    if box is None:
+        return (0.0, 0.0, 0.0)
+    x, y, z = ((least + most) / 2 for least, most in zip(box.min, box.max))
+    return x, y, z
+
+
 def put(choices: Choices, where: Placement) -> None:
     """Put something where the gizmo has it."""
     if where.object == RING:
@@ -47,16 +57,8 @@ def _objects(look: Look) -> None:
         told = f"{each.name}, {each.gaussians} Gaussians" if each.gaussians else each.name
         if imgui.radio_button(f"{visible(told)}##{each.id}", choices.held == each.id):
             choices.held = each.id
-    changed, has_ring = imgui.checkbox("##ring", choices.ring is not None)
-    if changed:
-        choices.ring = ring_before(look) if has_ring else None
-        choices.held = RING if has_ring else None
-        choices.mode = "composite" if has_ring else choices.mode
-    imgui.same_line()
-    imgui.begin_disabled(choices.ring is None)
-    if imgui.radio_button(RING, choices.held == RING):
+    if choices.ring is not None and imgui.radio_button(RING, choices.held == RING):
         choices.held = RING
-    imgui.end_disabled()
     if choices.held is None:
         return
     for index, name in enumerate(OPERATIONS):
@@ -68,12 +70,6 @@ def _objects(look: Look) -> None:
         imgui.same_line()
         if imgui.small_button("back"):
             put(choices, Placement(choices.held, IDENTITY))
-
-
-def ring_before(look: Look) -> Placement:
-    """A ring where the camera's pivot is, half as large as it is far."""
-    eye = look.choices.eye
-    return Placement(RING, IDENTITY._replace(position=eye.pivot), 0.4 * eye.distance)
 
 
 def _time(look: Look) -> None:

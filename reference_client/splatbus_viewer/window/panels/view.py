@@ -7,8 +7,8 @@ from splatbus_client.channel import ChannelStatus
 from splatbus_schemas.visible import visible
 
 from splatbus_viewer.window import cameras, hands
-from splatbus_viewer.window.choices import ASSUMED_FIELD
-from splatbus_viewer.window.drawing.picture import MODES
+from splatbus_viewer.window.choices import ASSUMED_FIELD, RING, ring_before
+from splatbus_viewer.window.drawing.picture import MODES, RAMP
 from splatbus_viewer.window.panels.look import Look
 
 _GOOD, _BAD = imgui.ImVec4(0.45, 0.80, 0.45, 1), imgui.ImVec4(0.95, 0.60, 0.35, 1)
@@ -58,9 +58,12 @@ def _mode(look: Look) -> None:
     for index, mode in enumerate(MODES):
         if index % 2:
             imgui.same_line(110.0)
-        if imgui.radio_button(f"{'colour' if mode == 'color' else mode} ({index + 1})", choices.mode == mode):
+        if imgui.radio_button(
+            f"{'colour' if mode == 'color' else mode} ({index + 1})", choices.mode == mode
+        ):
             choices.mode = mode
     if choices.mode == "depth":
+        _legend()
         _, choices.is_fitting = imgui.checkbox("colours span what is seen", choices.is_fitting)
         changed, (near, far) = imgui.drag_float2("near, far", list(choices.depths), 0.01)
         if changed and far > near:
@@ -74,6 +77,23 @@ def _mode(look: Look) -> None:
             imgui.same_line(110.0)
             imgui.set_next_item_width(-1)
             _, choices.grid = imgui.drag_float("##height", choices.grid, 0.02, format="at y = %.2f")
+        changed, has_ring = imgui.checkbox("ring, to be moved", choices.ring is not None)
+        if changed:
+            choices.ring = ring_before(choices.eye) if has_ring else None
+            choices.held = RING if has_ring else None
+
+
+def _legend() -> None:
+    """A bar of the false colours, near to far."""
+    width, height = imgui.get_content_region_avail().x, imgui.get_text_line_height()
+    corner, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
+    tints = [imgui.get_color_u32(imgui.ImVec4(r / 255, g / 255, b / 255, 1)) for r, g, b in RAMP]
+    step = width / (len(RAMP) - 1)
+    for index, (left, right) in enumerate(zip(tints, tints[1:])):
+        begin = imgui.ImVec2(corner.x + index * step, corner.y)
+        end = imgui.ImVec2(corner.x + (index + 1) * step, corner.y + height)
+        draw.add_rect_filled_multi_color(begin, end, left, right, right, left)
+    imgui.dummy(imgui.ImVec2(width, height))
 
 
 def _camera(look: Look) -> None:
@@ -83,7 +103,7 @@ def _camera(look: Look) -> None:
             imgui.same_line()
         if imgui.radio_button(kind, choices.kind == kind):
             choices.kind = kind
-    x, y, z = choices.eye.pose.position
+    x, y, z = (round(each, 3) + 0.0 for each in choices.eye.pose.position)  # no -0.000
     imgui.text(f"at {x:.3f}, {y:.3f}, {z:.3f}")
     label = "to its pivot %.3g" if choices.kind == "orbit" else "%.3g units a second"
     _, distance = imgui.drag_float(
