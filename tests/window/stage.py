@@ -1,5 +1,6 @@
 """A window on a virtual display, in this process, beside a server of its own."""
 
+import ctypes
 import os
 import shutil
 import subprocess
@@ -18,11 +19,13 @@ from splatbus_wire.settings import Settings
 
 pytest.importorskip("imgui_bundle", reason="the extra [window] is not installed")
 
-from imgui_bundle import imgui  # noqa: E402
-from splatbus_viewer.window.app import Window  # noqa: E402
-from splatbus_viewer.window.choices import Choices  # noqa: E402
-from splatbus_viewer.window.packets import Packets  # noqa: E402
-from splatbus_viewer.window.screen import Screen, wake  # noqa: E402
+from imgui_bundle import imgui
+
+import glfw  # isort: skip
+from splatbus_viewer.window.app import Window
+from splatbus_viewer.window.choices import Choices
+from splatbus_viewer.window.packets import Packets
+from splatbus_viewer.window.screen import Screen, wake
 
 LIMIT_SECONDS = 120.0
 SIZE = 960, 640
@@ -105,32 +108,38 @@ class Staged:
         self.until(lambda: window.is_settled and window.conversation.is_answered)
         self.turns(1)
 
-    def press(self, key: imgui.Key) -> None:
-        """Press a key, and let it go."""
-        for down in (True, False):
-            imgui.get_io().add_key_event(key, down)
-            self._touch()
+    def press(self, key: int) -> None:
+        """Press a key, by GLFW's number, and let it go."""
+        for action in (glfw.PRESS, glfw.RELEASE):
+            self._key(key, action)
 
-    def hold(self, key: imgui.Key, until: Callable[[], bool]) -> None:
+    def hold(self, key: int, until: Callable[[], bool]) -> None:
         """Hold a key until something holds."""
-        imgui.get_io().add_key_event(key, True)
-        self._touch()
+        self._key(key, glfw.PRESS)
         self.until(until)
-        imgui.get_io().add_key_event(key, False)
+        self._key(key, glfw.RELEASE)
+
+    def drag(self, right: float, down: float, at: tuple[float, float] | None = None) -> None:
+        """Drag from a place, or the middle of the image, in the units of the desktop."""
+        left, top, width, height = self.window.area
+        x, y = at or (left + width / 2, top + height / 2)
+        backend = imgui.backends
+        backend.glfw_cursor_enter_callback(self._address, True)
+        backend.glfw_cursor_pos_callback(self._address, x, y)
+        self._touch()
+        backend.glfw_mouse_button_callback(self._address, glfw.MOUSE_BUTTON_LEFT, glfw.PRESS, 0)
+        self._touch()
+        backend.glfw_cursor_pos_callback(self._address, x + right, y + down)
+        self._touch()
+        backend.glfw_mouse_button_callback(self._address, glfw.MOUSE_BUTTON_LEFT, glfw.RELEASE, 0)
         self._touch()
 
-    def drag(self, right: float, down: float, button: int = 0) -> None:
-        """Drag from the middle of the image, in the units of the desktop."""
-        left, top, width, height = self.window.area
-        x, y = left + width / 2, top + height / 2
-        io = imgui.get_io()
-        io.add_mouse_pos_event(x, y)
-        self._touch()
-        io.add_mouse_button_event(button, True)
-        self._touch()
-        io.add_mouse_pos_event(x + right, y + down)
-        self._touch()
-        io.add_mouse_button_event(button, False)
+    @property
+    def _address(self) -> int:
+        return ctypes.cast(self.screen._window, ctypes.c_void_p).value or 0
+
+    def _key(self, key: int, action: int) -> None:
+        imgui.backends.glfw_key_callback(self._address, key, 0, action, 0)
         self._touch()
 
     def _touch(self) -> None:

@@ -90,9 +90,11 @@ class Window:
         self._screen.wait(self._patience(now), now)
         now = clock()
         has_image = self._take()
+        taken = self.picture.taken
         self.conversation.follow(
             self.choices,
-            self.picture.taken and self.picture.taken.camera,
+            taken and taken.camera,
+            taken and taken.channels,
             self.region()[2:],
             now,
             wants_telemetry="Figures" in self.look.own.get("visible", ()),
@@ -101,8 +103,8 @@ class Window:
             self._draw(now)
             self._screen.show()
             if has_image:
-                taken, images = self.picture.taken, self.conversation.images
                 assert taken is not None
+                images = self.conversation.images
                 images.shown(self._generation, taken.seq, taken.camera, taken.copied, clock())
 
     @property
@@ -129,12 +131,22 @@ class Window:
             return False
         with lease:
             self.picture.take(lease)
+            self._look_for_pivot()
             self.look.own["objects"] = lease.objects
             if not math.isnan(lease.time):
                 self.look.own["image time"] = lease.time
         images = self._session.images
         self._generation = images.generation if images is not None else self._generation
         return True
+
+    def _look_for_pivot(self) -> None:
+        """Have the camera move about what is in the middle, until it is moved."""
+        taken = self.picture.taken
+        if taken and taken.camera and not self.choices.is_steering and "depth" in taken.channels:
+            depths = self.picture.probe(taken.camera)
+            middle = float(depths[depths.shape[0] // 2, depths.shape[1] // 2])
+            if middle > 0.0:
+                self.choices.eye = self.choices.eye._replace(distance=middle)
 
     def _patience(self, now: float) -> float:
         if self._is_moving or self.choices.is_playing:
@@ -208,7 +220,9 @@ class Window:
         if step:
             index: int = self.look.own.get("camera index", 0) + step
             scene = self.conversation.scene
-            self.look.own["camera index"] = index % scene.cameras if scene else index
+            self.look.own["camera index"] = (
+                index % scene.cameras if scene and scene.cameras else index
+            )
             self.conversation.jump(index)
 
     def _shoot(self) -> None:

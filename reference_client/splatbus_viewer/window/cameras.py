@@ -48,10 +48,9 @@ def turned(eye: Eye, kind: str, right: float, down: float) -> Eye:
     if kind == "fly":
         R = R @ _about_y(right) @ _about_x(-down)
         return eye._replace(pose=_pose(eye.pose.position, R))
-    tilted = R @ _about_x(-down)
-    if abs(_tilt(tilted[:, 2])) <= max(STEEPEST, abs(_tilt(R[:, 2]))):
-        R = tilted
-    R = _about_y(right) @ R
+    tilt = _tilt(R[:, 2])
+    steepest = max(STEEPEST, abs(tilt))
+    R = _about_y(right) @ R @ _about_x(min(max(tilt - down, -steepest), steepest) - tilt)
     return eye._replace(pose=_pose(eye.pivot - eye.distance * R[:, 2], R))
 
 
