@@ -31,8 +31,11 @@ CPP = ROOT / "reference_client" / "cpp"
 KINDS = ("cuda", "host")
 
 
-def serve(kind: str, width: int, height: int) -> None:
-    """A server until its input ends: prints its ports, and publishes one image on and on."""
+def serve(kind: str, width: int, height: int, when: str = "always") -> None:
+    """A server until its input ends: prints its ports, and publishes one image on and on.
+
+    Or `"asked"` for another view.
+    """
     import splatbus_server
 
     noise = np.random.default_rng(0)
@@ -44,7 +47,7 @@ def serve(kind: str, width: int, height: int) -> None:
             planes = [uploaded(plane) for plane in planes]
         print(bus.address.ipc_port, bus.address.message_port, flush=True)
         while not select.select([sys.stdin], [], [], 0)[0]:
-            if view := bus.next_view(0.05, contents_changed=True):
+            if view := bus.next_view(0.05, contents_changed=when == "always"):
                 bus.publish(view, *planes)
 
 
@@ -80,11 +83,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks cuda_gl")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--size", default="1920x1080")
-    parser.add_argument("--as-server", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--as-server", nargs="+", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.as_server:
-        kind, width, height = given.as_server
-        serve(kind, int(width), int(height))
+        kind, width, height, *when = given.as_server
+        serve(kind, int(width), int(height), *when)
         return
     require_gpu()
     width, height = map(int, given.size.split("x"))

@@ -1,12 +1,13 @@
 """What the window does with an image of a GPU: from the frame to textures of OpenGL.
 
 Without a display, in an OpenGL context of EGL, beside a server in a process of its own that
-publishes one 1080p image on and on. `window`: from the moment at which a frame is there until its
-textures hold it and it is given back. Its floor, `interop`: map, copy, unmap and wait for the same
-bytes, from memory of our own. `copy`: a copy on the device alone. `memory object`: a copy into a
-buffer of OpenGL that is CUDA's memory, shared by file descriptor; waited for by the host, since a
-semaphore that both know comes from Vulkan alone. All take turns; medians. `pose`: from a pose that
-is sent until its image is drawn, over 1,000 poses.
+publishes one 1080p image whenever it is asked for another view. `window`: from the moment at which
+a frame is there until its textures hold it. Its floor, `interop`: map, copy, unmap and wait for the
+same bytes, from memory of our own. `copy`: a copy on the device alone.
+`memory object`: a copy into a buffer of OpenGL that is CUDA's memory, shared by file descriptor,
+and waited for by the host, since a semaphore that both know comes from Vulkan alone. Each in turn
+comes after a frame of its own, as the GPU changes from the server's work to ours then, which takes
+0.3 ms; medians. `pose`: from a pose that is sent until its image is drawn, over 1,000 poses.
 
     python -m benchmarks cuda_window [--rounds 300] [--size 1920x1080]
 """
@@ -39,15 +40,8 @@ def server(width: int, height: int) -> Iterator[Any]:
     """A server in another process, as `cuda_gl` has it; where it is."""
     from splatbus_wire.settings import Settings
 
-    line = [
-        sys.executable,
-        "-m",
-        "benchmarks.cuda_gl",
-        "--as-server",
-        "cuda",
-        str(width),
-        str(height),
-    ]
+    line = [sys.executable, "-m", "benchmarks.cuda_gl"]
+    line += ["--as-server", "cuda", str(width), str(height), "asked"]
     pipe = subprocess.PIPE
     with subprocess.Popen(line, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
         assert process.stdin
@@ -74,9 +68,8 @@ class Bare:
     def __call__(self) -> None:
         from splatbus_client.cuda.driver import api, call
 
-        resources = [resource for _, resource, _ in self.parts]
-        call(api.cuGraphicsMapResources, len(resources), resources, self.stream)
         for _, resource, buffer in self.parts:
+            call(api.cuGraphicsMapResources, 1, resource, self.stream)
             copy = api.CUDA_MEMCPY2D()
             copy.srcMemoryType = api.CUmemorytype.CU_MEMORYTYPE_DEVICE
             copy.dstMemoryType = api.CUmemorytype.CU_MEMORYTYPE_ARRAY
@@ -85,7 +78,7 @@ class Bare:
             copy.Height = buffer.shape[0]
             copy.dstArray = call(api.cuGraphicsSubResourceGetMappedArray, resource, 0, 0)
             call(api.cuMemcpy2DAsync, copy, self.stream)
-        call(api.cuGraphicsUnmapResources, len(resources), resources, self.stream)
+            call(api.cuGraphicsUnmapResources, 1, resource, self.stream)
         call(api.cuStreamSynchronize, self.stream)
 
 
@@ -160,10 +153,13 @@ def gl(name: str, *arguments: Any) -> int:
     return int(ctypes.CFUNCTYPE(ctypes.c_uint)(address)(*arguments))
 
 
-def bring(picture: Any, lease: Any) -> None:
-    """As the window does it; the end of a lease waits for what reads on the GPU."""
+def bring(picture: Any, lease: Any, device: Any) -> None:
+    """Until the textures hold it."""
+    from splatbus_client.cuda.driver import api, call
+
     picture.take(lease)
-    lease.release()
+    with device.current():
+        call(api.cuCtxSynchronize)
 
 
 def milliseconds(does: Callable[[], object]) -> float:
@@ -174,41 +170,47 @@ def milliseconds(does: Callable[[], object]) -> float:
 
 def brought(context: Any, where: Any, size: tuple[int, int], rounds: int) -> list[dict[str, Any]]:
     """How long an image takes to be in textures, for colour alone and with depth."""
-    from splatbus_client.cuda.driver import numbered
+    from splatbus_client.cuda.driver import api, call, numbered
     from splatbus_client.session import Session
+    from splatbus_viewer.view import orbit
     from splatbus_viewer.window.drawing.picture import Picture
+    from splatbus_wire.poses import IDENTITY
 
     width, height = size
+    device = numbered(0)
     rows = []
     for name, channels in PLANES.items():
         shapes = {each: (height, width, 4)[: 3 if each == "color" else 2] for each in channels}
         total = sum(4 * width * height * (4 if each == "color" else 1) for each in channels)
         picture = Picture(context)
-        with numbered(0).current():
+        with device.current():
             bare, copy = Bare(context, shapes), Copy(total)
             shared: Copy | None = None
             try:
-                pointer, _ = shared_buffer(total)
+                pointer, read = shared_buffer(total)
+                call(api.cuMemsetD8, pointer, 0x5A, total)
+                call(api.cuCtxSynchronize)
+                assert read() == b"\x5a" * 4096, "OpenGL does not see what CUDA wrote"
                 shared = Copy(total, pointer)
             except Exception as problem:
                 print(f"memory object: {problem}")
-        took: dict[str, list[float]] = {
-            "window": [],
-            "interop": [],
-            "copy": [],
-            "memory object": [],
-        }
+        ways: dict[str, Callable[[], object]] = {"interop": bare, "copy": copy}
+        if shared is not None:
+            ways["memory object"] = shared
+        took: dict[str, list[float]] = {"window": [], **{each: [] for each in ways}}
         with Session(where, channels) as session:
             for number in range(rounds + 20):
-                lease = session.next_frame(30.0)
-                found = {"window": milliseconds(partial(bring, picture, lease))}
-                with numbered(0).current():
-                    found["interop"] = milliseconds(bare)
-                    found["copy"] = milliseconds(copy)
-                    if shared is not None:
-                        found["memory object"] = milliseconds(shared)
-                if number >= 20:
-                    for each, ms in found.items():
+                for each in took:
+                    session.send_camera(orbit(IDENTITY, len(took[each]) / 60 + len(each)))
+                    lease = session.next_frame(30.0)
+                    if each == "window":
+                        ms = milliseconds(partial(bring, picture, lease, device))
+                        lease.release()
+                    else:
+                        lease.release()
+                        with device.current():
+                            ms = milliseconds(ways[each])
+                    if number >= 20:
                         took[each].append(ms)
         medians = {each: statistics.median(ms) for each, ms in took.items() if ms}
         rows.append({"planes": name, "bytes": total, **medians})

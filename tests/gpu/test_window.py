@@ -15,13 +15,13 @@ from tests.gpu import require_gpu
 require_gpu()
 pytest.importorskip("moderngl", reason="the extra [window] is not installed")
 
-import moderngl
-from splatbus_client.session import Session
-from splatbus_viewer.window.choices import assumed_camera
-from splatbus_viewer.window.drawing.ground import Ground
-from splatbus_viewer.window.drawing.picture import MODES, Picture
-from splatbus_wire.poses import IDENTITY
-from splatbus_wire.settings import Settings
+import moderngl  # noqa: E402
+from splatbus_client.session import Session  # noqa: E402
+from splatbus_viewer.window.choices import assumed_camera  # noqa: E402
+from splatbus_viewer.window.drawing.ground import Ground  # noqa: E402
+from splatbus_viewer.window.drawing.picture import MODES, Picture  # noqa: E402
+from splatbus_wire.poses import IDENTITY  # noqa: E402
+from splatbus_wire.settings import Settings  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 SIZE = 200, 120

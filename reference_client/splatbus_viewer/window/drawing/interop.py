@@ -27,7 +27,7 @@ class Interop:
         self.depth = texture(context, width, height, "depth")
         self._size = width, height
         self._device: Any = None
-        self._resources: dict[str, Any] = {}
+        self._copies: dict[str, tuple[Any, Any]] = {}
 
     def take(self, lease: FrameLease) -> int:
         """Copy the channels that are subscribed to, on the GPU; returns how many bytes.
@@ -41,21 +41,13 @@ class Interop:
         if self._device is None:
             self._begin(next(iter(images.values())))
         with self._device.current():
-            resources = [self._resource(name) for name in images]
-            call(api.cuGraphicsMapResources, len(resources), resources, self._stream)
-            try:
-                return sum(
-                    self._copy(name, resource, image)
-                    for resource, (name, image) in zip(resources, images.items())
-                )
-            finally:
-                call(api.cuGraphicsUnmapResources, len(resources), resources, self._stream)
+            return sum(self._copy(name, image) for name, image in images.items())
 
     def release(self) -> None:
         """Give back textures, and what CUDA knows of them."""
         if self._device is not None:
             with self._device.current():
-                for resource in self._resources.values():
+                for resource, _ in self._copies.values():
                     call(api.cuGraphicsUnregisterResource, resource)
                 call(api.cuStreamDestroy, self._stream)
         self.color.release()
@@ -68,27 +60,31 @@ class Interop:
             self._stream = call(api.cuStreamCreate, _NON_BLOCKING)
         self._device = device
 
-    def _resource(self, name: str) -> Any:
-        if name not in self._resources:
-            number = (self.color if name == "color" else self.depth).glo
-            try:
-                self._resources[name] = call(
-                    api.cuGraphicsGLRegisterImage, number, _TEXTURE_2D, _DISCARDED
-                )
-            except CudaError as problem:
-                hint = "does OpenGL draw on the GPU that the images lie on?"
-                raise CudaError(f"{problem}; {hint}") from None
-        return self._resources[name]
+    def _copy(self, name: str, image: OnDevice) -> int:
+        if name not in self._copies:
+            self._copies[name] = self._registered(name)
+        resource, copy = self._copies[name]
+        call(api.cuGraphicsMapResources, 1, resource, self._stream)
+        try:
+            copy.srcDevice = image.ready_on(int(self._stream))
+            copy.dstArray = call(api.cuGraphicsSubResourceGetMappedArray, resource, 0, 0)
+            call(api.cuMemcpy2DAsync, copy, self._stream)
+        finally:
+            call(api.cuGraphicsUnmapResources, 1, resource, self._stream)
+        return int(copy.WidthInBytes * copy.Height)
 
-    def _copy(self, name: str, resource: Any, image: OnDevice) -> int:
+    def _registered(self, name: str) -> tuple[Any, Any]:
+        """A texture as CUDA knows it, and the copy to it, but for what changes."""
         width, height = self._size
-        row = 4 * CHANNELS[name] * width
+        number = (self.color if name == "color" else self.depth).glo
+        try:
+            resource = call(api.cuGraphicsGLRegisterImage, number, _TEXTURE_2D, _DISCARDED)
+        except CudaError as problem:
+            hint = "does OpenGL draw on the GPU that the images lie on?"
+            raise CudaError(f"{problem}; {hint}") from None
         copy = api.CUDA_MEMCPY2D()
         copy.srcMemoryType = api.CUmemorytype.CU_MEMORYTYPE_DEVICE
-        copy.srcDevice = image.ready_on(int(self._stream))
-        copy.srcPitch = row
         copy.dstMemoryType = api.CUmemorytype.CU_MEMORYTYPE_ARRAY
-        copy.dstArray = call(api.cuGraphicsSubResourceGetMappedArray, resource, 0, 0)
-        copy.WidthInBytes, copy.Height = row, height
-        call(api.cuMemcpy2DAsync, copy, self._stream)
-        return row * height
+        copy.srcPitch = copy.WidthInBytes = 4 * CHANNELS[name] * width
+        copy.Height = height
+        return resource, copy

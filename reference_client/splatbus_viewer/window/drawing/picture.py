@@ -7,7 +7,7 @@ from typing import NamedTuple
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_client.lease import FrameLease
+from splatbus_client.lease import FrameLease, Image, OnDevice
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.semantics import Semantics
 
@@ -72,16 +72,14 @@ class Picture:
 
     def take(self, lease: FrameLease) -> None:
         """Copy an image into the textures; what of the geometry was drawn stays."""
-        height, width = _shape(lease)
-        is_on_device = _is_on_device(lease)
-        if self._textures is None or (width, height, is_on_device) != (
-            *self.size,
-            self._is_on_device,
-        ):
+        image, is_on_device = _some(lease)
+        height, width = image.shape[:2]
+        now = (width, height), is_on_device
+        if self._textures is None or now != (self.size, self._is_on_device):
             if self._textures is not None:
                 self._textures.release()
             self._textures = _textures(self._context, width, height, is_on_device)
-            self.size, self._is_on_device = (width, height), is_on_device
+            self.size, self._is_on_device = now
         copied = self._textures.take(lease)
         camera = lease.camera if lease.has_camera else None
         self.taken = Taken(
@@ -158,19 +156,13 @@ def range_of(depths: NDArray[np.float32]) -> tuple[float, float]:
     return (near, far) if far > near else (near, near + 1.0)
 
 
-def _shape(lease: FrameLease) -> tuple[int, ...]:
-    name = "color" if "color" in lease.channels else "depth"
-    if _is_on_device(lease):
-        return (lease.color_on_device if name == "color" else lease.depth_on_device).shape[:2]
-    return (lease.color if name == "color" else lease.depth).shape[:2]
-
-
-def _is_on_device(lease: FrameLease) -> bool:
+def _some(lease: FrameLease) -> tuple[OnDevice | Image, bool]:
+    """One of its images, and whether it lies on a GPU."""
+    is_color = "color" in lease.channels
     try:
-        _ = lease.color_on_device if "color" in lease.channels else lease.depth_on_device
+        return (lease.color_on_device if is_color else lease.depth_on_device), True
     except RuntimeError:
-        return False
-    return True
+        return (lease.color if is_color else lease.depth), False
 
 
 def _textures(context: moderngl.Context, width: int, height: int, is_on_device: bool) -> Textures:
