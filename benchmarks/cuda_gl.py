@@ -38,17 +38,21 @@ def serve(kind: str, width: int, height: int, when: str = "always") -> None:
     """
     import splatbus_server
 
-    noise = np.random.default_rng(0)
-    planes: list[Any] = [noise.random((height, width, 4), np.float32)]
-    planes.append(3 + 4 * noise.random((height, width), np.float32))
+    def planes(size: tuple[int, int]) -> list[Any]:
+        noise = np.random.default_rng(0)
+        color = noise.random((size[1], size[0], 4), np.float32)
+        both: list[Any] = [color, 3 + 4 * noise.random((size[1], size[0]), np.float32)]
+        return [uploaded(plane) for plane in both] if kind == "cuda" else both
+
     memory: Literal["cuda_ipc", "host_shm"] = "cuda_ipc" if kind == "cuda" else "host_shm"
     with splatbus_server.serve(width, height, ipc_port=0, message_port=0, memory=memory) as bus:
-        if kind == "cuda":
-            planes = [uploaded(plane) for plane in planes]
+        size, image = (width, height), planes((width, height))
         print(bus.address.ipc_port, bus.address.message_port, flush=True)
         while not select.select([sys.stdin], [], [], 0)[0]:
             if view := bus.next_view(0.05, contents_changed=when == "always"):
-                bus.publish(view, *planes)
+                if size != (view.width, view.height):
+                    size, image = (view.width, view.height), planes((view.width, view.height))
+                bus.publish(view, *image)
 
 
 def uploaded(plane: Any) -> Buffer:

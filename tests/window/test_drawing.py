@@ -164,6 +164,19 @@ def test_geometry_is_among_the_splats_as_compositing_has_it(
     assert np.abs(found - encoded(truth, semantics)).max() < 1e-5
 
 
+def test_an_image_of_another_size_is_drawn_larger(context: Any) -> None:
+    color, depth = image(SEMANTICS[0])
+    color[..., 3] = 1
+    picture = Picture(context)
+    picture.take(OnHost(color=color, depth=depth, semantics=SEMANTICS[0]))
+    twice = 2 * WIDTH, 2 * HEIGHT
+    target = context.framebuffer([context.texture((twice[0] + 9, twice[1] + 5), 4, dtype="f4")])
+    picture.draw(target, (9, 5, *twice), "color", CAMERA, NOTHING, (0.0, 1.0))
+    data = target.read(viewport=(9, 5, *twice), components=3, dtype="f4")
+    found = np.frombuffer(data, np.float32).reshape(2 * HEIGHT, 2 * WIDTH, 3)[::-1]
+    assert (found == color[..., :3].repeat(2, axis=0).repeat(2, axis=1)).all()
+
+
 def test_the_grid_lies_where_its_camera_sees_it(context: Any) -> None:
     _, plane = GroundDrawing(context).draw(CAMERA, Ground(1.0))
     z = np.frombuffer(plane.read(), np.float32).reshape(HEIGHT, WIDTH)[::-1]

@@ -177,9 +177,10 @@ class Window:
             self._hold(look)
         self._is_moving = hands.steer(choices, look.seconds)
         screen.describe_end()
-        screen.context.screen.use()
-        screen.context.viewport = 0, 0, *screen.size
-        screen.context.clear(*_BACKGROUND)
+        if camera is None or fitted(self.region(), look.size) != (0, 0, *screen.size):
+            screen.context.screen.use()
+            screen.context.viewport = 0, 0, *screen.size
+            screen.context.clear(*_BACKGROUND)
         if camera is not None:
             self._image(camera, now)
         if self._shoots:

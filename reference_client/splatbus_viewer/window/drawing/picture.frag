@@ -1,17 +1,20 @@
-#version 330 core
+// Compiled for each MODE, for what an image's numbers mean, STRAIGHT, LINEAR, RAY, and whether it is
+// SCALED: a processor that draws goes through all branches of what is decided while it runs.
+#define COLOR 0
+#define DEPTH 1
+#define NORMALS 2
+#define COMPOSITE 3
+#define PROBE 4
 
 uniform sampler2D color, depth;                // of the image, bottom row first
 uniform sampler2D ground_color, ground_depth;  // of the viewer's own geometry, sRGB
-uniform bool is_straight, is_linear, is_ray;   // what the image's numbers mean
 uniform float empty;
 uniform vec4 lens;                             // fx, fy, cx, cy
-uniform vec4 region;                           // of the screen: left, bottom, width, height
+uniform ivec2 corner;                          // of the screen, where the image begins
+uniform vec2 scale;                            // pixels of the image to one of the screen
 uniform vec2 range;                            // nearest and farthest depth of the colours
 uniform vec3 ramp[9];
-uniform int mode;
 out vec4 shown;
-
-const int COLOR = 0, DEPTH = 1, NORMALS = 2, COMPOSITE = 3, PROBE = 4;
 
 vec3 encoded(vec3 light) {
   return mix(1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, 12.92 * light, lessThanEqual(light, vec3(0.0031308)));
@@ -33,11 +36,17 @@ float planar(ivec2 at) {
   float z = texelFetch(depth, at, 0).r;
   bool is_surface = z > 0.0 && !isinf(z) && z != empty && texelFetch(color, at, 0).a > 0.0;
   if (!is_surface) return 0.0;
-  return is_ray ? z / length(ray(at)) : z;
+#if RAY
+  z /= length(ray(at));
+#endif
+  return z;
 }
 
 vec3 over(vec4 splats, vec3 behind) {
-  return (is_straight ? splats.rgb * splats.a : splats.rgb) + (1.0 - splats.a) * behind;
+#if STRAIGHT
+  splats.rgb *= splats.a;
+#endif
+  return splats.rgb + (1.0 - splats.a) * behind;
 }
 
 // From the surface at a pixel to its neighbour's on the side whose depth is the more alike:
@@ -67,8 +76,8 @@ vec3 false_color(float z) {
 }
 
 vec3 squares() {
-  ivec2 square = ivec2(gl_FragCoord.xy) >> 3;
-  return vec3(((square.x + square.y) & 1) == 0 ? 0.20 : 0.16);
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  return vec3(((at.x ^ at.y) & 8) == 0 ? 0.20 : 0.16);
 }
 
 vec3 hatched() {
@@ -77,25 +86,33 @@ vec3 hatched() {
 }
 
 void main() {
-  ivec2 at = ivec2((gl_FragCoord.xy - region.xy) * vec2(textureSize(color, 0)) / region.zw);
-  vec4 splats = texelFetch(color, at, 0);
+#if SCALED
+  ivec2 at = ivec2((gl_FragCoord.xy - vec2(corner)) * scale);
+#else
+  ivec2 at = ivec2(gl_FragCoord.xy) - corner;
+#endif
+#if MODE == PROBE
+  shown = vec4(planar(at), 0.0, 0.0, 1.0);
+#elif MODE == DEPTH
+  float z = planar(at);
+  shown = vec4(z == 0.0 ? hatched() : false_color(z), 1.0);
+#elif MODE == NORMALS
+  shown = vec4(planar(at) == 0.0 ? hatched() : normals(at), 1.0);
+#else
   vec3 behind = squares();
-  if (mode == PROBE) {
-    shown = vec4(planar(at), 0.0, 0.0, 1.0);
-    return;
-  }
-  if (mode == DEPTH || mode == NORMALS) {
-    float z = planar(at);
-    shown = vec4(z == 0.0 ? hatched() : mode == DEPTH ? false_color(z) : normals(at), 1.0);
-    return;
-  }
   bool is_seen = true;
-  if (mode == COMPOSITE) {
-    float ground = texelFetch(ground_depth, at, 0).r, z = planar(at);
-    if (ground > 0.0) behind = texelFetch(ground_color, at, 0).rgb;
-    is_seen = z > 0.0 && (ground == 0.0 || z < ground);  // [ACC-10]
-  }
-  if (is_linear) behind = decoded(behind);
-  vec3 mixed = is_seen ? over(splats, behind) : behind;
-  shown = vec4(is_linear ? encoded(mixed) : mixed, 1.0);
+#if MODE == COMPOSITE
+  float ground = texelFetch(ground_depth, at, 0).r, z = planar(at);
+  if (ground > 0.0) behind = texelFetch(ground_color, at, 0).rgb;
+  is_seen = z > 0.0 && (ground == 0.0 || z < ground);  // [ACC-10]
+#endif
+#if LINEAR
+  behind = decoded(behind);
+#endif
+  vec3 mixed = is_seen ? over(texelFetch(color, at, 0), behind) : behind;
+#if LINEAR
+  mixed = encoded(mixed);
+#endif
+  shown = vec4(mixed, 1.0);
+#endif
 }

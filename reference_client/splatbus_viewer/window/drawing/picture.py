@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
@@ -16,6 +16,8 @@ from splatbus_viewer.window.drawing.uploading import Textures, Uploads
 
 MODES = ("color", "depth", "normals", "composite")
 _PROBE = len(MODES)
+_UNITS = ("color", "depth", "ground_color", "ground_depth")
+"""Textures, as they are numbered."""
 PROBED = 64, 36
 """Columns and rows of depths that are looked at for their range."""
 # Nine points of Matplotlib's viridis (CC0), near to far: yellow to violet.
@@ -59,16 +61,11 @@ class Picture:
         self.size = (0, 0)
         self.taken: Taken | None = None
         self._context = context
-        self._program = context.program(shader("picture.vert"), shader("picture.frag"))
-        self._triangle = context.vertex_array(self._program, [])
+        self._drawings: dict[tuple[int, ...], tuple[moderngl.Program, moderngl.VertexArray]] = {}
         self._ground = GroundDrawing(context)
         self._textures: Textures | None = None
         self._is_on_device = False
         self._probe = context.framebuffer([context.texture(PROBED, 1, dtype="f4")])
-        names = ("color", "depth", "ground_color", "ground_depth")
-        for unit, name in enumerate(names):
-            self._program[name] = unit
-        self._program["ramp"] = [tuple(channel / 255 for channel in stop) for stop in RAMP]
 
     def take(self, lease: FrameLease) -> None:
         """Copy an image into the textures; what of the geometry was drawn stays."""
@@ -108,8 +105,7 @@ class Picture:
         if mode == "composite":
             for unit, texture in enumerate(self._ground.draw(camera, ground), 2):
                 texture.use(unit)
-        self._program["range"] = depths
-        self._render(target, region, MODES.index(mode), camera)
+        self._render(target, region, MODES.index(mode), camera, depths)
 
     def probe(self, camera: FrameCamera) -> NDArray[np.float32]:
         """Return (36, 64) float32: planar depths of pixels all over the image, 0 where none is."""
@@ -120,23 +116,49 @@ class Picture:
         )
 
     def _render(
-        self, target: moderngl.Framebuffer, region: Region, mode: int, camera: FrameCamera
+        self,
+        target: moderngl.Framebuffer,
+        region: Region,
+        mode: int,
+        camera: FrameCamera,
+        depths: tuple[float, float] = (0.0, 1.0),
     ) -> None:
         assert self.taken is not None
         assert self._textures is not None
-        semantics, program = self.taken.semantics, self._program
-        program["is_straight"] = semantics.alpha == "straight"
-        program["is_linear"] = semantics.color_space == "linear"
-        program["is_ray"] = semantics.depth_kind == "ray_distance"
-        program["empty"] = semantics.depth_empty
-        program["lens"] = camera.fx, camera.fy, camera.cx, camera.cy
-        program["region"] = region
-        program["mode"] = mode
+        program, triangle = self._drawing(mode, self.taken.semantics, region[2:] != self.size)
+        values: dict[str, Any] = {
+            "empty": self.taken.semantics.depth_empty,
+            "lens": (camera.fx, camera.fy, camera.cx, camera.cy),
+            "corner": region[:2],
+            "scale": (self.size[0] / region[2], self.size[1] / region[3]),
+            "range": depths,
+        }
+        for name in values.keys() & set(program):  # the others were not needed
+            program[name] = values[name]
         self._textures.color.use(0)
         self._textures.depth.use(1)
         target.use()
         self._context.viewport = region
-        self._triangle.render(vertices=3)
+        triangle.render(vertices=3)
+
+    def _drawing(
+        self, mode: int, semantics: Semantics, is_scaled: bool
+    ) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        """The program of a mode, for images that mean the same."""
+        is_straight, is_linear = semantics.alpha == "straight", semantics.color_space == "linear"
+        key = mode, is_straight, is_linear, semantics.depth_kind == "ray_distance", is_scaled
+        if key not in self._drawings:
+            told = zip(("MODE", "STRAIGHT", "LINEAR", "RAY", "SCALED"), map(int, key))
+            head = ["#version 330 core", *(f"#define {name} {value}" for name, value in told)]
+            text = "\n".join([*head, shader("picture.frag")])
+            program = self._context.program(shader("picture.vert"), text)
+            ramp = [tuple(channel / 255 for channel in stop) for stop in RAMP]
+            constants: dict[str, Any] = {name: unit for unit, name in enumerate(_UNITS)}
+            for name in ("ramp", *_UNITS):
+                if name in program:
+                    program[name] = {**constants, "ramp": ramp}[name]
+            self._drawings[key] = program, self._context.vertex_array(program, [])
+        return self._drawings[key]
 
 
 def fitted(region: Region, size: tuple[int, int]) -> Region:
