@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from imgui_bundle import imgui
 from splatbus_viewer.window.cameras import Eye
 from splatbus_viewer.window.choices import RING, ring_before
 from splatbus_wire.messages import Placement
@@ -32,6 +33,14 @@ def main(folder: Path) -> None:
             )
             staged.rests()
             save(staged, folder / "window-object.png")
+            staged.window.choices.held = None
+            imgui.set_window_focus("Packets")
+            staged.turns(4)
+            packets = staged.window.look.packets.newest
+            chosen = next(each for each in packets if b'"get_scene"' in each.payload)
+            staged.window.look.own["packet"] = chosen
+            staged.turns(2)
+            save(staged, folder / "window-packets.png")
         for mode in ("color", "depth", "normals"):
             with opened(where, SIZE, mode=mode, shows_panels=False) as staged:
                 staged.rests()
