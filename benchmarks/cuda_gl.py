@@ -31,21 +31,28 @@ CPP = ROOT / "reference_client" / "cpp"
 KINDS = ("cuda", "host")
 
 
-def serve(kind: str, width: int, height: int) -> None:
-    """A server until its input ends: prints its ports, and publishes one image on and on."""
+def serve(kind: str, width: int, height: int, when: str = "always") -> None:
+    """A server until its input ends: prints its ports, and publishes one image on and on.
+
+    Or `"asked"` for another view.
+    """
     import splatbus_server
 
-    noise = np.random.default_rng(0)
-    planes: list[Any] = [noise.random((height, width, 4), np.float32)]
-    planes.append(3 + 4 * noise.random((height, width), np.float32))
+    def planes(size: tuple[int, int]) -> list[Any]:
+        noise = np.random.default_rng(0)
+        color = noise.random((size[1], size[0], 4), np.float32)
+        both: list[Any] = [color, 3 + 4 * noise.random((size[1], size[0]), np.float32)]
+        return [uploaded(plane) for plane in both] if kind == "cuda" else both
+
     memory: Literal["cuda_ipc", "host_shm"] = "cuda_ipc" if kind == "cuda" else "host_shm"
     with splatbus_server.serve(width, height, ipc_port=0, message_port=0, memory=memory) as bus:
-        if kind == "cuda":
-            planes = [uploaded(plane) for plane in planes]
+        size, image = (width, height), planes((width, height))
         print(bus.address.ipc_port, bus.address.message_port, flush=True)
         while not select.select([sys.stdin], [], [], 0)[0]:
-            if view := bus.next_view(0.05, contents_changed=True):
-                bus.publish(view, *planes)
+            if view := bus.next_view(0.05, contents_changed=when == "always"):
+                if size != (view.width, view.height):
+                    size, image = (view.width, view.height), planes((view.width, view.height))
+                bus.publish(view, *image)
 
 
 def uploaded(plane: Any) -> Buffer:
@@ -80,11 +87,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks cuda_gl")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--size", default="1920x1080")
-    parser.add_argument("--as-server", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--as-server", nargs="+", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.as_server:
-        kind, width, height = given.as_server
-        serve(kind, int(width), int(height))
+        kind, width, height, *when = given.as_server
+        serve(kind, int(width), int(height), *when)
         return
     require_gpu()
     width, height = map(int, given.size.split("x"))

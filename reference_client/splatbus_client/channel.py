@@ -11,7 +11,7 @@ import logging
 import os
 import selectors
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
 from splatbus_schemas import LIMITS
@@ -29,6 +29,11 @@ _RECEIVE_BYTES = 16384  # so much is done before others have their turn
 _KEEP_ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 """Seconds of silence before the system asks the other one's, by the names of Linux and Windows and
 of macOS; seconds between questions; and how many may go unanswered."""
+
+
+Tap = Callable[[str, str, bytes], None]
+"""Is told the name of a channel, `"connected"`, `"sent"` or `"received"`, and the bytes: whole, the
+token too, at once, with the session's lock held. It must return soon, and call nothing of that."""
 
 
 class Machine(Protocol):
@@ -77,16 +82,19 @@ class Channel:
         port: of the channel.
         owner: makes the machine of each new connection, handles what is announced, lent or
             answered on it, and is told of its end.
+        tap: is told of all bytes, if anybody is.
 
     Raises:
         OSError: the host's name cannot be resolved.
     """
 
-    def __init__(self, name: str, host: str, port: int, owner: Owner) -> None:
+    def __init__(
+        self, name: str, host: str, port: int, owner: Owner, tap: Tap | None = None
+    ) -> None:
         self.socket: socket.socket | None = None
         self.status = ChannelStatus()
         self.name, self._where = name, f"{host}:{port}"
-        self._owner = owner
+        self._owner, self._tap = owner, tap
         try:
             self._addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except socket.gaierror as error:
@@ -141,7 +149,10 @@ class Channel:
                     self.unsent = memoryview(self.machine.data_to_send(now))
                 if not self.unsent:
                     return
-                self.unsent = self.unsent[self.socket.send(self.unsent) :]
+                sent = self.socket.send(self.unsent)
+                if self._tap is not None:
+                    self._tap(self.name, "sent", bytes(self.unsent[:sent]))
+                self.unsent = self.unsent[sent:]
         except BlockingIOError:
             pass
         except OSError as error:
@@ -194,6 +205,8 @@ class Channel:
         self.machine = self._owner.begin()
         self.status = ChannelStatus(True, self.status.connections + 1)
         log.info("%s channel connected to %s", self.name, self._where)
+        if self._tap is not None:
+            self._tap(self.name, "connected", b"")
         self.flush(now)
 
     def _receive(self, connection: socket.socket, machine: Machine, now: float) -> None:
@@ -205,6 +218,8 @@ class Channel:
             self.lose(_reason(error), now)
             return
         if data:
+            if self._tap is not None:
+                self._tap(self.name, "received", data)
             self._take(machine.receive(data, now), now)
         else:
             self.lose("the server ended it", now)  # [CHN-17]

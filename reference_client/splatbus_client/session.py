@@ -36,7 +36,7 @@ from splatbus_wire.messages import (
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import Settings, settings
 
-from splatbus_client.channel import Channel
+from splatbus_client.channel import Channel, Tap
 from splatbus_client.clock import Sample
 from splatbus_client.ipc_protocol import CHANNELS
 from splatbus_client.lease import FrameLease
@@ -78,15 +78,17 @@ def connect(
 class Session:
     """Both channels to one server; see `connect`. Every method may be called from any thread."""
 
-    def __init__(self, where: Settings, channels: Iterable[str] = CHANNELS) -> None:
+    def __init__(
+        self, where: Settings, channels: Iterable[str] = CHANNELS, tap: Tap | None = None
+    ) -> None:
         program = Program("splatbus-client", version("splatbus-protocol"))
         hello = Hello(("1.1", "1.0"), program, capabilities(), where.token)
         self._where = where
         self._started = clock()
         self._reading = Reading(hello, _known(channels))
         self._steering = Steering(hello)
-        self._ipc = Channel("IPC", where.host, where.ipc_port, self._reading)
-        self._message = Channel("message", where.host, where.message_port, self._steering)
+        self._ipc = Channel("IPC", where.host, where.ipc_port, self._reading, tap)
+        self._message = Channel("message", where.host, where.message_port, self._steering, tap)
         self._loop = Loop((self._ipc, self._message), self._reading.sweep, self._steering.close)
         self._changed = self._loop.changed
 

@@ -25,6 +25,7 @@ from splatbus_viewer import telemetry
 from splatbus_viewer.info import describe
 from splatbus_viewer.poses import parse_look_at, parse_pose
 from splatbus_viewer.view import view
+from splatbus_viewer.window import command as window
 
 _CHANNELS = FRAMING["channels"]
 
@@ -40,6 +41,7 @@ examples:
   splatbus-server                                   start a server, in another terminal
   splatbus-client view                              watch it until Ctrl-C
   splatbus-client view --rate 60 --seconds 10       steer at 60 Hz, for ten seconds
+  splatbus-client window                            look at it through a window, and steer it
   splatbus-client snapshot out.png                  one picture of what it shows now
   splatbus-client snapshot out.png --camera-index 2 the same from the scene's third camera
   splatbus-client snapshot out.png --look-at "0,-1,-2, 0,0,4"
@@ -186,6 +188,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_seconds(watch)
     watch.set_defaults(run=_view)
+
+    window.add(commands, where)
 
     shoot = commands.add_parser(
         "snapshot",

@@ -33,7 +33,7 @@ SOURCES = {
     *("spec", "tests"),
 }
 """What may lie at the top of the repository, and so of the sdist."""
-KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2", ".lua"}
+KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2", ".lua", ".vert", ".frag"}
 """The kinds of files in a wheel, beside `py.typed`."""
 
 
@@ -93,6 +93,7 @@ def test_the_wheel_has_what_each_package_reads_beside_its_modules(
         "splatbus_schemas/1.1/welcome.schema.json",
         "splatbus_schemas/1.1/examples/welcome.json",
         "splatbus_server/cuda/publish.cu",
+        "splatbus_viewer/window/drawing/picture.frag",
         "splatbus_conformance/data/report.schema.json",
         "splatbus_conformance/images/memory/cuda_stand_in/cudart.c",
     }
