@@ -68,8 +68,8 @@ def accept(listener):
         connection.close()
 
 
-def channel_to(listener, owner):
-    return Channel("test", "127.0.0.1", listener.getsockname()[1], owner)
+def channel_to(listener, owner, tap=None):
+    return Channel("test", "127.0.0.1", listener.getsockname()[1], owner, tap)
 
 
 def step(channel, now):
@@ -95,6 +95,31 @@ def attempts(channel, seconds):
 
 def gaps(times):
     return [later - earlier for earlier, later in pairwise(times)]
+
+
+def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
+    owner, heard = Owner(), []
+    channel = channel_to(listener, owner, lambda *told: heard.append(told))
+    for first, then in ((b"hello", b"welcome"), (b"again", b"once more")):
+        owner.sending = first
+        while channel.machine is None:
+            step(channel, channel.due)
+        server = accept()
+        server.settimeout(SECONDS)
+        assert server.recv(64) == first
+        server.sendall(then)
+        while heard[-1][1] != "received":
+            step(channel, 0.0)
+        assert heard == [
+            ("test", "connected", b""),
+            ("test", "sent", first),
+            ("test", "received", then),
+        ]
+        heard.clear()
+        server.close()
+        while channel.machine is not None:
+            step(channel, 0.0)
+    channel.close()
 
 
 def test_refused_attempts_keep_their_distance(listener):

@@ -13,7 +13,12 @@ import moderngl
 from splatbus_viewer.display import composed, planar_depth, rays, srgb
 from splatbus_viewer.picture import _ramp
 from splatbus_viewer.poses import look_at
-from splatbus_viewer.window.drawing.ground import Ground, GroundDrawing, projection
+from splatbus_viewer.window.drawing.ground import (
+    THICKNESS,
+    Ground,
+    GroundDrawing,
+    projection,
+)
 from splatbus_viewer.window.drawing.picture import Picture, fitted, range_of
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.poses import IDENTITY, as_array, view_matrix
@@ -188,6 +193,18 @@ def test_the_grid_lies_where_its_camera_sees_it(context: Any) -> None:
     assert np.abs(world[near, 1] - 1.0).max() < 0.1
     across, along = np.abs(world[near][:, (0, 2)] - np.round(world[near][:, (0, 2)])).T
     assert np.minimum(across, along).max() < 0.15
+
+
+def test_the_ring_is_where_it_is_put_and_as_large(context: Any) -> None:
+    pose, scale = IDENTITY._replace(position=(0.0, 0.3, 3.0)), 1.5
+    _, plane = GroundDrawing(context).draw(CAMERA, Ground(None, Placement("ring", pose, scale)))
+    z = np.frombuffer(plane.read(), np.float32).reshape(HEIGHT, WIDTH)[::-1]
+    rows, columns = np.nonzero(z)
+    assert len(rows) > 100
+    points = rays(CAMERA)[rows, columns] * z[rows, columns][:, None]
+    world = points @ as_array(view_matrix(CAMERA.pose))[:3, :3] + CAMERA.pose.position
+    x, y, z = ((world - pose.position) / scale).T
+    assert np.abs(np.hypot(np.hypot(x, z) - 1.0, y) - THICKNESS).max() < 0.01
 
 
 def test_the_geometry_is_drawn_again_only_where_something_is_another(context: Any) -> None:

@@ -131,13 +131,14 @@ class Window:
             return False
         with lease:
             self.picture.take(lease)
+            is_whole = lease.intact
             self._look_for_pivot()
             self.look.own["objects"] = lease.objects
             if not math.isnan(lease.time):
                 self.look.own["image time"] = lease.time
         images = self._session.images
         self._generation = images.generation if images is not None else self._generation
-        return True
+        return is_whole
 
     def _look_for_pivot(self) -> None:
         """Have the camera move about what is in the middle, until it is moved."""

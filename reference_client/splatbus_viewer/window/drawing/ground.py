@@ -18,7 +18,8 @@ GRID_LINES = 20
 """To either side of the middle, a unit apart."""
 _FINE, _AXIS_X, _AXIS_Z = (0.34, 0.36, 0.40), (0.75, 0.27, 0.25), (0.27, 0.46, 0.80)
 _RING = (0.98, 0.62, 0.12)
-_THIN = 0.14
+THICKNESS = 0.14
+"""Of the ring, to either side of its circle, in parts of its radius."""
 _AROUND, _ACROSS = 96, 32
 _NEAREST, _FARTHEST = 0.01, 1e4
 
@@ -143,7 +144,7 @@ def _torus() -> Float32Array:
         outward = np.array([np.cos(around[i]), 0.0, np.sin(around[i])])
         normal = np.cos(across[j]) * outward + np.sin(across[j]) * np.array([0.0, 1.0, 0.0])
         tint = np.array(_RING) * (1.0 if (8 * i // _AROUND) % 2 else 0.72)
-        return np.concatenate([outward + _THIN * normal, normal, tint]).astype(np.float32)
+        return np.concatenate([outward + THICKNESS * normal, normal, tint]).astype(np.float32)
 
     corners = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
     places = itertools.product(range(_AROUND), range(_ACROSS), corners)

@@ -16,11 +16,7 @@ _NON_BLOCKING = 1
 
 
 class Interop:
-    """Textures that CUDA copies to; nothing of an image passes through the host.
-
-    Raises:
-        CudaError: OpenGL draws on another device than the one that images lie on, or none.
-    """
+    """Textures that CUDA copies to; nothing of an image passes through the host."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int) -> None:
         self.color = texture(context, width, height, "color")
@@ -33,6 +29,9 @@ class Interop:
         """Copy the channels that are subscribed to, on the GPU; returns how many bytes.
 
         The copies are seen to finish when the frame is released.
+
+        Raises:
+            OSError: OpenGL draws on another device than the one that images lie on.
         """
         images = {
             name: lease.color_on_device if name == "color" else lease.depth_on_device
@@ -81,7 +80,7 @@ class Interop:
             resource = call(api.cuGraphicsGLRegisterImage, number, _TEXTURE_2D, _DISCARDED)
         except CudaError as problem:
             hint = "does OpenGL draw on the GPU that the images lie on?"
-            raise CudaError(f"{problem}; {hint}") from None
+            raise OSError(f"{problem}; {hint}") from None
         copy = api.CUDA_MEMCPY2D()
         copy.srcMemoryType = api.CUmemorytype.CU_MEMORYTYPE_DEVICE
         copy.dstMemoryType = api.CUmemorytype.CU_MEMORYTYPE_ARRAY
