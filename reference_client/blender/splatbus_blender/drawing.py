@@ -82,10 +82,15 @@ class Canvas:
         self._textures: tuple[Any, Any] | None = None
 
     def take(self, image: Copied) -> None:
-        """Bring an image to the GPU, if it is not there yet; it has to have colour and depth."""
+        """Bring an image to the GPU, if it is not there yet.
+
+        Args:
+            image: with colour; without depth, the look "COLOR" is all that it has.
+        """
         if self.image is not image:
-            self._textures = _texture(image.color, "RGBA32F"), _texture(image.depth, "R32F")
-            self.image = image
+            color = _texture(image.color, "RGBA32F")
+            depth = color if image.depth is None else _texture(image.depth, "R32F")
+            self._textures, self.image = (color, depth), image
 
     def draw(self, window: Rows, look: str, unit: float = 1.0, *, encodes: bool = False) -> None:
         """Draw the image that is there over all of the framebuffer.

@@ -44,7 +44,7 @@ def paint(window: Any, look: str) -> None:
     """
     global _canvas
     image = None if service.connection is None else service.connection.image
-    if image is None or image.color is None or image.depth is None:
+    if image is None or image.color is None or (image.depth is None and look != "COLOR"):
         return
     if _canvas is None:
         _canvas = Canvas()  # not before there is a GPU

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 from splatbus_client.reading import ImagesOpen
 
-from . import viewing
+from . import compositing, viewing
 from .core.connection import Connection
 from .core.wanted import Wanted
 from .properties import where
@@ -99,12 +99,18 @@ def viewport() -> tuple[Any, Any] | None:
     return max(found, key=lambda each: each[0].width * each[0].height, default=None)
 
 
+def looks_at_depth(scene: Any) -> bool:
+    """Whether a scene shows where splats are among its meshes, or its renders do."""
+    return scene.splatbus.show != "COLOR" or compositing.splats_of(scene) is not None
+
+
 def _wanted() -> tuple[Wanted, list[str]]:
     scene = bpy.context.scene
     found = None if bpy.app.background else viewport()
     if found is None:
         return viewing.through_camera(scene)
-    return viewing.through_region(scene, *found)
+    wanted, wrong = viewing.through_region(scene, *found)
+    return wanted._replace(depth=looks_at_depth(scene)), wrong
 
 
 def _turn() -> float | None:

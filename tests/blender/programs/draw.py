@@ -121,6 +121,8 @@ found = {
     for name, (splats, unit) in cases.items()
     for look in LOOKS
 }
+colour_alone = cases["straight"][0]._replace(depth=None)
+found["straight COLOR alone"] = drawn(canvas, colour_alone, "COLOR", 1.0)
 for name in ("straight", "premultiplied"):
     found[f"{name} overlaid"] = overlaid(canvas, cases[name][0])
 np.savez(sys.argv[2], **found)
