@@ -11,7 +11,9 @@ import tempfile
 from pathlib import Path
 
 import bpy
+import numpy as np
 from splatbus_blender import compositing, engine, nodes, properties, service, viewing
+from splatbus_blender.core import wanted
 from splatbus_viewer import adapter
 from whole import rendered
 
@@ -87,7 +89,9 @@ class Composited:
         """The image before a plane: (height, width, 4) float32."""
         service.connection.image_of = lambda *_: image
         self._splats[compositing.ENCODED] = image.semantics.color_space == "srgb"
-        self._color.default_value, self._depth.default_value = (*color, 1), depth
+        unit = wanted.scene_unit(image.semantics.unit_metres)  # the plane's is the image's own
+        self._color.default_value = *color, 1
+        self._depth.default_value = np.float32(depth) * np.float32(unit)
         height, width = image.depth.shape
         render = self._scene.render
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
