@@ -65,7 +65,7 @@ def told() -> list[str]:
     if connection is None or status is None:
         return []
     lines = [
-        f"{name}: {each.server or 'a server'}, {each.version or 'connecting'}"
+        f"{name}: {' '.join(each.server or ('a server',))}, {each.version or 'connecting'}"
         for name, each in (("Images", status.ipc), ("Messages", status.message))
         if each.connected
     ]

@@ -77,6 +77,8 @@ class Composited:
     def __init__(self):
         self._scene = scene = bpy.data.scenes.new("composited")
         scene.camera = _new("lens", bpy.data.cameras.new("lens"), scene)
+        # Before 5.0 the scene itself is rendered, too, whose image nothing is made of.
+        scene.render.engine, scene.cycles.samples = "CYCLES", 1
         # In the space that the image has, whichever it is: nothing is to be converted.
         self._splats = compositing.set_up(scene, encoded=False)
         tree = nodes.compositor(scene)

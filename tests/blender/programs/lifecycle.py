@@ -55,7 +55,10 @@ def check_it_connects():
     bpy.ops.splatbus.connect()
     scene.camera.location.x = 2
     shows(2)
-    assert any("64 × 48" in line for line in service().told()), service().told()
+    images, messages, size = service().told()
+    assert images.startswith("Images: splatbus-server "), images
+    assert messages.startswith("Messages: splatbus-server "), messages
+    assert (images[-5:], messages[-5:], size) == (", 1.1", ", 1.1", "64 × 48 pixels")
     assert not service().complaints()
 
 
