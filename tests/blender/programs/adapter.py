@@ -77,13 +77,17 @@ class Composited:
     def __init__(self):
         self._scene = scene = bpy.data.scenes.new("composited")
         scene.camera = _new("lens", bpy.data.cameras.new("lens"), scene)
-        # Before 5.0 the scene itself is rendered, too, whose image nothing is made of.
-        scene.render.engine, scene.cycles.samples = "CYCLES", 1
         # In the space that the image has, whichever it is: nothing is to be converted.
         self._splats = compositing.set_up(scene, encoded=False)
         tree = nodes.compositor(scene)
         (group,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeGroup")
-        tree.nodes.remove(group.inputs["Image"].links[0].from_node)
+        # A plane is not rendered: no scene is, but that of the splats.
+        for node in [*tree.nodes]:
+            if node != group and getattr(node, "scene", None) not in (None, self._splats):
+                tree.nodes.remove(node)
+        for name in ("Image", "Depth"):
+            for link in group.inputs[name].links:
+                tree.links.remove(link)
         self._color, self._depth = group.inputs["Image"], group.inputs["Depth"]
         self._place = Path(tempfile.mkdtemp()) / "composited.exr"
 
