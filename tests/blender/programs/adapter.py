@@ -93,7 +93,6 @@ class Composited:
 
     def over(self, image, color, depth):
         """The image before a plane: (height, width, 4) float32."""
-        service.connection.image_of = lambda *_: image
         self._splats[compositing.ENCODED] = image.semantics.color_space == "srgb"
         unit = wanted.scene_unit(image.semantics.unit_metres)  # the plane's is the image's own
         self._color.default_value = *color, 1
@@ -101,7 +100,12 @@ class Composited:
         height, width = image.depth.shape
         render = self._scene.render
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-        return rendered(self._scene, self._place)
+        service.connection.image_of = lambda *_: image
+        try:
+            return rendered(self._scene, self._place)
+        finally:
+            # Its thread may outlive this module, and Blender has to be the last that ends.
+            del service.connection.image_of
 
 
 def _new(name, data=None, scene=None):
