@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PROGRAMS = Path(__file__).parent / "programs"
 VARIABLE = "SPLATBUS_BLENDER_PYTHON"
-_PACKAGES = ("schemas", "reference_client", "reference_client/blender")
+_PACKAGES = ("schemas", "reference_client", "reference_client/blender", "tests/blender/programs")
 
 
 def python() -> str:

@@ -70,11 +70,12 @@ def test_a_composite_is_that_of_our_own_compositor(kind: str, drawn: dict[str, A
 def test_a_layer_of_srgb_is_what_is_mixed_with_what_is_shown(
     kind: str, drawn: dict[str, Any]
 ) -> None:
-    """Which Blender does by the alpha of the layer, in the space of the screen."""
+    """Which Blender does by the alpha of the layer, as light: the screen shows its 2.2nd root."""
     given = images()
     color = given["premultiplied"].copy()
     hidden = (given["depth"] > given["meshes_depth"]) | (color[..., 3] == 0)
     color[hidden] = 0
+    color[..., :3] = srgb(color[..., :3] ** np.float32(2.2))
     assert np.abs(drawn[f"{kind} overlaid"] - 255 * color).max() <= 1
 
 

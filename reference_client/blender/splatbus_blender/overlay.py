@@ -50,5 +50,4 @@ def paint(window: Any, look: str) -> None:
         _canvas = Canvas()  # not before there is a GPU
     _canvas.take(image)
     rows = [tuple(row) for row in window]
-    # What is drawn after the scene goes to a layer of sRGB, over it, with the depth of the scene.
-    _canvas.draw(rows, look, scene_unit(image.semantics.unit_metres), encodes=True)
+    _canvas.draw(rows, look, scene_unit(image.semantics.unit_metres), overlaid=True)

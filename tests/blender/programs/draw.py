@@ -99,7 +99,7 @@ def overlaid(canvas, splats):
         draw_meshes()
         frame.clear(color=(0, 0, 0, 0))
         canvas.take(splats)
-        canvas.draw(WINDOW, "COMPOSITE", encodes=True)
+        canvas.draw(WINDOW, "COMPOSITE", overlaid=True)
         pixels = frame.read_color(0, 0, width, height, 4, 0, "UBYTE")
     return np.array(pixels.to_list(), np.uint8).reshape(height, width, 4)[::-1]
 

@@ -129,7 +129,8 @@ def check_what_is_drawn_is_the_image():
         overlay.paint(window, "COLOR")
         pixels = frame.read_color(0, 0, 64, 48, 4, 0, "UBYTE")
     color = service().connection.image.color
-    expected = 255 * color[..., :3] * color[..., 3:]
+    light = (color[..., :3] * color[..., 3:]) ** 2.2
+    expected = 255 * np.where(light > 0.0031308, 1.055 * light ** (1 / 2.4) - 0.055, 12.92 * light)
     found = np.array(pixels.to_list(), np.uint8).reshape(48, 64, 4)[::-1, :, :3]
     assert np.abs(found - expected).max() <= 1
     assert {each.identifier for each in scene.splatbus.bl_rna.properties["show"].enum_items} == {

@@ -2,9 +2,9 @@
 
     blender --python-use-system-env --python window.py -- FOLDER
 
-Blender 3.4, of Debian, has a window where there is a virtual display, which the wheels of later ones
-have not. What its nodes lack is left out: `register` is an add-on's of the old style, and the
-extension's otherwise. Writes screenshots, what was drawn, and how far meshes are.
+Blender 3.4, of Debian, has a window where there is a virtual display; the wheels of later ones have
+none. What needs later nodes is left out: this is an add-on of the old style around all else. Writes
+screenshots, what was drawn, and how far meshes are.
 """
 
 import math
@@ -18,6 +18,7 @@ import bpy
 import gpu
 import numpy as np
 from mathutils import Vector
+from scenery import around_the_red_sphere
 from splatbus_blender import operators, overlay, panels, properties, service
 from splatbus_blender.core.wanted import said, shows
 from splatbus_blender.drawing import LOOKS
@@ -45,15 +46,7 @@ def unregister():
 
 
 def stage():
-    """A ring about the red sphere of `splatbus-server`, and a monkey's head behind it."""
-    for each in [*bpy.data.objects]:
-        bpy.data.objects.remove(each)
-    bpy.ops.mesh.primitive_torus_add(
-        location=(0, 4, 0), rotation=(0.2, 0.4, 0), major_radius=1.4, minor_radius=0.15
-    )
-    bpy.ops.mesh.primitive_monkey_add(location=(-0.9, 5.6, 0.5), rotation=(0, 0, 0.5), size=2)
-    bpy.context.object.select_set(False)
-    bpy.context.view_layer.objects.active = None
+    around_the_red_sphere()
     _, space = service.viewport()
     space.shading.light, space.shading.color_type = "STUDIO", "SINGLE"
     space.shading.single_color = (0.9, 0.55, 0.2)
