@@ -17,12 +17,16 @@ from .core.wanted import Wanted
 from .properties import where
 
 _TURN_SECONDS = 1 / 60
+_SEARCH_TURNS = 30
+"""How often all objects are looked at for empties that move some: of 10,000 it takes 2 ms."""
 
 connection: Connection | None = None
 """That of this Blender, while there is one."""
 problems: tuple[str, ...] = ()
 """What is wrong with what Blender shows, in words."""
 _drawn: int | None = None
+_movers: list[str] = []
+_turns = 0
 
 
 def connect(scene: Any) -> None:
@@ -43,11 +47,17 @@ def disconnect() -> None:
     _redraw()
 
 
-def tell() -> None:
-    """Say what the largest viewport shows, or where there is none, the scene's camera."""
-    global problems
+def tell(*, search: bool = True) -> None:
+    """Say what the largest viewport shows, or where there is none, the scene's camera.
+
+    Args:
+        search: whether to look which empties move objects; else those that did.
+    """
+    global problems, _movers
     if connection is None:
         return
+    if search:
+        _movers = [each.name for each in viewing.movers_of(bpy.context.scene)]
     wanted, wrong = _wanted()
     problems = tuple(wrong)
     connection.tell(wanted)
@@ -108,17 +118,18 @@ def _wanted() -> tuple[Wanted, list[str]]:
     scene = bpy.context.scene
     found = None if bpy.app.background else viewport()
     if found is None:
-        return viewing.through_camera(scene)
-    wanted, wrong = viewing.through_region(scene, *found)
+        return viewing.through_camera(scene, movers=_movers)
+    wanted, wrong = viewing.through_region(scene, *found, _movers)
     return wanted._replace(depth=looks_at_depth(scene)), wrong
 
 
 def _turn() -> float | None:
-    global _drawn, problems
+    global _drawn, _turns, problems
     if connection is None:
         return None  # no further turn
     try:
-        tell()
+        tell(search=_turns % _SEARCH_TURNS == 0)
+        _turns += 1
     except Exception as wrong:  # a timer that raises is never called again
         problems = (f"{type(wrong).__name__}: {wrong}",)
     image = connection.image

@@ -76,6 +76,17 @@ def check_it_goes_online_only_where_blender_may():
     scene.splatbus.host = ""
 
 
+def check_an_empty_moves_what_it_names():
+    empty = bpy.data.objects.new("mover", None)
+    bpy.context.scene.collection.objects.link(empty)
+    empty.splatbus_object = "default"
+    for x in (1, 2):
+        empty.location.x = x
+        bpy.context.view_layer.update()
+        until(lambda x=x: [it.pose.position[0] for it in service().connection.image.objects] == [x])
+    bpy.data.objects.remove(empty)
+
+
 def check_another_file_leaves_it_connected():
     connection = service().connection
     place = str(Path(tempfile.mkdtemp()) / "some.blend")
@@ -106,7 +117,7 @@ def check_an_undo_is_shown():
 def check_a_turn_that_fails_is_not_the_last():
     """Blender never calls a timer again that raised."""
     tell = service().tell
-    service().tell = lambda: 1 / 0
+    service().tell = lambda **_: 1 / 0
     assert service()._turn() is not None
     assert service().complaints() == ("ZeroDivisionError: division by zero",)
     service().tell = tell
