@@ -138,4 +138,3 @@ def from_euler(angles: Vector, order: str) -> Quaternion:
 def _in_scene_units(placed: Placed, unit: float) -> Pose:
     x, y, z = placed.position
     return Pose((x / unit, y / unit, z / unit), placed.rotation)
-
