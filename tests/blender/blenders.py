@@ -66,7 +66,7 @@ def tried(version: str, scratch: Path) -> dict[str, Any]:
         text=True,
         timeout=_TEST_SECONDS,
     )
-    told = done.stdout[-1000:]
+    told = (done.stderr + done.stdout)[-1000:]
     return {"wrong": [told] if done.returncode or " skipped" in told else []}
 
 

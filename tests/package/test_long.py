@@ -8,7 +8,7 @@ import time
 import pytest
 
 from tests import long
-from tests.foreign.programs import FOLDERS, programs
+from tests.foreign.programs import FOLDERS, Lacking, programs
 
 
 @pytest.fixture
@@ -86,9 +86,10 @@ def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
     assert set(json.loads(result.read_text())["tasks"]) == set("abc")
 
 
-def test_a_task_that_raises_is_wrong():
+@pytest.mark.parametrize("error", [RuntimeError, Lacking])
+def test_a_task_that_raises_is_wrong(error):
     def run(scratch):
-        raise RuntimeError("no report was written")
+        raise error("no report was written")
 
     assert long.done(long.Task("it", run))["wrong"] == ["no report was written"]
 

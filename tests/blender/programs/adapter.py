@@ -7,7 +7,6 @@ background, no timer of Blender's runs. What Blender has no part in is the Pytho
 import json
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 import bpy
@@ -89,7 +88,7 @@ class Composited:
             for link in group.inputs[name].links:
                 tree.links.remove(link)
         self._color, self._depth = group.inputs["Image"], group.inputs["Depth"]
-        self._place = Path(tempfile.mkdtemp()) / "composited.exr"
+        self._place = Path(bpy.app.tempdir) / "composited.exr"
 
     def over(self, image, color, depth):
         """The image before a plane: (height, width, 4) float32."""
