@@ -1,10 +1,10 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
-Each foreign program, each client for an engine, and the extension in each Blender, in two profiles
-with three seeds, some at a time; the reference pair in two profiles with twenty, alone on the
-machine, and with five more beside two processes that never rest; 1,500 mutants made by machine.
-What is done stays done as long as the sources of what is judged, and of what judges, are those of
-the first sitting; the results are stored beside.
+Each foreign program and each client for an engine, in two profiles with three seeds, some at a
+time; the extension in each Blender likewise, and the reference pair with twenty, alone on the
+machine; the pair with five more beside two processes that never rest; 1,500 mutants made by
+machine. What is done stays done as long as the sources of what is judged, and of what judges, are
+those of the first sitting; the results are stored beside.
 """
 
 import argparse
@@ -118,14 +118,13 @@ def plan() -> Iterator[Task]:
                 sources = digest(f"reference_client/{language}", *STAND_IN)
                 name = f"{language} {words}, {profile}, seed {seed}, of {sources}"
                 yield Task(name, partial(engine, language, words, profile, seed), AT_A_TIME)
-        for version in BLENDERS:
-            name = (
-                f"blender {version} Adapter, {profile}, seed {seed}, of {digest(*blenders.SOURCES)}"
-            )
-            yield Task(name, partial(blender, version, profile, seed), AT_A_TIME)
+    # Alone, for the harness starts a dozen of them at a time.
+    for seed, profile, version in itertools.product(FOREIGN_SEEDS, PROFILES, BLENDERS):
+        name = f"blender {version} Adapter, {profile}, seed {seed}, of {digest(*blenders.SOURCES)}"
+        yield Task(name, partial(blender, version, profile, seed))
     for version in BLENDERS:
         name = f"tests of blender {version}, of {digest(*blenders.TESTED)}"
-        yield Task(name, partial(blenders.tried, version), AT_A_TIME)
+        yield Task(name, partial(blenders.tried, version))
     for profile in PROFILES:
         for seed in PAIR_SEEDS:
             for name in PAIR:
