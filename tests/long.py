@@ -1,10 +1,10 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
-Each foreign program, and each client for an engine, in two profiles with three seeds, some at a
-time; the reference pair in two profiles with twenty, alone on the machine, and with five more
-beside two processes that never rest; 1,500 mutants made by machine. What is done stays done as long
-as the sources of what is judged, and of what judges, are those of the first sitting; the results
-are stored beside.
+Each foreign program and each client for an engine, in two profiles with three seeds, some at a
+time; the extension in each Blender likewise, and the reference pair with twenty, alone on the
+machine; the pair with five more beside two processes that never rest; 1,500 mutants made by
+machine. What is done stays done as long as the sources of what is judged, and of what judges, are
+those of the first sitting; the results are stored beside.
 """
 
 import argparse
@@ -28,6 +28,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from tests.blender import blenders
+from tests.blender.blenders import BLENDERS, installed
+from tests.blender.running import adapter
 from tests.engines.built import built
 from tests.foreign.programs import Lacking, Program, differences, judge, programs
 
@@ -116,6 +119,13 @@ def plan() -> Iterator[Task]:
                 sources = digest(f"reference_client/{language}", *STAND_IN)
                 name = f"{language} {words}, {profile}, seed {seed}, of {sources}"
                 yield Task(name, partial(engine, language, words, profile, seed), AT_A_TIME)
+    # Alone, for the harness starts a dozen of them at a time.
+    for seed, profile, version in itertools.product(FOREIGN_SEEDS, PROFILES, BLENDERS):
+        name = f"blender {version} Adapter, {profile}, seed {seed}, of {digest(*blenders.SOURCES)}"
+        yield Task(name, partial(blender, version, profile, seed))
+    for version in BLENDERS:
+        name = f"tests of blender {version}, of {digest(*blenders.TESTED)}"
+        yield Task(name, partial(blenders.tried, version))
     for profile in PROFILES:
         for seed in PAIR_SEEDS:
             for name in PAIR:
@@ -159,6 +169,12 @@ def engine(language: str, program_and_axes: str, profile: str, seed: int, scratc
     command = shlex.join([*built(language, program, scratch), *axes])
     how = "--adapter" if axes else "--launch"
     words = (ASKS_FOR_IT,) if language == "cpp" else ()
+    return judged("client", how, command, {}, profile, seed, scratch, *words)
+
+
+def blender(version: str, profile: str, seed: int, scratch: Path) -> Outcome:
+    """Judge the extension for Blender: anything but a run that conforms is wrong."""
+    how, command, *words = adapter(installed(version), scratch)
     return judged("client", how, command, {}, profile, seed, scratch, *words)
 
 
@@ -285,7 +301,7 @@ def done(task: Task) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="splatbus-long-") as folder:
         try:
             outcome = task.run(Path(folder))
-        except (RuntimeError, subprocess.TimeoutExpired) as error:
+        except (Lacking, RuntimeError, subprocess.TimeoutExpired) as error:
             outcome = {"wrong": [str(error)[-400:]]}
     return {**outcome, "seconds": round(time.monotonic() - began)}
 

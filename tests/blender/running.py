@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PROGRAMS = Path(__file__).parent / "programs"
 VARIABLE = "SPLATBUS_BLENDER_PYTHON"
-_PACKAGES = ("schemas", "reference_client", "reference_client/blender")
+_PACKAGES = ("schemas", "reference_client", "reference_client/blender", "tests/blender/programs")
 
 
 def python() -> str:
@@ -29,6 +30,14 @@ def environment(home: Path, **more: str) -> dict[str, str]:
     paths = [str(info.parent), *(str(ROOT / each) for each in _PACKAGES)]
     ours = {"PYTHONPATH": os.pathsep.join(paths), "BLENDER_USER_RESOURCES": str(home)}
     return os.environ | ours | more
+
+
+def adapter(interpreter: str, home: Path) -> tuple[str, ...]:
+    """How the harness judges the extension in a Blender, which takes long to import."""
+    ours = environment(home)
+    given = [f"{name}={ours[name]}" for name in ("PYTHONPATH", "BLENDER_USER_RESOURCES")]
+    command = shlex.join(["env", *given, interpreter, str(PROGRAMS / "adapter.py")])
+    return "--adapter", command, "--patience", "60"
 
 
 def ran(program: str, home: Path, *arguments: str, **more: str) -> str:

@@ -106,6 +106,23 @@ def test_a_view_of_another_size_gets_images_of_it() -> None:
         assert image.camera.fx == LENS.fx * 40 / WIDTH
 
 
+def test_depth_is_read_where_somebody_looks_at_it() -> None:
+    """Colour alone is told and read as soon as no depth is shown, and a render has both again."""
+
+    def without_depth() -> bool:
+        connection.tell(looking_from(2, depth=False))
+        shown = connection.image
+        return shown is not None and shown.depth is None and shown.color is not None
+
+    with serving(render) as where, connected(where) as connection:
+        for x in (1, 2, 3):  # the second stands where colour alone was seen from
+            image = connection.image_of(looking_from(x), 20)
+            assert image.color is not None
+            assert image.depth is not None
+            if x == 1:
+                assert eventually(without_depth)
+
+
 def test_a_server_that_goes_takes_its_image_and_brings_it_back() -> None:
     with splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0) as bus:
         ports = bus.address.ipc_port, bus.address.message_port

@@ -1,6 +1,7 @@
 """The long run: its plan is whole, it goes on where it stopped, it says how far it is behind."""
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -8,7 +9,7 @@ import time
 import pytest
 
 from tests import long
-from tests.foreign.programs import FOLDERS, programs
+from tests.foreign.programs import FOLDERS, Lacking, programs
 
 
 @pytest.fixture
@@ -36,16 +37,17 @@ def repository(monkeypatch, **answers):
 
 def test_everything_is_in_the_plan_and_once():
     names = [task.name for task in long.plan()]
-    count = len(programs("client")) + len(programs("server")) + 6  # those for engines
-    assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4 + 5 * 4)
+    count = len(programs("client")) + len(programs("server")) + 6 + 3  # for engines and Blenders
+    assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4 + 5 * 4) + 3
     ours = [name.startswith("our ") for name in names]
     assert ours == sorted(ours), "what has found most comes first"
 
 
-def test_the_pair_is_judged_alone():
-    crowd = {task.at_a_time for task in long.plan() if not task.name.startswith("our ")}
-    alone = {task.at_a_time for task in long.plan() if task.name.startswith("our ")}
-    assert (alone, crowd) == ({1}, {long.AT_A_TIME})
+def test_the_pair_and_blender_are_judged_alone():
+    found = {False: set(), True: set()}
+    for task in long.plan():
+        found[bool(re.match("our |blender |tests of blender ", task.name))].add(task.at_a_time)
+    assert found == {False: {long.AT_A_TIME}, True: {1}}
 
 
 def test_what_never_rests_rests_when_the_run_is_over(tmp_path, monkeypatch):
@@ -86,9 +88,10 @@ def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
     assert set(json.loads(result.read_text())["tasks"]) == set("abc")
 
 
-def test_a_task_that_raises_is_wrong():
+@pytest.mark.parametrize("error", [RuntimeError, Lacking])
+def test_a_task_that_raises_is_wrong(error):
     def run(scratch):
-        raise RuntimeError("no report was written")
+        raise error("no report was written")
 
     assert long.done(long.Task("it", run))["wrong"] == ["no report was written"]
 

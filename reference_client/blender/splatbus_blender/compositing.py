@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 
 from . import nodes
-from .viewing import MOVES
+from .viewing import movers_of
 
 ENGINE = "SPLATBUS"
 ENCODED = "splatbus_encoded"
@@ -138,7 +138,7 @@ def _is_ours(node: Any) -> bool:
 
 
 def _steering(scene: Any) -> list[Any]:
-    empties = [each for each in scene.objects if each.type == "EMPTY" and getattr(each, MOVES)]
+    empties = movers_of(scene)
     return empties if scene.camera is None else [scene.camera, *empties]
 
 

@@ -30,12 +30,6 @@ vec3 encoded(vec3 linear)
   return mix(high, low, lessThanEqual(linear, vec3(0.0031308)));
 }
 
-vec3 decoded(vec3 color)
-{
-  vec3 low = color / 12.92, high = pow((max(color, vec3(0.0)) + 0.055) / 1.055, vec3(2.4));
-  return mix(high, low, lessThanEqual(color, vec3(0.04045)));
-}
-
 void main()
 {
   ivec2 size = textureSize(colors, 0);
@@ -61,8 +55,7 @@ void main()
     rgb = color.a > 0.0 ? (multiplied ? rgb : rgb * color.a) : vec3(0.0);
     FragColor = vec4(rgb, look == 1 ? 1.0 : color.a);
   }
-  /* What is stored is what another layer is mixed with: its encoding is of the product. */
-  if (encodes != 0) FragColor.rgb = decoded(FragColor.rgb);
+  if (overlaid != 0) FragColor.rgb = pow(max(FragColor.rgb, vec3(0.0)), vec3(2.2));
 }
 """
 
@@ -82,19 +75,26 @@ class Canvas:
         self._textures: tuple[Any, Any] | None = None
 
     def take(self, image: Copied) -> None:
-        """Bring an image to the GPU, if it is not there yet; it has to have colour and depth."""
-        if self.image is not image:
-            self._textures = _texture(image.color, "RGBA32F"), _texture(image.depth, "R32F")
-            self.image = image
+        """Bring an image to the GPU, if it is not there yet.
 
-    def draw(self, window: Rows, look: str, unit: float = 1.0, *, encodes: bool = False) -> None:
+        Args:
+            image: with colour; without depth, the look "COLOR" is all that it has.
+        """
+        if self.image is not image:
+            color = _texture(image.color, "RGBA32F")
+            depth = color if image.depth is None else _texture(image.depth, "R32F")
+            self._textures, self.image = (color, depth), image
+
+    def draw(self, window: Rows, look: str, unit: float = 1.0, *, overlaid: bool = False) -> None:
         """Draw the image that is there over all of the framebuffer.
 
         Args:
             window: the projection of the view, from the eye's axes to −1…1; a perspective one.
             look: one of `LOOKS`. A composite is drawn where it is nearer than what was drawn.
             unit: Blender's units to one of the splats' scene.
-            encodes: whether the framebuffer makes sRGB of what is written to it, as linear light.
+            overlaid: whether it is Blender's layer over a viewport, which mixes C + (1 − a)·B as
+                light, and shows its 2.2nd root: opaque splats are shown as they are, others as
+                they are over black.
         """
         if self.image is None or self._textures is None:
             return
@@ -105,7 +105,7 @@ class Canvas:
         self._shader.uniform_float("projection", (-window[2][2], window[2][3]))
         self._shader.uniform_int("look", LOOKS.index(look))
         self._shader.uniform_int("kind", _kind(self.image))
-        self._shader.uniform_int("encodes", int(encodes))
+        self._shader.uniform_int("overlaid", int(overlaid))
         state = gpu.state
         before = state.blend_get(), state.depth_test_get(), state.depth_mask_get()
         state.blend_set("ALPHA_PREMULT")
@@ -122,7 +122,7 @@ def _shader() -> Any:
     between.smooth("VEC2", "uv")
     for name, kind in (("lens", "VEC4"), ("depth", "VEC4"), ("projection", "VEC2")):
         info.push_constant(kind, name)
-    for name in ("look", "kind", "encodes"):
+    for name in ("look", "kind", "overlaid"):
         info.push_constant("INT", name)
     info.sampler(0, "FLOAT_2D", "colors")
     info.sampler(1, "FLOAT_2D", "depths")

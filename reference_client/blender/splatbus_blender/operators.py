@@ -76,16 +76,4 @@ class SetUpCompositor(bpy.types.Operator):  # type: ignore[misc]
         return {"FINISHED"}
 
 
-_CLASSES = (Connect, Disconnect, SetUpCompositor)
-
-
-def register() -> None:
-    """Add them to Blender's."""
-    for each in _CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Take them away again."""
-    for each in reversed(_CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory((Connect, Disconnect, SetUpCompositor))

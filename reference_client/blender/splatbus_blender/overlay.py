@@ -44,11 +44,10 @@ def paint(window: Any, look: str) -> None:
     """
     global _canvas
     image = None if service.connection is None else service.connection.image
-    if image is None or image.color is None or image.depth is None:
+    if image is None or image.color is None or (image.depth is None and look != "COLOR"):
         return
     if _canvas is None:
         _canvas = Canvas()  # not before there is a GPU
     _canvas.take(image)
     rows = [tuple(row) for row in window]
-    # What is drawn after the scene goes to a layer of sRGB, over it, with the depth of the scene.
-    _canvas.draw(rows, look, scene_unit(image.semantics.unit_metres), encodes=True)
+    _canvas.draw(rows, look, scene_unit(image.semantics.unit_metres), overlaid=True)

@@ -57,16 +57,4 @@ class EmptyPanel(bpy.types.Panel):  # type: ignore[misc]
         self.layout.prop(context.object, MOVES)
 
 
-_CLASSES = (SidebarPanel, EmptyPanel)
-
-
-def register() -> None:
-    """Add them to Blender's."""
-    for each in _CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Take them away again."""
-    for each in reversed(_CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory((SidebarPanel, EmptyPanel))

@@ -1,26 +1,44 @@
 """An adapter for the harness (conformance/ADAPTER.md): cameras and empties of Blender steer.
 
 What the extension does by a timer in Blender's window is done here after each command: in the
-background, no timer of Blender's runs.
+background, no timer of Blender's runs. What Blender has no part in is the Python client's adapter.
 """
 
-import hashlib
 import json
-import math
+import os
 import sys
+from pathlib import Path
 
 import bpy
-from splatbus_blender import properties, service, viewing
-from splatbus_wire.semantics import semantics_object
+import numpy as np
+from splatbus_blender import compositing, engine, nodes, properties, service, viewing
+from splatbus_blender.core import wanted
+from splatbus_viewer import adapter
+from whole import rendered
+
+# What Blender, its engines and its compositor print is no answer.
+LINES = os.fdopen(os.dup(1), "w", encoding="utf-8", buffering=1)
+os.dup2(2, 1)
 
 
-class Adapter:
+class Adapter(adapter.Adapter):
     """One method for each command: members in, members of the answer out."""
 
+    def __init__(self):
+        super().__init__("blender")
+        self._composited = None
+
+    @property
+    def _session(self):
+        return service.connection.session
+
+    @property
+    def _mirror(self):
+        return service.connection
+
     def start(self):
-        scene = bpy.context.scene
-        scene.camera = None
-        service.connect(scene)
+        bpy.context.scene.camera = None
+        service.connect(bpy.context.scene)
         return {}
 
     def stop(self):
@@ -41,26 +59,57 @@ class Adapter:
         _put(bpy.data.objects[name], position, rotation)
         return {}
 
-    def init_packet(self):
-        it = service.connection.session.images
-        return {"images": it and it._asdict() | {"semantics": semantics_object(it.semantics)}}
-
-    def pixels(self, at):
-        if (image := service.connection.newest) is None:
+    def composite(self, color, depth, at):
+        """As F12 does it, but for the wait for an image of its own view."""
+        image = service.connection.newest
+        if image is None or image.color is None or image.depth is None:
             return {"seq": None}
-        color = None if image.color is None else [_numbers(image.color[y, x]) for x, y in at]
-        depth = None if image.depth is None else [_number(image.depth[y, x]) for x, y in at]
-        return {"seq": image.seq, "color": color, "depth": depth}
-
-    def digest(self):
-        if (image := service.connection.newest) is None:
-            return {"seq": None}
-        return {"seq": image.seq, "color": _sha256(image.color), "depth": _sha256(image.depth)}
+        if self._composited is None:
+            self._composited = Composited()
+        shown = self._composited.over(image, color, float(depth))
+        return {"seq": image.seq, "color": [adapter._numbers(shown[y, x, :3]) for x, y in at]}
 
 
-def _new(name, data=None):
+class Composited:
+    """A scene whose compositor has the extension's node after a plane of one colour."""
+
+    def __init__(self):
+        self._scene = scene = bpy.data.scenes.new("composited")
+        scene.camera = _new("lens", bpy.data.cameras.new("lens"), scene)
+        # In the space that the image has, whichever it is: nothing is to be converted.
+        self._splats = compositing.set_up(scene, encoded=False)
+        tree = nodes.compositor(scene)
+        (group,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeGroup")
+        # A plane is not rendered: no scene is, but that of the splats.
+        for node in [*tree.nodes]:
+            if node != group and getattr(node, "scene", None) not in (None, self._splats):
+                tree.nodes.remove(node)
+        for name in ("Image", "Depth"):
+            for link in group.inputs[name].links:
+                tree.links.remove(link)
+        self._color, self._depth = group.inputs["Image"], group.inputs["Depth"]
+        self._place = Path(bpy.app.tempdir) / "composited.exr"
+
+    def over(self, image, color, depth):
+        """The image before a plane: (height, width, 4) float32."""
+        self._splats[compositing.ENCODED] = image.semantics.color_space == "srgb"
+        unit = wanted.scene_unit(image.semantics.unit_metres)  # the plane's is the image's own
+        self._color.default_value = *color, 1
+        self._depth.default_value = np.float32(depth) * np.float32(unit)
+        height, width = image.depth.shape
+        render = self._scene.render
+        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+        service.connection.image_of = lambda *_: image
+        try:
+            return rendered(self._scene, self._place)
+        finally:
+            # Its thread may outlive this module, and Blender has to be the last that ends.
+            del service.connection.image_of
+
+
+def _new(name, data=None, scene=None):
     thing = bpy.data.objects.new(name, data)
-    bpy.context.scene.collection.objects.link(thing)
+    (scene or bpy.context.scene).collection.objects.link(thing)
     thing.rotation_mode = "QUATERNION"
     return thing
 
@@ -72,37 +121,28 @@ def _put(thing, position, rotation):
     service.tell()
 
 
-def _sha256(image):
-    return None if image is None else hashlib.sha256(image.astype("<f4").tobytes()).hexdigest()
-
-
-def _numbers(values):
-    return [_number(value) for value in values]
-
-
-def _number(value):
-    return float(value) if math.isfinite(value) else str(float(value))
-
-
 def main():
-    adapter = Adapter()
-    can = [name for name in dir(adapter) if not name.startswith("_")]
+    ours = Adapter()
+    can = [name for name in dir(ours) if not name.startswith("_")]
     client = {"name": "splatbus-blender", "version": bpy.app.version_string}
     units = {"axes": "blender", "unitsPerMetre": 1, "precision": "single"}
-    print(json.dumps({"adapter": "1", "client": client, **units, "can": can}), flush=True)
+    print(json.dumps({"adapter": "1", "client": client, **units, "can": can}), file=LINES)
     for line in sys.stdin:
         members = json.loads(line)
         number, name = members.pop("id"), members.pop("command")
         try:
             if name not in can:
                 raise ValueError(f"there is no command {name!r}")
-            answer = getattr(adapter, name)(**members)
+            answer = getattr(ours, name)(**members)
         except Exception as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
-        print(json.dumps({"id": number, **answer}, allow_nan=False), flush=True)
+        print(json.dumps({"id": number, **answer}, allow_nan=False), file=LINES)
         if name == "stop":
             break
 
 
 properties.register()
+engine.register()
 main()
+engine.unregister()  # 4.2 crashes at its end where a class of an engine is left behind
+properties.unregister()

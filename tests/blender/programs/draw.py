@@ -99,7 +99,7 @@ def overlaid(canvas, splats):
         draw_meshes()
         frame.clear(color=(0, 0, 0, 0))
         canvas.take(splats)
-        canvas.draw(WINDOW, "COMPOSITE", encodes=True)
+        canvas.draw(WINDOW, "COMPOSITE", overlaid=True)
         pixels = frame.read_color(0, 0, width, height, 4, 0, "UBYTE")
     return np.array(pixels.to_list(), np.uint8).reshape(height, width, 4)[::-1]
 
@@ -121,6 +121,8 @@ found = {
     for name, (splats, unit) in cases.items()
     for look in LOOKS
 }
+colour_alone = cases["straight"][0]._replace(depth=None)
+found["straight COLOR alone"] = drawn(canvas, colour_alone, "COLOR", 1.0)
 for name in ("straight", "premultiplied"):
     found[f"{name} overlaid"] = overlaid(canvas, cases[name][0])
 np.savez(sys.argv[2], **found)

@@ -55,7 +55,10 @@ def check_it_connects():
     bpy.ops.splatbus.connect()
     scene.camera.location.x = 2
     shows(2)
-    assert any("64 × 48" in line for line in service().told()), service().told()
+    images, messages, size = service().told()
+    assert images.startswith("Images: splatbus-server "), images
+    assert messages.startswith("Messages: splatbus-server "), messages
+    assert (images[-5:], messages[-5:], size) == (", 1.1", ", 1.1", "64 × 48 pixels")
     assert not service().complaints()
 
 
@@ -71,6 +74,17 @@ def check_it_goes_online_only_where_blender_may():
     assert "192.0.2.1 is not this computer" in said, said
     assert service().connection is connection
     scene.splatbus.host = ""
+
+
+def check_an_empty_moves_what_it_names():
+    empty = bpy.data.objects.new("mover", None)
+    bpy.context.scene.collection.objects.link(empty)
+    empty.splatbus_object = "default"
+    for x in (1, 2):
+        empty.location.x = x
+        bpy.context.view_layer.update()
+        until(lambda x=x: [it.pose.position[0] for it in service().connection.image.objects] == [x])
+    bpy.data.objects.remove(empty)
 
 
 def check_another_file_leaves_it_connected():
@@ -103,7 +117,7 @@ def check_an_undo_is_shown():
 def check_a_turn_that_fails_is_not_the_last():
     """Blender never calls a timer again that raised."""
     tell = service().tell
-    service().tell = lambda: 1 / 0
+    service().tell = lambda **_: 1 / 0
     assert service()._turn() is not None
     assert service().complaints() == ("ZeroDivisionError: division by zero",)
     service().tell = tell
@@ -126,7 +140,8 @@ def check_what_is_drawn_is_the_image():
         overlay.paint(window, "COLOR")
         pixels = frame.read_color(0, 0, 64, 48, 4, 0, "UBYTE")
     color = service().connection.image.color
-    expected = 255 * color[..., :3] * color[..., 3:]
+    light = (color[..., :3] * color[..., 3:]) ** 2.2
+    expected = 255 * np.where(light > 0.0031308, 1.055 * light ** (1 / 2.4) - 0.055, 12.92 * light)
     found = np.array(pixels.to_list(), np.uint8).reshape(48, 64, 4)[::-1, :, :3]
     assert np.abs(found - expected).max() <= 1
     assert {each.identifier for each in scene.splatbus.bl_rna.properties["show"].enum_items} == {

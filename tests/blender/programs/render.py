@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 from splatbus_blender import compositing, engine, nodes, properties, service
 from splatbus_blender.viewing import MOVES
+from whole import rendered, unencoded
 
 place, meshes, frame = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 WIDTH, HEIGHT = 64, 48
@@ -44,21 +45,10 @@ def stage():
 
 
 def picture(socket, name):
-    """What the compositor makes of a socket, through a file that keeps every bit."""
+    """What the compositor makes of a socket."""
     tree = nodes.compositor(scene)
     tree.links.new(socket, nodes.shown(tree))
-    settings = scene.render.image_settings
-    if nodes.IS_5:
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode = "OPEN_EXR", "RGBA"
-    settings.color_depth, settings.exr_codec = "32", "NONE"
-    scene.render.filepath = str(place.with_name(f"{name}.exr"))
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    image.colorspace_settings.name = "Non-Color"
-    numbers = np.empty(WIDTH * HEIGHT * 4, np.float32)
-    image.pixels.foreach_get(numbers)
-    return numbers.reshape(HEIGHT, WIDTH, 4)[::-1]
+    return rendered(scene, place.with_name(f"{name}.exr"))
 
 
 stage()
@@ -73,13 +63,10 @@ compositing.set_up(scene, encoded=encoded)  # once more changes nothing
 tree = nodes.compositor(scene)
 (group,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeGroup")
 final = picture(group.outputs[0], "final")
-inside = group.node_tree
 behind, depth = (group.inputs[name].links[0].from_socket for name in ("Image", "Depth"))
 if encoded:
     # What is mixed is in the image's space: the group's result without its last conversion.
-    (over,) = (each for each in inside.nodes if each.bl_idname == "CompositorNodeAlphaOver")
-    (end,) = (each for each in inside.nodes if each.bl_idname == "NodeGroupOutput")
-    inside.links.new(over.outputs[0], end.inputs[0])
+    unencoded(group)
     convert = tree.nodes.new("CompositorNodeConvertColorSpace")
     convert.from_color_space, convert.to_color_space = nodes.WORKING_SPACE, "sRGB"
     tree.links.new(behind, convert.inputs[0])

@@ -10,9 +10,9 @@ import sys
 import bpy
 import gpu
 import numpy as np
-from splatbus_blender import properties, service, viewing
+from splatbus_blender import compositing, engine, properties, service, viewing
 from splatbus_blender.core import poses
-from splatbus_blender.drawing import Canvas
+from splatbus_blender.drawing import LOOKS, Canvas
 from splatbus_viewer.mirror import Copied
 from splatbus_wire.poses import view_matrix
 from splatbus_wire.semantics import Semantics
@@ -20,6 +20,7 @@ from splatbus_wire.semantics import Semantics
 WIDTH, HEIGHT = 64, 48
 scene = bpy.context.scene
 properties.register()
+engine.register()
 scene.render.engine = "BLENDER_WORKBENCH"
 scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
 bpy.ops.render.render()  # before, there is no GPU, and a view that is updated crashes
@@ -84,6 +85,16 @@ def check_an_orthographic_view():
     assert "perspective" in problems[0]
 
 
+def check_depth_is_looked_at_unless_colour_alone_is_shown():
+    for look in LOOKS:
+        scene.splatbus.show = look
+        assert service.looks_at_depth(scene) == (look != "COLOR"), look
+    scene.splatbus.show = "COLOR"
+    compositing.set_up(scene, encoded=True)
+    assert service.looks_at_depth(scene)
+    scene.render.use_compositing = False
+
+
 def check_what_is_drawn_over_meshes():
     camera = scene.camera
     graph = bpy.context.evaluated_depsgraph_get()
@@ -124,4 +135,5 @@ for name, each in [*globals().items()]:
     if name.startswith("check_"):
         each()
         print(name)
+engine.unregister()
 properties.unregister()

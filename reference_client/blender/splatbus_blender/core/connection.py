@@ -22,6 +22,10 @@ from .sizes import Sizes
 from .wanted import Said, Wanted, said, shows
 
 _TURN_SECONDS = 0.05
+_FARTHER = 1 + 1e-6
+"""A far plane that is another one, and shows the same."""
+_DEPTH_SECONDS = 0.1
+"""How long depth is waited for before another image is asked for."""
 _TAG_SECONDS = 1.0
 """How long the tag of a pose is waited for before images are looked at for what they show."""
 
@@ -51,6 +55,8 @@ class Connection:
         self._steering = threading.Lock()
         self._sizes = Sizes()
         self._told = Said()
+        self._channels = Wanted().channels  # a session begins with both
+        self._farther = False
         self._tags = (f"{secrets.token_hex(8)}-{n}" for n in itertools.count())
         self._tag_seen: str | None = None
         self._told_at = 0.0
@@ -128,6 +134,8 @@ class Connection:
                     continue
                 if self._told.lens is None and wanted.lens is not None:
                     continue
+                if wanted.depth and image is not None and image.depth is None:
+                    continue  # rendered before it was known that this is wanted
                 age = time.monotonic() - self._told_at
                 if image is not None and self._is_of(image, tag, age):
                     return image
@@ -178,9 +186,28 @@ class Connection:
         self._sizes.turn(session, wanted.size, time.monotonic())
         new = said(wanted, session.images, last=not self._sizes.under_way)
         try:
-            return self._say(session, new)
+            return self._say(session, self._seen_deep(session, wanted, new))
         except RuntimeError:
             return None  # the session has ended meanwhile
+
+    def _seen_deep(self, session: Session, wanted: Wanted, new: Said) -> Said:
+        """Subscribe to what is looked at, and return what is to be said so that it comes.
+
+        The first image after that may have been let go before, and is read as before [IMG-22]; of
+        a scene that stands still it is the last [IMG-10], unless something in it changes.
+        """
+        lenses = "intrinsics" in session.status.message.capabilities
+        channels = wanted.channels if lenses else Wanted().channels
+        if channels != self._channels:
+            session.subscribe(*channels)
+            self._channels, self._told_at = channels, time.monotonic()
+        image, age = self.image, time.monotonic() - self._told_at
+        lacking = image is not None and image.depth is None and wanted.depth
+        if lacking and age > _DEPTH_SECONDS:
+            self._farther = not self._farther
+        if new.lens is None or not self._farther:
+            return new
+        return new._replace(lens=new.lens._replace(far=new.lens.far * _FARTHER))
 
     def _say(self, session: Session, new: Said) -> str | None:
         told, problems, tag = self._told, list(new.problems), None

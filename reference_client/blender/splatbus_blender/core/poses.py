@@ -124,25 +124,17 @@ def from_axis_angle(angle: float, axis: Vector) -> Quaternion:
 
 def from_euler(angles: Vector, order: str) -> Quaternion:
     """Return the rotation by radians about x, y and z; `order` "XYZ" turns about x first."""
-    q: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    q = [0.0, 0.0, 0.0, 1.0]
     for name in order:
         i = "XYZ".index(name)
-        axis = (float(i == 0), float(i == 1), float(i == 2))
-        q = _product(from_axis_angle(angles[i], axis), q)
-    return unit_quaternion(q)
+        j, k = (i + 1) % 3, (i + 2) % 3
+        s, c = math.sin(angles[i] / 2), math.cos(angles[i] / 2)
+        about, one, other, w = q[i], q[j], q[k], q[3]
+        q[i], q[j], q[k] = c * about + s * w, c * one - s * other, c * other + s * one
+        q[3] = c * w - s * about
+    return unit_quaternion((q[0], q[1], q[2], q[3]))
 
 
 def _in_scene_units(placed: Placed, unit: float) -> Pose:
     x, y, z = placed.position
     return Pose((x / unit, y / unit, z / unit), placed.rotation)
-
-
-def _product(p: Quaternion, q: Quaternion) -> Quaternion:
-    a, b, c, d = p
-    x, y, z, w = q
-    return (
-        d * x + a * w + b * z - c * y,
-        d * y - a * z + b * w + c * x,
-        d * z + a * y - b * x + c * w,
-        d * w - a * x - b * y - c * z,
-    )

@@ -28,6 +28,7 @@ class Wanted(NamedTuple):
         objects: those that are moved, by their names in the splats' scene.
         seconds: the time in it; None to say none.
         size: of the view in pixels; None to take images as they come.
+        depth: whether the depth of images is looked at, too.
     """
 
     camera: Placed | None = None
@@ -35,6 +36,12 @@ class Wanted(NamedTuple):
     objects: Mapping[str, Placed] = {}
     seconds: float | None = None
     size: tuple[int, int] | None = None
+    depth: bool = True
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is read of the server's images."""
+        return ("color", "depth") if self.depth else ("color",)
 
 
 class Said(NamedTuple):

@@ -1,0 +1,89 @@
+"""Blender as a Python module, in the versions that the extension is tried in.
+
+    python -m tests.blender.blenders          puts each into the user's cache, and says where it is
+    python -m tests.blender.blenders 5.0      one of them
+
+They are wheels of the package index, some hundred megabytes each.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from tests.blender.running import ROOT, VARIABLE
+from tests.foreign.programs import Lacking
+from tests.package.pythons import python
+
+BLENDERS = {"4.2": "3.11", "4.5": "3.11", "5.0": "3.11"}
+"""Both LTS and the newest, and the Python that each is made for."""
+SOURCES = (
+    *("reference_client/blender/splatbus_blender", "tests/blender/programs"),
+    "tests/blender/running.py",
+)
+"""What a verdict on the extension is of."""
+TESTED = ("reference_client/blender", "tests/blender")
+_INSTALL_SECONDS = 1800
+_TEST_SECONDS = 3600
+_installing = Lock()
+
+
+def installed(version: str) -> str:
+    """The Python that can import this Blender.
+
+    Raises:
+        Lacking: it is not in the cache, and cannot be had.
+    """
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "splatbus-blender"
+    place = cache / f"bpy-{version}"
+    with _installing:
+        if not place.is_dir():
+            cache.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=cache) as scratch:
+                _install(version, made := Path(scratch) / place.name)
+                made.replace(place)  # whole, or not at all
+    return str(place / "bin" / "python")
+
+
+def tried(version: str, scratch: Path) -> dict[str, Any]:
+    """What is wrong by the tests of the extension, of which none may be skipped.
+
+    Raises:
+        Lacking: there is no such Blender.
+    """
+    line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/blender"]
+    line += ["--ignore", "tests/blender/test_adapter.py", f"--basetemp={scratch / 'tests'}"]
+    done = subprocess.run(
+        line,
+        cwd=ROOT,
+        env=os.environ | {VARIABLE: installed(version)},
+        capture_output=True,
+        text=True,
+        timeout=_TEST_SECONDS,
+    )
+    told = (done.stderr + done.stdout)[-1000:]
+    return {"wrong": [told] if done.returncode or " skipped" in told else []}
+
+
+def _install(version: str, place: Path) -> None:
+    if (base := python(BLENDERS[version])) is None:
+        raise Lacking(f"Blender {version} needs Python {BLENDERS[version]}")
+    own = str(place / "bin" / "python")
+    for line in (
+        [str(base), "-m", "venv", str(place)],
+        [own, "-m", "pip", "install", "--quiet", f"bpy=={version}.*"],
+        [own, "-c", "import bpy"],
+    ):
+        done = subprocess.run(line, capture_output=True, text=True, timeout=_INSTALL_SECONDS)
+        if done.returncode:
+            raise Lacking(f"Blender {version} cannot be had: {done.stderr[-400:]}")
+
+
+if __name__ == "__main__":
+    for each in sys.argv[1:] or BLENDERS:
+        print(installed(each))

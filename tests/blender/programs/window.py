@@ -1,0 +1,154 @@
+"""The extension's drawing, panels and timer in the window of a Blender that is older than it wants.
+
+    blender --python-use-system-env --python window.py -- FOLDER
+
+Blender 3.4, of Debian, has a window where there is a virtual display; the wheels of later ones have
+none. What needs later nodes is left out: this is an add-on of the old style around all else. Writes
+screenshots, what was drawn, and how far meshes are.
+"""
+
+import math
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import bpy
+import gpu
+import numpy as np
+from mathutils import Vector
+from scenery import around_the_red_sphere
+from splatbus_blender import operators, overlay, panels, properties, service
+from splatbus_blender.core.wanted import said, shows
+from splatbus_blender.drawing import LOOKS
+
+bl_info = {"name": "SplatBus", "blender": (3, 4, 0), "category": "3D View"}
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+LIMIT_SECONDS = 200
+_PARTS = (properties, operators, panels, overlay)
+
+
+def register():
+    # No operator opens a page of the sidebar: ours is open where there is no other.
+    for each in (getattr(bpy.types, name) for name in dir(bpy.types)):
+        place = getattr(each, "bl_space_type", ""), getattr(each, "bl_region_type", "")
+        if place == ("VIEW_3D", "UI") and each.__module__.startswith("bl_ui."):
+            bpy.utils.unregister_class(each)
+    for each in _PARTS:
+        each.register()
+
+
+def unregister():
+    service.unregister()
+    for each in reversed(_PARTS):
+        each.unregister()
+
+
+def stage():
+    around_the_red_sphere()
+    _, space = service.viewport()
+    space.shading.light, space.shading.color_type = "STUDIO", "SINGLE"
+    space.shading.single_color = (0.9, 0.55, 0.2)
+    space.clip_start, space.clip_end = 1, 20
+    space.overlay.show_overlays = space.show_gizmo = space.show_region_toolbar = False
+    space.show_region_ui = True
+    view = space.region_3d
+    view.view_perspective = "PERSP"
+    view.view_location, view.view_distance = (0.0, 4.0, -0.1), 5.0
+    angle = math.radians(78) / 2
+    view.view_rotation = (math.cos(angle), math.sin(angle), 0, 0)
+
+
+def is_shown():
+    """Whether the newest image is that of the view as it is now."""
+    connection = service.connection
+    image, session = connection.image, connection.session
+    wanted, _ = service._wanted()
+    if image is None or image.camera is None or (wanted.depth and image.depth is None):
+        return False
+    if (image.camera.width, image.camera.height) != wanted.size:
+        return False
+    able = session.status.message.capabilities
+    return shows(image.camera, image.objects, said(wanted, session.images), able)
+
+
+def screenshot(name):
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, screen=window.screen):
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=2)
+        bpy.ops.screen.screenshot(filepath=str(FOLDER / f"{name}.png"))
+
+
+def noted():
+    """What was drawn, and at pixels that no panel hides how far the meshes are, or infinity."""
+    region, space = service.viewport()
+    (area,) = (each for each in bpy.context.screen.areas if each.type == "VIEW_3D")
+    hidden = [
+        each for each in area.regions if each.type != "WINDOW" and min(each.width, each.height) > 1
+    ]
+    image = service.connection.image
+    height, width = image.depth.shape
+    places = [
+        (row, column)
+        for row in range(3, height, 7)
+        for column in range(3, width, 7)
+        if not any(
+            0 <= region.x + column - each.x < each.width
+            and 0 <= region.y + height - 1 - row - each.y < each.height
+            for each in hidden
+        )
+    ]
+    graph = bpy.context.evaluated_depsgraph_get()
+    camera = space.region_3d.view_matrix.inverted()
+    lens, eye, turned = image.camera, camera.translation, camera.to_3x3()
+    far = np.full(len(places), np.inf, np.float32)
+    for i, (row, column) in enumerate(places):
+        x, y = (column + 0.5 - lens.cx) / lens.fx, (row + 0.5 - lens.cy) / lens.fy
+        ray = turned @ Vector((x, -y, -1))
+        met, at, *_ = bpy.context.scene.ray_cast(graph, eye, ray)
+        if met:
+            far[i] = (at - eye).dot(turned @ Vector((0, 0, -1)))
+    top = bpy.context.window_manager.windows[0].height - region.y - region.height
+    given = {"color": image.color, "depth": image.depth, "far": far, "corner": (top, region.x)}
+    np.savez(FOLDER / "noted.npz", places=places, **given)
+
+
+def work():
+    """Yields what has to hold before it goes on."""
+    register()
+    stage()
+    yield lambda: True
+    screenshot("MESHES")
+    service.connect(bpy.context.scene)
+    for look in LOOKS:
+        bpy.context.scene.splatbus.show = look
+        yield is_shown
+        screenshot(look)
+        if look == "COMPOSITE":
+            noted()
+    unregister()
+    print(gpu.platform.renderer_get(), flush=True)
+    bpy.ops.wm.quit_blender()
+
+
+steps, holds, end = work(), None, 0.0
+
+
+def turn():
+    global holds, end
+    try:
+        if holds is None or holds():
+            holds, end = next(steps), time.monotonic() + LIMIT_SECONDS
+        assert time.monotonic() < end, service.complaints()
+    except StopIteration:
+        return None
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)  # else the window stays
+    return 0.05
+
+
+bpy.context.preferences.view.show_splash = False
+bpy.context.preferences.system.viewport_aa = "OFF"
+bpy.app.timers.register(turn, first_interval=0.5)

@@ -1,0 +1,72 @@
+"""The extension in the window of Debian's Blender 3.4, on a virtual display, beside our server."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.blender.running import PROGRAMS, environment
+
+WIDTH, HEIGHT = 1120, 700
+SHOWN = ("COMPOSITE", "DEPTH")
+"""The looks whose screenshots the guide shows."""
+NEEDS = "needs Blender 3.4 and a display: apt-get install blender xvfb python3-numpy"
+_RUN_SECONDS = 900
+
+
+@cache
+def is_there() -> bool:
+    """Whether this machine has that Blender, and what shows its window to nobody."""
+    if not shutil.which("blender") or not shutil.which("xvfb-run"):
+        return False
+    return (
+        subprocess.run(["blender", "--version"], capture_output=True).stdout[:11] == b"Blender 3.4"
+    )
+
+
+@contextmanager
+def demo() -> Iterator[dict[str, str]]:
+    """`splatbus-server`, and where it is."""
+    line = [sys.executable, "-m", "splatbus_renderer", "--quiet", "--ipc-port=0", "--msg-port=0"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout
+        found = re.search(r"IPC port (\d+), message port (\d+)", server.stdout.readline())
+        assert found
+        try:
+            yield {"SPLATBUS_IPC_PORT": found[1], "SPLATBUS_MSG_PORT": found[2]}
+        finally:
+            server.terminate()
+
+
+def screenshots(home: Path) -> Path:
+    """The folder that `programs/window.py` has filled; skips where there is no such Blender."""
+    if not is_there():
+        pytest.skip(NEEDS)
+    (folder := home / "window").mkdir()
+    line = ["xvfb-run", "--auto-servernum", "--server-args", f"-screen 0 {WIDTH}x{HEIGHT}x24"]
+    line += ["blender", "--factory-startup", "--window-geometry", "0", "0", f"{WIDTH}", f"{HEIGHT}"]
+    line += ["--python-use-system-env", "--python-exit-code", "1"]
+    line += ["--python", str(PROGRAMS / "window.py"), "--", str(folder)]
+    with demo() as where:
+        ours = environment(home, **where, LIBGL_ALWAYS_SOFTWARE="1")
+        pipe = subprocess.PIPE
+        with subprocess.Popen(
+            line, env=ours, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+        ) as started:
+            try:
+                told = "".join(started.communicate(timeout=_RUN_SECONDS))
+            finally:
+                if started.poll() is None:
+                    os.killpg(started.pid, signal.SIGKILL)
+    assert started.returncode == 0, told
+    return folder
