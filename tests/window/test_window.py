@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from tests.window.stage import SIZE, Staged, demo, opened
 
 import glfw  # isort: skip - after the bundle, whose library it takes
 from imgui_bundle import imgui  # isort: skip
+from splatbus_viewer.window.cameras import turned  # isort: skip
 from splatbus_viewer.window.choices import RING, ring_before  # isort: skip
+from splatbus_viewer.window.conversation import REST_SECONDS  # isort: skip
+from splatbus_viewer.window.screen import Screen  # isort: skip
 
 STORED = Path(__file__).parent / "data"
 TOLERANCE, SHARE = 24, 0.002
@@ -113,6 +117,33 @@ def test_images_follow_the_size_of_the_window(server: Settings) -> None:
         staged.screen.resize(600, 500)
         staged.until(lambda: staged.window.picture.size == (600, 500))
         assert staged.screen.size == (600, 500)
+
+
+def test_a_window_that_is_minimised_asks_for_no_size_of_its_own(
+    server: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with opened(server, mode="color", shows_panels=False) as staged:
+        staged.rests()
+        sizes = [
+            each for each in staged.window.look.packets.newest if b"set_viewport" in each.payload
+        ]
+        drawn = staged.window.drawn
+        with monkeypatch.context() as patch:
+            patch.setattr(Screen, "size", (0, 0))
+            staged.window.choices.moved_to(turned(staged.window.choices.eye, "fly", 0.2, 0.0))
+            later = time.monotonic() + 3 * REST_SECONDS
+            staged.until(
+                lambda: time.monotonic() > later and staged.window.conversation.is_answered
+            )
+            asked = [
+                each
+                for each in staged.window.look.packets.newest
+                if b"set_viewport" in each.payload
+            ]
+            assert asked == sizes
+            assert staged.window.drawn == drawn
+        staged.rests()
+        assert staged.window.picture.size == SIZE
 
 
 def test_panels_leave_their_part_and_give_it_back(server: Settings) -> None:

@@ -90,16 +90,16 @@ class Window:
         self._screen.wait(self._patience(now), now)
         now = clock()
         has_image = self._take()
-        taken = self.picture.taken
+        taken, is_seen = self.picture.taken, all(self._screen.size)
         self.conversation.follow(
             self.choices,
             taken and taken.camera,
             taken and taken.channels,
-            self.region()[2:],
+            self.region()[2:] if is_seen else (0, 0),  # minimised, it is of no size
             now,
             wants_telemetry="Figures" in self.look.own.get("visible", ()),
         )
-        if has_image or now >= self._due():
+        if is_seen and (has_image or now >= self._due()):
             self._draw(now)
             self._screen.show()
             if has_image:

@@ -85,7 +85,7 @@ class Conversation:
             choices: of the user; what a server answers with goes there too.
             camera: of the image that is shown, where it is known.
             channels: that it has; None while there is none.
-            size: that images are wanted in, pixels.
+            size: that images are wanted in, pixels; (0, 0) for none in particular.
             now: seconds on the client's clock.
             wants_telemetry: whether somebody looks at the server's figures.
         """
