@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Any
 
 import moderngl
@@ -22,7 +23,8 @@ class Interop:
         self.color = texture(context, width, height, "color")
         self.depth = texture(context, width, height, "depth")
         self._size = width, height
-        self._device: Any = None
+        self._stream: Any = None
+        self._current = ExitStack()  # the device's context, on the thread that draws
         self._copies: dict[str, tuple[Any, Any]] = {}
 
     def take(self, lease: FrameLease) -> int:
@@ -37,27 +39,24 @@ class Interop:
             name: lease.color_on_device if name == "color" else lease.depth_on_device
             for name in sorted(lease.channels)
         }
-        if self._device is None:
+        if self._stream is None:
             self._begin(next(iter(images.values())))
-        with self._device.current():
-            return sum(self._copy(name, image) for name, image in images.items())
+        return sum(self._copy(name, image) for name, image in images.items())
 
     def release(self) -> None:
         """Give back textures, and what CUDA knows of them."""
-        if self._device is not None:
-            with self._device.current():
-                for resource, _ in self._copies.values():
-                    call(api.cuGraphicsUnregisterResource, resource)
-                call(api.cuStreamDestroy, self._stream)
+        if self._stream is not None:
+            for resource, _ in self._copies.values():
+                call(api.cuGraphicsUnregisterResource, resource)
+            call(api.cuStreamDestroy, self._stream)
+        self._current.close()
         self.color.release()
         self.depth.release()
 
     def _begin(self, image: OnDevice) -> None:
         _, ordinal = image.__dlpack_device__()
-        device = numbered(ordinal)
-        with device.current():
-            self._stream = call(api.cuStreamCreate, _NON_BLOCKING)
-        self._device = device
+        self._current.enter_context(numbered(ordinal).current())
+        self._stream = call(api.cuStreamCreate, _NON_BLOCKING)
 
     def _copy(self, name: str, image: OnDevice) -> int:
         if name not in self._copies:
