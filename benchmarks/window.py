@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import shutil
 import statistics
 import subprocess
 import sys
@@ -155,6 +156,9 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--size", default="1920x1080")
     given = parser.parse_args()
+    if not shutil.which("Xvfb"):
+        print("not run: Xvfb is not installed (Debian: xvfb libgl1-mesa-dri)")
+        return
     width, height = map(int, given.size.split("x"))
     with display():
         rows = costs((width, height), given.rounds)
