@@ -19,6 +19,8 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -55,6 +57,19 @@ def serve(kind: str, width: int, height: int, when: str = "always") -> None:
                 bus.publish(view, *image)
 
 
+@contextmanager
+def serving(kind: str, size: tuple[int, int], when: str) -> Iterator[tuple[int, int]]:
+    """Such a server in another process: its IPC and its message port."""
+    line = [sys.executable, "-m", "benchmarks.cuda_gl", "--as-server", kind, *map(str, size), when]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(line, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdin
+        assert process.stdout
+        ipc, message = map(int, process.stdout.readline().split())
+        yield ipc, message
+        process.stdin.close()
+
+
 def uploaded(plane: Any) -> Buffer:
     from splatbus_server.cuda.driver import Device, api, call
 
@@ -65,18 +80,11 @@ def uploaded(plane: Any) -> Buffer:
 
 
 def milliseconds(program: Path, kind: str, size: tuple[int, int], picture: Path) -> float:
-    line = [sys.executable, "-m", "benchmarks.cuda_gl", "--as-server", kind, *map(str, size)]
-    with subprocess.Popen(
-        line, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as server:
-        assert server.stdin
-        assert server.stdout
-        ipc, message = server.stdout.readline().split()
-        where = os.environ | {"SPLATBUS_IPC_PORT": ipc, "SPLATBUS_MSG_PORT": message}
+    with serving(kind, size, "always") as (ipc, message):
+        where = os.environ | {"SPLATBUS_IPC_PORT": str(ipc), "SPLATBUS_MSG_PORT": str(message)}
         done = subprocess.run(
             [program, picture, str(IMAGES)], env=where, capture_output=True, text=True, timeout=300
         )
-        server.stdin.close()
     found = re.search(r"images from (CUDA|memory of the host), ([\d.]+) ms each", done.stdout)
     assert found, done.stdout + done.stderr
     assert (found[1] == "CUDA") == (kind == "cuda")

@@ -18,37 +18,19 @@ import argparse
 import ctypes
 import os
 import statistics
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from benchmarks._cuda import ROOT, Buffer, require_gpu, write
+from benchmarks._cuda import Buffer, require_gpu, write
+from benchmarks.cuda_gl import serving
 
 GOAL = 1.1
 """Times the floor."""
 POSES = 1000
 PLANES = {"color": ("color",), "color and depth": ("color", "depth")}
 _FD_OF_POSIX, _OPAQUE_FD, _DEDICATED = 1, 0x9586, 0x9581
-
-
-@contextmanager
-def server(width: int, height: int) -> Iterator[Any]:
-    """A server in another process, as `cuda_gl` has it; where it is."""
-    from splatbus_wire.settings import Settings
-
-    line = [sys.executable, "-m", "benchmarks.cuda_gl"]
-    line += ["--as-server", "cuda", str(width), str(height), "asked"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(line, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdin
-        assert process.stdout
-        ipc, message = map(int, process.stdout.readline().split())
-        yield Settings("127.0.0.1", ipc, message, None)
-        process.stdin.close()
 
 
 class Bare:
@@ -258,13 +240,15 @@ def main() -> None:
     given = parser.parse_args()
     require_gpu("moderngl")
     import moderngl
+    from splatbus_wire.settings import Settings
 
     width, height = map(int, given.size.split("x"))
     context = moderngl.create_context(standalone=True, backend="egl")
     renderer = context.info["GL_RENDERER"]
     print(renderer, flush=True)
     assert "NVIDIA" in renderer, f"OpenGL draws on {renderer}: {os.environ}"
-    with server(width, height) as where:
+    with serving("cuda", (width, height), "asked") as ports:
+        where = Settings("127.0.0.1", *ports, None)
         rows = brought(context, where, (width, height), given.rounds)
         waits = poses(context, where, (width, height))
     print(waits)

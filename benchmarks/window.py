@@ -16,7 +16,6 @@ import json
 import platform
 import shutil
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -34,6 +33,7 @@ from splatbus_viewer.window.drawing.uploading import texture
 from splatbus_wire.poses import IDENTITY
 from splatbus_wire.settings import Settings
 
+from benchmarks.cuda_gl import serving
 from tests.window.stage import Staged, display, opened
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,17 +57,10 @@ void main() { shown = texelFetch(image, ivec2(gl_FragCoord.xy), 0); }
 
 
 @contextmanager
-def server(size: tuple[int, int], when: str) -> Iterator[Settings]:
-    """A server in another process, as `cuda_gl` has it; where it is."""
-    line = [sys.executable, "-m", "benchmarks.cuda_gl"]
-    line += ["--as-server", "host", *map(str, size), when]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(line, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdin
-        assert process.stdout
-        ipc, message = map(int, process.stdout.readline().split())
-        yield Settings("127.0.0.1", ipc, message, None)
-        process.stdin.close()
+def host(size: tuple[int, int], when: str) -> Iterator[Settings]:
+    """Where a server is whose images lie in memory of the host."""
+    with serving("host", size, when) as ports:
+        yield Settings("127.0.0.1", *ports, None)
 
 
 class Bare:
@@ -111,7 +104,7 @@ def costs(size: tuple[int, int], rounds: int) -> list[dict[str, Any]]:
     rows = []
     for kind, chosen in KINDS.items():
         names = ("color",) if chosen["mode"] == "color" else ("color", "depth")
-        with server(size, "always") as where, opened(where, size, **chosen) as staged:
+        with host(size, "always") as where, opened(where, size, **chosen) as staged:
             images = staged.window.conversation.images
             staged.rests()
             bare = Bare(staged, staged.window.picture.size, names)
@@ -139,7 +132,7 @@ def costs(size: tuple[int, int], rounds: int) -> list[dict[str, Any]]:
 def poses(size: tuple[int, int]) -> dict[str, float]:
     """From a pose to its picture, milliseconds."""
     chosen = {"mode": "color", "shows_panels": False}
-    with server(size, "asked") as where, opened(where, size, **chosen) as staged:
+    with host(size, "asked") as where, opened(where, size, **chosen) as staged:
         talk, window = staged.window.conversation, staged.window
         staged.rests()
         for number in range(POSES):

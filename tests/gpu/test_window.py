@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +20,8 @@ from splatbus_viewer.window.drawing.picture import MODES, Picture  # noqa: E402
 from splatbus_wire.poses import IDENTITY  # noqa: E402
 from splatbus_wire.settings import Settings  # noqa: E402
 
-ROOT = Path(__file__).parents[2]
+from benchmarks.cuda_gl import serving  # noqa: E402
+
 SIZE = 200, 120
 
 
@@ -36,20 +34,16 @@ def context() -> Any:
 
 def drawn(context: Any, kind: str, channels: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Each mode's picture of an image of noise, from memory of a GPU or of the host."""
-    line = [sys.executable, "-m", "benchmarks.cuda_gl", "--as-server", kind, *map(str, SIZE)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(line, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as server:
-        assert server.stdin
-        assert server.stdout
-        ipc, message = map(int, server.stdout.readline().split())
-        picture = Picture(context)
-        with Session(Settings("127.0.0.1", ipc, message, None), channels) as session:
-            for _ in range(3):  # textures are written over
-                with session.next_frame(60.0) as lease:
-                    if kind == "cuda":
-                        assert lease.color_on_device
-                    picture.take(lease)
-        server.stdin.close()
+    picture = Picture(context)
+    with (
+        serving(kind, SIZE, "always") as ports,
+        Session(Settings("127.0.0.1", *ports, None), channels) as session,
+    ):
+        for _ in range(3):  # textures are written over
+            with session.next_frame(60.0) as lease:
+                if kind == "cuda":
+                    assert lease.color_on_device
+                picture.take(lease)
     assert picture.taken is not None
     assert picture.taken.copied == SIZE[0] * SIZE[1] * (20 if "depth" in channels else 16)
     target = context.framebuffer([context.texture(SIZE, 4, dtype="f4")])

@@ -31,8 +31,6 @@ vec3 ray(ivec2 at) {
 
 // Planar depth; 0 where there is no surface [BUF-8, BUF-9].
 float planar(ivec2 at) {
-  ivec2 size = textureSize(depth, 0);
-  if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size))) return 0.0;
   float z = texelFetch(depth, at, 0).r;
   bool is_surface = z > 0.0 && !isinf(z) && z != empty && texelFetch(color, at, 0).a > 0.0;
   if (!is_surface) return 0.0;
@@ -52,7 +50,9 @@ vec3 over(vec4 splats, vec3 behind) {
 // From the surface at a pixel to its neighbour's on the side whose depth is the more alike:
 // differences across an edge belong to no surface.
 vec3 along(ivec2 at, ivec2 step, float z) {
-  float ahead = planar(at + step), back = planar(at - step);
+  float ahead = 0.0, back = 0.0;
+  if (all(lessThan(at + step, textureSize(depth, 0)))) ahead = planar(at + step);
+  if (all(greaterThanEqual(at - step, ivec2(0)))) back = planar(at - step);
   bool has_ahead = ahead > 0.0, has_back = back > 0.0;
   if (!has_ahead && !has_back) return vec3(0.0);
   bool takes_ahead = has_ahead && (!has_back || abs(ahead - z) <= abs(z - back));
