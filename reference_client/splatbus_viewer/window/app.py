@@ -169,15 +169,12 @@ class Window:
         look.seconds = min(now - self._drawn_at, _LONGEST_WAIT)
         look.now, look.camera, look.size = now, camera, self.picture.size
         look.trouble = self._trouble()
+        rests = self._drawn_at > self._screen.touched_at + SETTLING_SECONDS and not self._is_moving
+        has_interface = choices.shows_panels or look.trouble is not None or not rests
         self._drawn_at = now
         self.drawn += 1
-        screen.begin()
-        self._keys()
-        self.area = panels.describe(look)
-        if camera is not None:
-            self._hold(look)
-        self._is_moving = hands.steer(choices, look.seconds)
-        screen.describe_end()
+        if has_interface:
+            self._describe(look)
         if camera is None or fitted(self.region(), look.size) != (0, 0, *screen.size):
             screen.context.screen.use()
             screen.context.viewport = 0, 0, *screen.size
@@ -186,7 +183,18 @@ class Window:
             self._image(camera, now)
         if self._shoots:
             self._save()
-        screen.end()
+        if has_interface:
+            screen.end()
+
+    def _describe(self, look: panels.Look) -> None:
+        """Describe the interface, and take what hands do, which it is told of."""
+        self._screen.begin()
+        self._keys()
+        self.area = panels.describe(look)
+        if look.camera is not None:
+            self._hold(look)
+        self._is_moving = hands.steer(self.choices, look.seconds)
+        self._screen.describe_end()
 
     def _image(self, camera: FrameCamera, now: float) -> None:
         choices = self.choices
