@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats import splat
+from splatbus_splats.files import splat
 from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
 from splatbus_splats.harmonics import CONSTANT
 
@@ -148,7 +148,7 @@ def _write(path: Path, scene: Gaussians) -> None:
     if suffix == ".splat":
         splat.write(path, scene)
     elif suffix == ".ply":
-        from splatbus_splats import ply  # needs the extra
+        from splatbus_splats.files import ply  # needs the extra
 
         ply.write(path, scene)
     else:

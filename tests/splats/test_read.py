@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import plyfile
 import pytest
-from splatbus_splats import ply, splat
-from splatbus_splats.cameras import read_cameras
+from splatbus_splats.files import ply, splat
+from splatbus_splats.files.cameras import read_cameras
+from splatbus_splats.files.read import STEP, read, sequence
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made, main
-from splatbus_splats.read import STEP, read, sequence
 
 PROPERTIES = ("x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 {} opacity scale_0 scale_1 scale_2 "
               "rot_0 rot_1 rot_2 rot_3")  # fmt: skip

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats import splat
+from splatbus_splats.files import splat
 from splatbus_splats.gaussians import Gaussians, empty
 
 STEP = 1 << 14
@@ -52,7 +52,7 @@ def read(path: Path, progress: Callable[[int, int], None] | None = None) -> Foun
         records = splat.records(path)
         return _gathered(splat.parts(records, STEP), len(records), 1, progress)
 
-    from splatbus_splats import ply  # needs the extra
+    from splatbus_splats.files import ply  # needs the extra
 
     vertices, coefficients = ply.vertices(path)
     parts = ply.parts(vertices, coefficients, STEP)
