@@ -178,7 +178,7 @@ def test_of_equal_depths_the_first_is_in_front() -> None:
 
 @pytest.mark.parametrize("objects", [{}, {"default": made(5)[:0]}, {"default": some((0, 0, -3))}])
 def test_nothing_is_drawn_where_nothing_is(objects: dict[str, Gaussians]) -> None:
-    image = drawn(view_of(), objects)
+    image = rendered(placed(view_of(), objects), view_of().intrinsics, WIDTH, HEIGHT, 2)
     assert not image.color.any()
     assert not image.inverse.any()
 
@@ -190,8 +190,10 @@ def test_a_gaussian_at_the_cameras_very_centre_is_not_seen() -> None:
     )
 
 
-def test_it_draws_the_same_bits_again() -> None:
+@pytest.mark.parametrize("threads", [1, 2, 3, 50])
+def test_it_draws_the_same_bits_again_with_any_number_of_threads(threads: int) -> None:
     view, scene = view_of(), {"default": made(3000)}
-    first, second = drawn(view, scene), drawn(view, scene)
+    first = drawn(view, scene)
+    second = rendered(placed(view, scene), view.intrinsics, WIDTH, HEIGHT, threads)
     np.testing.assert_array_equal(first.color, second.color)
     np.testing.assert_array_equal(first.inverse, second.inverse)
