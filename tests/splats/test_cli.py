@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,15 +45,15 @@ class Server(NamedTuple):
     ports: tuple[int, int]
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    file = tmp_path_factory.mktemp("scene") / "scene.ply"
-    scene = made(1501, 2)
-    scene.rotations[77] = 0
-    ply.write(file, scene)
+@contextmanager
+def serving(file: Path, *options: str) -> Iterator[Server]:
     command = [*COMMAND, str(file), "--ipc-port", "0", "--msg-port", "0", "--size", "64x48"]
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=ENVIRONMENT,
     ) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
@@ -65,6 +66,16 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         finally:
             process.kill()
             process.communicate()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    file = tmp_path_factory.mktemp("scene") / "scene.ply"
+    scene = made(1501, 2)
+    scene.rotations[77] = 0
+    ply.write(file, scene)
+    with serving(file) as server:
+        yield server
 
 
 @pytest.fixture
@@ -127,6 +138,28 @@ def test_it_says_what_it_read_and_ends_when_it_is_told(server: Server) -> None:
     assert bounds is not None
     assert log.startswith(TOLD % (*bounds.min, *bounds.max))
     assert "Traceback" not in log
+
+
+def test_it_begins_where_the_first_picture_was_taken(tmp_path: Path) -> None:
+    ply.write(tmp_path / "a.ply", made(500, 1))
+    camera = {
+        "id": 0, "img_name": "a", "width": 1280, "height": 480, "position": [0.5, -0.25, 1],
+        "rotation": [[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]], "fx": 500.0, "fy": 450.0,
+    }  # fmt: skip
+    (tmp_path / "cameras.json").write_text(json.dumps([camera, camera]))
+    options = ("--cameras", str(tmp_path / "cameras.json"))
+    with (
+        serving(tmp_path / "a.ply", *options) as server,
+        splatbus_client.connect("127.0.0.1", *server.ports) as session,
+        session.next_frame(SECONDS) as frame,
+    ):
+        pose = frame.camera.pose
+        np.testing.assert_allclose(np.abs(pose.rotation), (0, 0.2**0.5, 0, 0.8**0.5), atol=1e-12)
+        assert pose.position == (0.5, -0.25, 1)
+        lens = Intrinsics(50.0, 45.0, 32.0, 24.0, 0.01, 100.0)
+        view = view_of(pose, size=SIZE, intrinsics=lens)
+        compare(frame.color, frame.depth, expected(server, view))
+        assert session.scene(SECONDS).cameras == 2
 
 
 def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:

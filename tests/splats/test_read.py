@@ -122,6 +122,15 @@ def test_what_is_no_gaussian_is_left_out_and_counted(tmp_path: Path) -> None:
     assert found.opacities[found.means[:, 0] == STEP + 5].tolist() == [0]
 
 
+def test_what_single_precision_cannot_hold_is_left_out(tmp_path: Path) -> None:
+    table = rows(4, 9).astype([(name, "f8") for name in rows(0, 9).dtype.names])
+    for i, name in enumerate(("x", "f_rest_2", "f_dc_1")):
+        table[name][i] = 1e300
+    found, left_out = read(saved(tmp_path / "a.ply", table))
+    assert len(found) == 1
+    assert left_out == {"position not finite": 1, "harmonics not finite": 2}
+
+
 def test_a_negative_scale_of_a_splat_is_left_out(tmp_path: Path) -> None:
     record = np.zeros(3, splat.RECORD)
     record["scale"][1, 2] = -1

@@ -163,7 +163,8 @@ def test_gaussians_that_were_stored_far_from_the_origin() -> None:
     shift = np.array((1e6, -1e6, 1e6), np.float32)
     scene = made(1500)
     moved = replace(scene, means=scene.means + shift)
-    compare(view_of(Pose((1e6, -1e6, 1e6), (0, 0, 0, 1))), {"default": moved})
+    camera = (1e6 + 0.013, -1e6 - 0.021, 1e6 + 0.009)  # between two numbers of float32
+    compare(view_of(Pose(camera, (0, 0, 0, 1))), {"default": moved})
 
 
 def test_of_equal_depths_the_first_is_in_front() -> None:
@@ -174,6 +175,15 @@ def test_of_equal_depths_the_first_is_in_front() -> None:
         compare(view_of(), {"default": both})
         compare(view_of(IDENTITY, Placement("default", IDENTITY), Placement("b", IDENTITY)),
                 {"default": both, "b": some((0, 0, 2), 20, 0.9, (0, 1, 0))})  # fmt: skip
+
+
+def test_depths_that_float32_cannot_tell_apart_are_in_their_order() -> None:
+    nearer = float(np.nextafter(np.float32(2), np.float32(0)))
+    both = some([(0, 0, 2), (0, 0, nearer)], 2000, 0.9, [(1, 0, 0), (0, 0, 1)])
+    lens = Intrinsics(50.0, 50.0, WIDTH / 2, HEIGHT / 2, far=2000.0)
+    view = view_of(Pose((0, 0, -1000), (0, 0, 0, 1)), intrinsics=lens)
+    color = compare(view, {"default": both}).color[HEIGHT // 2, WIDTH // 2]
+    assert color[2] > 5 * color[0]
 
 
 @pytest.mark.parametrize("objects", [{}, {"default": made(5)[:0]}, {"default": some((0, 0, -3))}])

@@ -66,19 +66,21 @@ def vertices(path: Path) -> tuple[NDArray[Any], int]:
     return element.data, 1 + rest // 3
 
 
+@np.errstate(over="ignore", under="ignore")  # what is infinite in float32 is left out later
 def decoded(rows: NDArray[Any], coefficients: int) -> Gaussians:
     """What some vertices say, not yet looked at: quaternions have the norm that they have."""
-    count = len(rows)
-    harmonics = np.empty((count, coefficients, 3), np.float32)
+    harmonics = np.empty((len(rows), coefficients, 3), np.float32)
     harmonics[:, 0] = _columns(rows, CONSTANT)
     for i, name in enumerate(_rest(3 * (coefficients - 1))):
         channel, place = divmod(i, coefficients - 1)
         harmonics[:, 1 + place, channel] = rows[name]
-    with np.errstate(over="ignore", under="ignore"):
-        opacities = 1.0 / (1.0 + np.exp(-rows["opacity"].astype(np.float64)))
-        scales = np.exp(_columns(rows, SCALE))
+    opacities = 1.0 / (1.0 + np.exp(-rows["opacity"].astype(np.float64)))
     return Gaussians(
-        _columns(rows, PLACE), _columns(rows, TURN), scales, opacities.astype(np.float32), harmonics
+        _columns(rows, PLACE),
+        _columns(rows, TURN),
+        np.exp(_columns(rows, SCALE)),
+        opacities.astype(np.float32),
+        harmonics,
     )
 
 
@@ -116,8 +118,7 @@ def _rest(count: int) -> tuple[str, ...]:
 
 
 def _columns(rows: NDArray[Any], names: tuple[str, ...]) -> NDArray[np.float32]:
-    with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and left out
-        return np.stack([rows[name].astype(np.float32) for name in names], axis=1)
+    return np.stack([rows[name].astype(np.float32) for name in names], axis=1)
 
 
 def _place(path: Path, error: Any) -> str:
