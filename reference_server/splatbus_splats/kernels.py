@@ -200,12 +200,20 @@ def count_tiles(box_of: Any, across: int, counts: Any) -> None:
 
 
 @compiled
-def list_tiles(order: Any, box_of: Any, across: int, ends: Any, lists: Any) -> None:
-    """Lists who is in each tile, in this order; `ends` goes from where lists begin to their end."""
+def list_tiles(
+    order: Any, box_of: Any, across: int, first: int, last: int, ends: Any, lists: Any
+) -> None:
+    """Lists who is in each tile of some rows, in this order.
+
+    `first` and `last` are the tiles at the beginning of the rows and after them; `ends` goes from
+    where the lists of these tiles begin to their ends.
+    """
+    first_row, last_row = first // across, last // across
     for k in order:
-        for row in range(box_of[k, 2] // TILE, (box_of[k, 3] - 1) // TILE + 1):
+        top, bottom = box_of[k, 2] // TILE, (box_of[k, 3] - 1) // TILE + 1
+        for row in range(max(top, first_row), min(bottom, last_row)):
             for column in range(box_of[k, 0] // TILE, (box_of[k, 1] - 1) // TILE + 1):
-                tile = row * across + column
+                tile = row * across + column - first
                 lists[ends[tile]] = k
                 ends[tile] += 1
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from splatbus_server.view import Intrinsics
 
 from splatbus_splats import kernels
 from splatbus_splats.definition import Image, Placed, depths, slopes
+
+MOST_LISTED = 1 << 26
+"""Gaussians in the lists of tiles at a time, each for every tile that it is in: 256 MB. Where they
+are more, rows of tiles are listed one after the other."""
 
 
 def rendered(
@@ -18,8 +24,9 @@ def rendered(
     """The image, (height, width, 4) and (height, width), float32.
 
     All objects are sorted together, each drawn by its one matrix; see `definition.placed`. Runs
-    without the interpreter's lock. The first call loads or compiles the loops,
-    which takes some seconds. Memory is 90 bytes a Gaussian, and 4 for each tile that it is in.
+    without the interpreter's lock. The first call loads or compiles the loops, which takes some
+    seconds. Memory is 100 bytes a Gaussian, and 4 for each tile that it is in, up to `MOST_LISTED`
+    or what is in one row of tiles.
 
     Args:
         objects: what is seen.
@@ -60,18 +67,27 @@ def rendered(
     counts = np.zeros(across * down + 1, np.int64)
     kernels.count_tiles(box, across, counts)
     starts = np.cumsum(counts)
-    lists = np.empty(starts[-1], np.int32)
-    kernels.list_tiles(order, box, across, starts[:-1].copy(), lists)
     image = Image(np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32))
-    cuts = np.searchsorted(starts, np.linspace(0, starts[-1], threads + 1)[1:-1])
-    first, last = [0, *cuts.tolist()], [*cuts.tolist(), across * down]
+    with ThreadPoolExecutor(threads) as pool:
+        for first, last in _bands(starts, across):
+            begins = starts - starts[first]
+            lists = np.empty(begins[last], np.int32)
+            kernels.list_tiles(order, box, across, first, last, begins[first:last].copy(), lists)
 
-    def blend(begin: int, end: int) -> None:
-        kernels.blend(starts, lists, shape, box, paint, begin, end, across, *image)
+            def blend(begin: int, end: int, begins: Any = begins, lists: Any = lists) -> None:
+                kernels.blend(begins, lists, shape, box, paint, begin, end, across, *image)
 
-    if threads == 1:
-        blend(0, across * down)
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(blend, first, last))
+            shares = np.linspace(0, begins[last], threads + 1)[1:-1]
+            cuts = first + np.searchsorted(begins[first:last], shares)
+            list(pool.map(blend, (first, *cuts.tolist()), (*cuts.tolist(), last)))
     return image
+
+
+def _bands(starts: NDArray[np.int64], across: int) -> Iterator[tuple[int, int]]:
+    """The tiles from one until before another, whole rows, whose lists are made at a time."""
+    first = 0
+    for last in range(across, len(starts), across):
+        following = last + across
+        if following >= len(starts) or starts[following] - starts[first] > MOST_LISTED:
+            yield first, last
+            first = last

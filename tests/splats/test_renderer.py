@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from splatbus_server.view import Intrinsics, View
+from splatbus_splats import renderer
 from splatbus_splats.definition import Image, placed
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
@@ -175,6 +176,19 @@ def test_of_equal_depths_the_first_is_in_front() -> None:
         compare(view_of(), {"default": both})
         compare(view_of(IDENTITY, Placement("default", IDENTITY), Placement("b", IDENTITY)),
                 {"default": both, "b": some((0, 0, 2), 20, 0.9, (0, 1, 0))})  # fmt: skip
+
+
+@pytest.mark.parametrize("most", [1, 3000, 10_000])
+def test_lists_that_are_made_in_parts_draw_the_same(
+    monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    view, scene = view_of(), {"default": made(3000)}
+    whole = drawn(view, scene)
+    monkeypatch.setattr(renderer, "MOST_LISTED", most)
+    for threads in (1, 2):
+        part = rendered(placed(view, scene), view.intrinsics, WIDTH, HEIGHT, threads)
+        np.testing.assert_array_equal(part.color, whole.color)
+        np.testing.assert_array_equal(part.inverse, whole.inverse)
 
 
 def test_depths_that_float32_cannot_tell_apart_are_in_their_order() -> None:
