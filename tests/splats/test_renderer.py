@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -189,6 +190,24 @@ def test_lists_that_are_made_in_parts_draw_the_same(
         part = rendered(placed(view, scene), view.intrinsics, WIDTH, HEIGHT, threads)
         np.testing.assert_array_equal(part.color, whole.color)
         np.testing.assert_array_equal(part.inverse, whole.inverse)
+
+
+def test_huge_gaussians_take_the_memory_of_a_row_of_tiles(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    view, scene = view_of(size=(320, 480)), {"default": some(np.full((3000, 3), 5.0), 100.0)}
+
+    def peak() -> int:
+        tracemalloc.start()
+        drawn(view, scene)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    drawn(view, scene)
+    whole = peak()
+    monkeypatch.setattr(renderer, "MOST_LISTED", 1)
+    assert peak() < whole - 0.9 * 4 * 3000 * 20 * 29  # of 30 rows of tiles, 29
 
 
 def test_depths_that_float32_cannot_tell_apart_are_in_their_order() -> None:
