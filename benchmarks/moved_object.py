@@ -29,10 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.control import Poses
 from splatbus_server.view import View, field_of_view
+from splatbus_splats import harmonics
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 
-from benchmarks.splats import drawing, harmonics
+from benchmarks.splats import drawing
 from benchmarks.splats.drawing import Gaussians
 
 RESULTS = Path(__file__).parent / "results"
@@ -142,15 +143,17 @@ def colour_errors(count: int, degree: int, pose: Pose) -> dict[str, Floats]:
     exact = random_gaussians(count, degree)
     single = random_gaussians(count, degree, np.float32)
     view = view_of(pose)
-    right = harmonics.colours(exact.coefficients, exact.means - view.eye())
+    right = drawing.shown_colours(exact.coefficients, exact.means - view.eye())
     world = drawing.moved(single, np.array(pose.position), np.array(pose.rotation))
     from_camera = world.means - np.array(view.poses.camera.position, np.float32)
     R = drawing.matrix(np.array(pose.rotation))
     points, _ = view.camera_relative(single.means)
     found = {
-        ALL: harmonics.colours(single.coefficients, from_camera),
-        ALL_AND_HARMONICS: harmonics.colours(harmonics.turned(single.coefficients, R), from_camera),
-        ONE: harmonics.colours(single.coefficients, points),
+        ALL: drawing.shown_colours(single.coefficients, from_camera),
+        ALL_AND_HARMONICS: drawing.shown_colours(
+            harmonics.turned(single.coefficients, R), from_camera
+        ),
+        ONE: drawing.shown_colours(single.coefficients, points),
     }
     return {way: np.abs(seen - right).max(axis=1) * 255 for way, seen in found.items()}
 

@@ -21,6 +21,7 @@ RENDERERS = (
     "schemas/splatbus_wire",
     "reference_server/splatbus_server",
     "reference_server/splatbus_renderer",
+    "reference_server/splatbus_splats",
     "reference_client/splatbus_client",
     "reference_client/splatbus_viewer",
 )

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from splatbus_splats import harmonics
 from splatbus_wire.rotations import rotation_matrix
-
-from benchmarks.splats import harmonics
 
 Floats = NDArray[Any]
 
@@ -62,6 +61,11 @@ def covariances(gaussians: Gaussians) -> Floats:
     return np.asarray(axes @ axes.transpose(0, 2, 1))
 
 
+def shown_colours(coefficients: Floats, offsets: Floats) -> Floats:
+    """`harmonics.colours`, as a display shows them: at most 1."""
+    return np.minimum(harmonics.colours(coefficients, offsets), 1)
+
+
 def draw(
     gaussians: Gaussians, view: Floats, eye: Floats, focal: float, width: int, height: int
 ) -> Floats:
@@ -78,7 +82,7 @@ def draw(
     turn = view[:3, :3].astype(np.float64)
     centres = gaussians.means @ turn.T + view[:3, 3]
     spread = turn @ covariances(gaussians) @ turn.T
-    colours = harmonics.colours(gaussians.coefficients, gaussians.means - eye)
+    colours = shown_colours(gaussians.coefficients, gaussians.means - eye)
     image, left = np.zeros((height, width, 3)), np.ones((height, width))
     for k in np.argsort(centres[:, 2]):
         x, y, z = centres[k]

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+from splatbus_splats import harmonics
 from splatbus_wire.poses import Pose
 
 from benchmarks import moved_object
 from benchmarks.moved_object import ALL, ALL_AND_HARMONICS, ONE
-from benchmarks.splats import drawing, harmonics
+from benchmarks.splats import drawing
 
 P, Q = (
     drawing.matrix(np.array(moved_object.quaternion(axis, angle)))

@@ -15,6 +15,7 @@ PACKAGES = {
     "splatbus_wire": "schemas",
     "splatbus_server": "reference_server",
     "splatbus_renderer": "reference_server",
+    "splatbus_splats": "reference_server",
     "splatbus_client": "reference_client",
     "splatbus_viewer": "reference_client",
     "splatbus_conformance": "conformance",

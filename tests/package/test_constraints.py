@@ -73,12 +73,12 @@ def test_what_pyproject_asks_for_is_pinned_in_its_range(wanted: Requirement) -> 
 
 def test_what_that_needs_in_turn_is_pinned_too_in_its_range() -> None:
     pins = pinned()
-    wanted = in_turn(asked_for("dev", "fast", "site"))
+    wanted = in_turn(asked_for("dev", "fast", "site", "splats"))
     missing = {each.name for each in wanted if canonicalize_name(each.name) not in pins}
     assert missing == set()
     outside = [str(w) for w in wanted if pins[canonicalize_name(w.name)] not in w.specifier]
     assert outside == []
-    assert len(wanted) > len(asked_for("dev", "fast", "site"))
+    assert len(wanted) > len(asked_for("dev", "fast", "site", "splats"))
 
 
 def test_the_tool_that_builds_is_the_one_that_development_has() -> None:

@@ -13,6 +13,7 @@ JUDGED = (
     "splatbus_wire",
     "splatbus_server",
     "splatbus_renderer",
+    "splatbus_splats",
     "splatbus_client",
     "splatbus_viewer",
 )

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[Any]
 
+CONSTANT = 0.28209479177387814
+"""Y of degree 0."""
 BANDS = (slice(0, 1), slice(1, 4), slice(4, 9), slice(9, 16))
 """Which coefficients belong to each degree."""
 
@@ -22,7 +24,7 @@ def basis(directions: Floats) -> Floats:
     x, y, z = directions.T
     xx, yy, zz = x * x, y * y, z * z
     values = (
-        0.28209479177387814 * np.ones_like(x),
+        CONSTANT * np.ones_like(x),
         -0.4886025119029199 * y,
         0.4886025119029199 * z,
         -0.4886025119029199 * x,
@@ -43,7 +45,7 @@ def basis(directions: Floats) -> Floats:
 
 
 def colours(coefficients: Floats, offsets: Floats) -> Floats:
-    """(N, 3) colours in [0, 1] of Gaussians seen along `offsets`, which need not be unit vectors.
+    """(N, 3) colours, 0 or more, of Gaussians seen along `offsets`, which need not be unit vectors.
 
     Args:
         coefficients: (up to 16, 3, N).
@@ -52,7 +54,7 @@ def colours(coefficients: Floats, offsets: Floats) -> Floats:
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     Y = basis(directions.astype(coefficients.dtype))[: len(coefficients)]
     seen = np.einsum("kn,kcn->nc", Y, coefficients) + coefficients.dtype.type(0.5)
-    return np.asarray(np.clip(seen, 0, 1))
+    return np.asarray(np.maximum(seen, 0))
 
 
 def spread_directions(count: int) -> Floats:

@@ -1,0 +1,1 @@
+"""Files that hold Gaussians, and the cameras beside them."""

@@ -1,0 +1,64 @@
+"""Files `.splat`, of the viewer antimatter15/splat: 32 bytes a Gaussian, and no header.
+
+Position, three float32; standard deviations, three float32; red, green, blue and opacity, four
+uint8 of 255; a quaternion w, x, y, z, four uint8, 128 being 0. All little-endian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_splats.gaussians import Gaussians
+from splatbus_splats.harmonics import CONSTANT
+
+RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("turn", "u1", 4)])
+
+
+def records(path: Path) -> NDArray[Any]:
+    """What is in the file, mapped.
+
+    Raises:
+        ValueError: its length is that of no such file.
+        OSError: it cannot be read.
+    """
+    size = path.stat().st_size
+    if size % RECORD.itemsize:
+        whole = size - size % RECORD.itemsize
+        raise ValueError(
+            f"{path}: {size} bytes are no multiple of {RECORD.itemsize}:"
+            f" the Gaussian at byte {whole} is cut short, or it is no .splat"
+        )
+    return np.memmap(path, RECORD, "r") if size else np.empty(0, RECORD)
+
+
+def decoded(rows: NDArray[Any]) -> Gaussians:
+    """What some records say, not yet looked at: quaternions have the norm that they have."""
+    turns = rows["turn"].astype(np.float32) - 128.0
+    shades = rows["rgba"].astype(np.float32) / np.float32(255.0)
+    coefficients = (shades[:, None, :3] - np.float32(0.5)) / np.float32(CONSTANT)
+    return Gaussians(
+        rows["mean"], turns[:, [1, 2, 3, 0]], rows["scale"], shades[:, 3], coefficients
+    )
+
+
+def parts(rows: NDArray[Any], step: int) -> Iterator[Gaussians]:
+    """What the records say, so many at a time."""
+    for start in range(0, len(rows), step):
+        yield decoded(rows[start : start + step])
+
+
+def write(path: Path, gaussians: Gaussians) -> None:
+    """Writes them; of the harmonics only the constant one, and colours to the nearest of 255."""
+    rows = np.empty(len(gaussians), RECORD)
+    rows["mean"], rows["scale"] = gaussians.means, gaussians.scales
+    colours = 0.5 + CONSTANT * gaussians.coefficients[:, 0]
+    shades = np.concatenate((colours, gaussians.opacities[:, None]), axis=1)
+    rows["rgba"] = np.rint(np.clip(shades, 0.0, 1.0) * 255.0)
+    turns = gaussians.rotations[:, [3, 0, 1, 2]] * 128.0 + 128.0
+    rows["turn"] = np.rint(np.clip(turns, 0.0, 255.0))
+    rows.tofile(path)

@@ -1,0 +1,61 @@
+"""The Gaussians of one object, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from splatbus_wire.messages import Box
+
+Floats = NDArray[np.float32]
+
+COEFFICIENTS = (1, 4, 9, 16)
+"""How many harmonics a channel has, by their degree."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussians:
+    """N of them in the axes and units of their object, all float32 and contiguous.
+
+    Attributes:
+        means: (N, 3), centres.
+        rotations: (N, 4), unit quaternions x, y, z, w that turn a Gaussian's own axes into the
+            object's.
+        scales: (N, 3), standard deviations along its own axes, 0 or more.
+        opacities: (N,), in [0, 1].
+        coefficients: (N, K, 3), real spherical harmonics of red, green and blue, K one of
+            `COEFFICIENTS`. One Gaussian's lie together: a view reads those of the Gaussians in it
+            and no others.
+    """
+
+    means: Floats
+    rotations: Floats
+    scales: Floats
+    opacities: Floats
+    coefficients: Floats
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    def __getitem__(self, which: slice) -> Gaussians:
+        return Gaussians(*(getattr(self, each.name)[which] for each in fields(self)))
+
+    @property
+    def degree(self) -> int:
+        """Of the harmonics."""
+        return COEFFICIENTS.index(self.coefficients.shape[1])
+
+    @property
+    def bounds(self) -> Box | None:
+        """The box of the centres; None where there is no Gaussian."""
+        if not len(self):
+            return None
+        (a, b, c), (d, e, f) = self.means.min(axis=0).tolist(), self.means.max(axis=0).tolist()
+        return Box((a, b, c), (d, e, f))
+
+
+def empty(count: int, coefficients: int) -> Gaussians:
+    """Room for as many Gaussians, with whatever lies there."""
+    shapes = ((count, 3), (count, 4), (count, 3), (count,), (count, coefficients, 3))
+    return Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
