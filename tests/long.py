@@ -46,6 +46,7 @@ ASKS_FOR_IT = "--stand-in-cuda"
 NO_PART = (
     *(f":(exclude){each}" for each in STAND_IN),
     ":(exclude)*.md",
+    ":(exclude)*.png",
     ":(exclude)conformance/guides",
     ":(exclude)conformance/site",
     ":(exclude)conformance/splatbus_conformance/selftest/mutants/stateful",
