@@ -94,7 +94,7 @@ AT_A_TIME = 2 * (os.cpu_count() or 1)
 """Of foreign programs, which mostly wait: a run takes half of a core."""
 BUSY = 2
 """Processes that never rest."""
-RUN_SECONDS = 1800
+RUN_SECONDS = 3600
 Outcome = dict[str, Any]
 """What is stored of a task: what is wrong, in sentences, and which verdicts are no passes."""
 
