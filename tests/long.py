@@ -91,8 +91,8 @@ PAIR = {
     ),
 }
 GOOD = frozenset({"pass", "skip", "warn"})
-AT_A_TIME = 2 * (os.cpu_count() or 1)
-"""Of foreign programs, which mostly wait: a run takes half of a core."""
+AT_A_TIME = 3 * (os.cpu_count() or 1)
+"""Of foreign programs, which mostly wait: a run takes a third of a core."""
 BUSY = 2
 """Processes that never rest."""
 RUN_SECONDS = foreign_programs.RUN_SECONDS = 3600  # theirs is for the profile that tests run
