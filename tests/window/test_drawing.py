@@ -182,6 +182,18 @@ def test_an_image_of_another_size_is_drawn_larger(context: Any) -> None:
     assert (found == color[..., :3].repeat(2, axis=0).repeat(2, axis=1)).all()
 
 
+def test_an_image_is_drawn_where_its_part_of_the_screen_is(context: Any) -> None:
+    color, depth = image(SEMANTICS[0])
+    color[..., 3] = 1
+    picture = Picture(context)
+    picture.take(OnHost(color=color, depth=depth, semantics=SEMANTICS[0]))
+    target = context.framebuffer([context.texture((WIDTH + 9, HEIGHT + 5), 4, dtype="f4")])
+    picture.draw(target, (7, 3, WIDTH, HEIGHT), "color", CAMERA, NOTHING, (0.0, 1.0))
+    data = target.read(viewport=(7, 3, WIDTH, HEIGHT), components=3, dtype="f4")
+    found = np.frombuffer(data, np.float32).reshape(HEIGHT, WIDTH, 3)[::-1]
+    assert (found == color[..., :3]).all()
+
+
 def test_the_grid_lies_where_its_camera_sees_it(context: Any) -> None:
     _, plane = GroundDrawing(context).draw(CAMERA, Ground(1.0))
     z = np.frombuffer(plane.read(), np.float32).reshape(HEIGHT, WIDTH)[::-1]

@@ -1,10 +1,13 @@
-// Compiled for each MODE, for what an image's numbers mean, STRAIGHT, LINEAR, RAY, and whether it is
-// SCALED: a processor that draws goes through all branches of what is decided while it runs.
+// Compiled for each MODE, for what an image's numbers mean, STRAIGHT, LINEAR, RAY, and for where it is
+// PLACED: a processor that draws goes through all branches of what is decided while it runs, and the
+// corner alone is a fifth of its work.
 #define COLOR 0
 #define DEPTH 1
 #define NORMALS 2
 #define COMPOSITE 3
 #define PROBE 4
+#define MOVED 1
+#define SCALED 2
 
 uniform sampler2D color, depth;                // of the image, bottom row first
 uniform sampler2D ground_color, ground_depth;  // of the viewer's own geometry, sRGB
@@ -42,9 +45,10 @@ float planar(ivec2 at) {
 
 vec3 over(vec4 splats, vec3 behind) {
 #if STRAIGHT
-  splats.rgb *= splats.a;
-#endif
+  return mix(behind, splats.rgb, splats.a);
+#else
   return splats.rgb + (1.0 - splats.a) * behind;
+#endif
 }
 
 // From the surface at a pixel to its neighbour's on the side whose depth is the more alike:
@@ -86,10 +90,12 @@ vec3 hatched() {
 }
 
 void main() {
-#if SCALED
+#if PLACED == SCALED
   ivec2 at = ivec2((gl_FragCoord.xy - vec2(corner)) * scale);
-#else
+#elif PLACED == MOVED
   ivec2 at = ivec2(gl_FragCoord.xy) - corner;
+#else
+  ivec2 at = ivec2(gl_FragCoord.xy);
 #endif
 #if MODE == PROBE
   shown = vec4(planar(at), 0.0, 0.0, 1.0);

@@ -125,7 +125,8 @@ class Picture:
     ) -> None:
         assert self.taken is not None
         assert self._textures is not None
-        program, triangle = self._drawing(mode, self.taken.semantics, region[2:] != self.size)
+        placed = 2 if region[2:] != self.size else int(region[:2] != (0, 0))
+        program, triangle = self._drawing(mode, self.taken.semantics, placed)
         values: dict[str, Any] = {
             "empty": self.taken.semantics.depth_empty,
             "lens": (camera.fx, camera.fy, camera.cx, camera.cy),
@@ -142,13 +143,13 @@ class Picture:
         triangle.render(vertices=3)
 
     def _drawing(
-        self, mode: int, semantics: Semantics, is_scaled: bool
+        self, mode: int, semantics: Semantics, placed: int
     ) -> tuple[moderngl.Program, moderngl.VertexArray]:
         """The program of a mode, for images that mean the same."""
         is_straight, is_linear = semantics.alpha == "straight", semantics.color_space == "linear"
-        key = mode, is_straight, is_linear, semantics.depth_kind == "ray_distance", is_scaled
+        key = mode, is_straight, is_linear, semantics.depth_kind == "ray_distance", placed
         if key not in self._drawings:
-            told = zip(("MODE", "STRAIGHT", "LINEAR", "RAY", "SCALED"), map(int, key))
+            told = zip(("MODE", "STRAIGHT", "LINEAR", "RAY", "PLACED"), map(int, key))
             head = ["#version 330 core", *(f"#define {name} {value}" for name, value in told)]
             text = "\n".join([*head, shader("picture.frag")])
             program = self._context.program(shader("picture.vert"), text)
