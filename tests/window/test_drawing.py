@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("moderngl", reason="the extra [window] is not installed")
+pytest.importorskip("imgui_bundle", reason="the extra [window] is not installed")
 
-import moderngl
 from splatbus_viewer.display import composed, planar_depth, rays, srgb
 from splatbus_viewer.picture import _ramp
 from splatbus_viewer.poses import look_at
@@ -20,6 +19,7 @@ from splatbus_viewer.window.drawing.ground import (
     projection,
 )
 from splatbus_viewer.window.drawing.picture import Picture, fitted, range_of
+from splatbus_viewer.window.screen import Screen
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.poses import IDENTITY, as_array, view_matrix
 from splatbus_wire.semantics import Semantics
@@ -38,13 +38,11 @@ NOTHING = Ground(None)
 
 
 @pytest.fixture(scope="module")
-def context() -> Iterator[Any]:
-    try:
-        made = moderngl.create_context(standalone=True, backend="egl")
-    except Exception as problem:
-        pytest.skip(f"there is no OpenGL through EGL: {problem}")
-    yield made
-    made.release()
+def context(screen: None) -> Iterator[Any]:
+    """That of a window: one without, of EGL, and one with do not live in one process on Mesa."""
+    window = Screen((64, 64), "SplatBus")
+    yield window.context
+    window.close()
 
 
 class OnHost(SimpleNamespace):
