@@ -14,9 +14,10 @@ pytest.importorskip("moderngl", reason="the extra [window] is not installed")
 
 import moderngl  # noqa: E402
 from splatbus_client.session import Session  # noqa: E402
+from splatbus_viewer.window import MODES  # noqa: E402
 from splatbus_viewer.window.choices import assumed_camera  # noqa: E402
 from splatbus_viewer.window.drawing.ground import Ground  # noqa: E402
-from splatbus_viewer.window.drawing.picture import MODES, Picture  # noqa: E402
+from splatbus_viewer.window.drawing.picture import Picture  # noqa: E402
 from splatbus_wire.poses import IDENTITY  # noqa: E402
 from splatbus_wire.settings import Settings  # noqa: E402
 

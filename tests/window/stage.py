@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import pytest
 import splatbus_server
 from splatbus_client.loop import clock
-from splatbus_client.session import Session
 from splatbus_renderer.demo import BOBBING_TIME, OBJECTS, render_until
 from splatbus_wire.settings import Settings
 
@@ -22,10 +21,10 @@ pytest.importorskip("imgui_bundle", reason="the extra [window] is not installed"
 from imgui_bundle import imgui
 
 import glfw  # isort: skip
+from splatbus_viewer.window import app
 from splatbus_viewer.window.app import Window
 from splatbus_viewer.window.choices import Choices
-from splatbus_viewer.window.packets import Packets
-from splatbus_viewer.window.screen import Screen, wake
+from splatbus_viewer.window.screen import Screen
 
 LIMIT_SECONDS = 120.0
 SIZE = 960, 640
@@ -150,16 +149,5 @@ class Staged:
 @contextmanager
 def opened(where: Settings, size: tuple[int, int] = SIZE, **chosen: object) -> Iterator[Staged]:
     """A window of this size, with these choices."""
-    packets = Packets(clock)
-
-    def tap(channel: str, what: str, data: bytes) -> None:
-        packets.hear(channel, what, data)
-        wake()
-
-    screen = Screen(size, "SplatBus")
-    try:
-        with Session(where, tap=tap) as session:
-            choices = Choices(**chosen)  # type: ignore[arg-type]
-            yield Staged(Window(screen, session, where, choices, packets), screen)
-    finally:
-        screen.close()
+    with app.opened(where, size, Choices(**chosen)) as window:  # type: ignore[arg-type]
+        yield Staged(window, window.screen)

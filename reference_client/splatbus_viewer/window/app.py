@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +17,10 @@ from splatbus_client.status import why_no_frame
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.settings import Settings
 
-from splatbus_viewer.window import hands, panels
+from splatbus_viewer.window import MODES, hands, panels
 from splatbus_viewer.window.choices import Choices, assumed_camera
 from splatbus_viewer.window.conversation import Conversation
-from splatbus_viewer.window.drawing.picture import MODES, Picture, Region, fitted, range_of
+from splatbus_viewer.window.drawing.picture import Picture, Region, fitted, range_of
 from splatbus_viewer.window.packets import Packets
 from splatbus_viewer.window.panels.layout import Area, hold
 from splatbus_viewer.window.screen import SETTLING_SECONDS, Screen, wake
@@ -33,6 +35,25 @@ _BACKGROUND = (0.11, 0.12, 0.13, 1.0)
 
 def show(where: Settings, options: argparse.Namespace) -> int:
     """Show a window until it is closed, or its one screenshot is taken; returns the exit status."""
+    choices = Choices(options.mode, options.camera, shows_panels=not options.bare)
+    with opened(where, options.size, choices) as window:
+        end = clock() + options.timeout
+        while not window.screen.is_closing:
+            window.turn()
+            if options.screenshot is None:
+                continue
+            if window.is_settled:
+                window.whole().save(options.screenshot)
+                print(options.screenshot)
+                return 0
+            if clock() >= end:
+                raise TimeoutError(f"no image came in time: {window.look.trouble}")
+    return 0
+
+
+@contextmanager
+def opened(where: Settings, size: tuple[int, int], choices: Choices) -> Iterator[Window]:
+    """A window of a size in the units of the desktop, and a session that wakes it."""
     packets = Packets(clock)
 
     def tap(channel: str, what: str, data: bytes) -> None:
@@ -40,31 +61,19 @@ def show(where: Settings, options: argparse.Namespace) -> int:
         if what == "received":
             wake()
 
-    screen = Screen(options.size, f"SplatBus: {where.address()}")
+    screen = Screen(size, f"SplatBus: {where.address()}")
     try:
         with Session(where, tap=tap) as session:
-            choices = Choices(options.mode, options.camera, shows_panels=not options.bare)
-            window = Window(screen, session, where, choices, packets)
-            end = clock() + options.timeout
-            while not screen.is_closing:
-                window.turn()
-                if options.screenshot is None:
-                    continue
-                if window.is_settled:
-                    window.whole().save(options.screenshot)
-                    print(options.screenshot)
-                    return 0
-                if clock() >= end:
-                    raise TimeoutError(f"no image came in time: {window.look.trouble}")
+            yield Window(screen, session, where, choices, packets)
     finally:
         screen.close()
-    return 0
 
 
 class Window:
     """One session seen through one window.
 
     Attributes:
+        screen: where it is seen.
         picture: what draws the images.
         look: what the panels look at.
         drawn: images that were drawn, with or without a new one of the server's.
@@ -78,7 +87,7 @@ class Window:
         self.choices, self.conversation = choices, Conversation(session)
         self.look = panels.Look(session, choices, self.conversation, packets, self._shoot)
         self.drawn = 0
-        self._screen, self._session, self._where = screen, session, where
+        self.screen, self._session, self._where = screen, session, where
         self.area: Area = (0.0, 0.0, 1.0, 1.0)
         self._drawn_at = self._fitted_at = 0.0
         self._is_moving = self._shoots = False
@@ -87,10 +96,10 @@ class Window:
     def turn(self) -> None:
         """Take what came and what the user did, and draw if anything is to be seen of it."""
         now = clock()
-        self._screen.wait(self._patience(now), now)
+        self.screen.wait(self._patience(now), now)
         now = clock()
         has_image = self._take()
-        taken, is_seen = self.picture.taken, all(self._screen.size)
+        taken, is_seen = self.picture.taken, all(self.screen.size)
         self.conversation.follow(
             self.choices,
             taken and taken.camera,
@@ -101,7 +110,7 @@ class Window:
         )
         if is_seen and (has_image or now >= self._due()):
             self._draw(now)
-            self._screen.show()
+            self.screen.show()
             if has_image:
                 assert taken is not None
                 images = self.conversation.images
@@ -115,14 +124,14 @@ class Window:
 
     def region(self) -> Region:
         """Where in the window images go, in pixels from its lower left corner."""
-        left, top, width, height = (self._screen.scale * number for number in self.area)
-        bottom = self._screen.size[1] - top - height
+        left, top, width, height = (self.screen.scale * number for number in self.area)
+        bottom = self.screen.size[1] - top - height
         return round(left), round(bottom), max(round(width), 1), max(round(height), 1)
 
     def whole(self) -> Image.Image:
         """Return all of the window as it was drawn last, panels included."""
         self._draw(clock())
-        return self._pixels((0, 0, *self._screen.size))
+        return self._pixels((0, 0, *self.screen.size))
 
     def _take(self) -> bool:
         try:
@@ -156,20 +165,20 @@ class Window:
 
     def _due(self) -> float:
         """When the interface has to be drawn again though no image comes."""
-        touched = self._screen.touched_at
+        touched = self.screen.touched_at
         if self._drawn_at <= touched + SETTLING_SECONDS:
             return self._drawn_at + _MOVING_SECONDS
         return self._drawn_at + (_REFRESH_SECONDS if self.choices.shows_panels else _LONGEST_WAIT)
 
     def _draw(self, now: float) -> None:
-        screen, look, choices = self._screen, self.look, self.choices
+        screen, look, choices = self.screen, self.look, self.choices
         taken, camera = self.picture.taken, None
         if taken is not None:
             camera = taken.camera or assumed_camera(choices.eye.pose, self.picture.size)
         look.seconds = min(now - self._drawn_at, _LONGEST_WAIT)
         look.now, look.camera, look.size = now, camera, self.picture.size
         look.trouble = self._trouble()
-        rests = self._drawn_at > self._screen.touched_at + SETTLING_SECONDS and not self._is_moving
+        rests = self._drawn_at > self.screen.touched_at + SETTLING_SECONDS and not self._is_moving
         has_interface = choices.shows_panels or look.trouble is not None or not rests
         self._drawn_at = now
         self.drawn += 1
@@ -188,26 +197,26 @@ class Window:
 
     def _describe(self, look: panels.Look) -> None:
         """Describe the interface, and take what hands do, which it is told of."""
-        self._screen.begin()
+        self.screen.begin()
         self._keys()
         self.area = panels.describe(look)
         if look.camera is not None:
             self._hold(look)
         self._is_moving = hands.steer(self.choices, look.seconds)
-        self._screen.describe_end()
+        self.screen.describe_end()
 
     def _image(self, camera: FrameCamera, now: float) -> None:
         choices = self.choices
         if choices.mode == "depth" and choices.is_fitting and now >= self._fitted_at + _FIT_SECONDS:
             self._fitted_at, choices.depths = now, range_of(self.picture.probe(camera))
         region = fitted(self.region(), self.picture.size)
-        screen = self._screen.context.screen
+        screen = self.screen.context.screen
         self.picture.draw(screen, region, choices.mode, camera, choices.ground, choices.depths)
 
     def _hold(self, look: panels.Look) -> None:
-        scale = self._screen.scale
+        scale = self.screen.scale
         left, bottom, width, height = fitted(self.region(), self.picture.size)
-        top = self._screen.size[1] - bottom - height
+        top = self.screen.size[1] - bottom - height
         hold(look, (left / scale, top / scale, width / scale, height / scale))
 
     def _trouble(self) -> str | None:
@@ -249,6 +258,6 @@ class Window:
         self.look.saved = str(path)
 
     def _pixels(self, region: Region) -> Image.Image:
-        data: Any = self._screen.context.screen.read(viewport=region, components=3, alignment=1)
+        data: Any = self.screen.context.screen.read(viewport=region, components=3, alignment=1)
         image = Image.frombytes("RGB", region[2:], data)
         return image.transpose(Image.Transpose.FLIP_TOP_BOTTOM)

@@ -9,8 +9,9 @@ from typing import Any
 
 from splatbus_wire.settings import Settings
 
-_MODES = ("color", "depth", "normals", "composite")
-_CAMERAS = ("orbit", "fly", "first-person")
+from splatbus_viewer.window import MODES
+from splatbus_viewer.window.cameras import KINDS
+
 _EPILOG = """\
 in the window:
   drag turns, the wheel goes nearer, W A S D E Q go; 1 to 4 change what is shown; Tab hides the
@@ -48,10 +49,10 @@ def add(commands: Any, where: argparse.ArgumentParser) -> None:
         help="of the window (1280x800); images follow it",
     )
     parser.add_argument(
-        "--mode", choices=_MODES, default="composite", help="what is shown first (%(default)s)"
+        "--mode", choices=MODES, default="composite", help="what is shown first (%(default)s)"
     )
     parser.add_argument(
-        "--camera", choices=_CAMERAS, default="orbit", help="how it moves first (%(default)s)"
+        "--camera", choices=KINDS, default="orbit", help="how it moves first (%(default)s)"
     )
     parser.add_argument("--bare", action="store_true", help="without panels; Tab brings them")
     parser.add_argument(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 from imgui_bundle import imgui
 
@@ -53,10 +52,10 @@ def steer(choices: Choices, seconds: float) -> bool:
             eye = cameras.nearer(eye, factor) if kind == "orbit" else faster(eye, factor)
     right = down = forward = roll = 0.0
     if not io.want_capture_keyboard:
-        right = _held((_Key.d,)) - _held((_Key.a,))
-        forward = _held((_Key.w,)) - _held((_Key.s,))
-        down = _held((_Key.q,)) - _held((_Key.e,))
-        roll = (_held((_Key.x,)) - _held((_Key.z,))) if kind == "fly" else 0.0
+        right = _held(_Key.d) - _held(_Key.a)
+        forward = _held(_Key.w) - _held(_Key.s)
+        down = _held(_Key.q) - _held(_Key.e)
+        roll = (_held(_Key.x) - _held(_Key.z)) if kind == "fly" else 0.0
     is_going = bool(right or down or forward or roll)
     if is_going:
         way = seconds * eye.distance * (FASTER if io.key_shift else 1.0)
@@ -78,5 +77,5 @@ def pressed(key: imgui.Key) -> bool:
     return not imgui.get_io().want_text_input and imgui.is_key_pressed(key, repeat=False)
 
 
-def _held(keys: Iterable[imgui.Key]) -> float:
-    return float(any(map(imgui.is_key_down, keys)))
+def _held(key: imgui.Key) -> float:
+    return float(imgui.is_key_down(key))

@@ -11,10 +11,10 @@ from splatbus_client.lease import FrameLease, Image, OnDevice
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.semantics import Semantics
 
+from splatbus_viewer.window import MODES
 from splatbus_viewer.window.drawing.ground import Ground, GroundDrawing, shader
 from splatbus_viewer.window.drawing.uploading import Textures, Uploads
 
-MODES = ("color", "depth", "normals", "composite")
 _PROBE = len(MODES)
 _UNITS = ("color", "depth", "ground_color", "ground_depth")
 """Textures, as they are numbered."""
