@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ COEFFICIENTS = (1, 4, 9, 16)
 @dataclass(frozen=True, eq=False)
 class Gaussians:
     """N of them in the axes and units of their object, all float32 and contiguous.
+
+    Coefficients may be float16; see `halved`.
 
     Attributes:
         means: (N, 3), centres.
@@ -53,6 +55,16 @@ class Gaussians:
             return None
         (a, b, c), (d, e, f) = self.means.min(axis=0).tolist(), self.means.max(axis=0).tolist()
         return Box((a, b, c), (d, e, f))
+
+
+def halved(gaussians: Gaussians) -> Gaussians:
+    """The same with its harmonics in float16, which is off by 2⁻¹² of each; as it is if one is
+    too large for that.
+    """
+    coefficients = gaussians.coefficients
+    if np.abs(coefficients).max(initial=0.0) > np.finfo(np.float16).max:
+        return gaussians
+    return replace(gaussians, coefficients=coefficients.astype(np.float16))
 
 
 def empty(count: int, coefficients: int) -> Gaussians:

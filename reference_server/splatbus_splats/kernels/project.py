@@ -1,0 +1,245 @@
+"""Where Gaussians are on the image, how large, and of what colour.
+
+In float64: it is a small part of the time, and float32 would lose needles, ties in depth and what
+is far from the origin.
+
+The inverse of a covariance with the entries a, b; b, c is used in the form
+
+    q = U² + V²,  U = √(c/det)·(dx − b/c·dy),  V = dy/√c
+
+whose two terms do not cancel, however long and thin the ellipse.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from splatbus_splats import definition
+from splatbus_splats.kernels.compiled import (
+    ACROSS,
+    ALONG,
+    BLUE,
+    BOTTOM,
+    DOWN,
+    GREEN,
+    INVERSE,
+    LEFT,
+    NOTHING,
+    OPACITY,
+    RED,
+    RIGHT,
+    TOP,
+    U,
+    V,
+    compiled,
+)
+
+SLACK = 1e-3
+"""Pixels by which boxes are larger than they need be, for what rounding does."""
+LOW_PASS, LEAST_OPACITY = definition.LOW_PASS, definition.LEAST_ALPHA
+FAR_PIXELS = 1.0
+"""Standard deviation of a Gaussian on the image, below which `FAR` takes it for far."""
+
+
+@compiled
+def project(
+    gaussians: Any,
+    turn: Any,
+    eye: Any,
+    lens: Any,
+    slopes: Any,
+    depths: Any,
+    size: Any,
+    skips: Any,
+    first: int,
+    last: int,
+    place: int,
+    z_of: Any,
+    shape_of: Any,
+    box_of: Any,
+    paint_of: Any,
+) -> int:
+    """The Gaussians that may be seen, from a place on; returns how many.
+
+    Args:
+        gaussians: the arrays of `Gaussians`; coefficients may be the bits of float16, uint16.
+        turn: (3, 3) as in `Placed`.
+        eye: (3,) as in `Placed`.
+        lens: fx, fy, cx, cy.
+        slopes: least and largest x/z, then y/z.
+        depths: a centre is drawn beyond the first and up to the second.
+        size: width and height, pixels.
+        skips: whether what is outside, faint, far and small is; then, how many harmonics a channel
+            has that are not zero: 0 where no colour is wanted.
+        first: of the Gaussians.
+        last: the one after them.
+        place: where there is room.
+        z_of: (M,) float64, depths.
+        shape_of: (M, 5) float64.
+        box_of: (M, 4) int32.
+        paint_of: (M, 5) float32.
+    """
+    means, rotations, scales, opacities, coefficients = gaussians
+    fx, fy, cx, cy = lens
+    near, far = depths
+    width, height = size
+    skips_outside, skips_faint, skips_far, skips_small, harmonics = skips
+    A = np.empty((2, 3))
+    R = np.empty((3, 3))
+    start = place
+    s = math.sqrt(turn[0, 0] * turn[0, 0] + turn[0, 1] * turn[0, 1] + turn[0, 2] * turn[0, 2])
+    for i in range(first, last):
+        ox = np.float64(means[i, 0]) - eye[0]
+        oy = np.float64(means[i, 1]) - eye[1]
+        oz = np.float64(means[i, 2]) - eye[2]
+        z = turn[2, 0] * ox + turn[2, 1] * oy + turn[2, 2] * oz
+        opacity = np.float64(opacities[i])
+        if not (z > near and z <= far) or (skips_faint and opacity < LEAST_OPACITY):
+            continue
+        reach = 2.0 * math.log((opacity if skips_faint else 1.0) / LEAST_OPACITY)
+        x = (turn[0, 0] * ox + turn[0, 1] * oy + turn[0, 2] * oz) / z
+        y = (turn[1, 0] * ox + turn[1, 1] * oy + turn[1, 2] * oz) / z
+        u, v = fx * x + cx, fy * y + cy
+        x, y = min(max(x, slopes[0]), slopes[1]), min(max(y, slopes[2]), slopes[3])
+        if skips_outside:
+            # The rows of the Jacobian are no longer than this, and no axis than the largest.
+            longest = s * max(scales[i, 0], scales[i, 1], scales[i, 2]) / z
+            fxx, fyy = fx * fx * (1.0 + x * x), fy * fy * (1.0 + y * y)
+            wide = SLACK + math.sqrt(reach * (fxx * longest * longest + LOW_PASS))
+            high = SLACK + math.sqrt(reach * (fyy * longest * longest + LOW_PASS))
+            if u + wide < 0.0 or u - wide > width or v + high < 0.0 or v - high > height:
+                continue
+        _matrix(rotations, i, R)
+        _rows(turn, fx / z, fy / z, x, y, R, scales, i, A)
+        rr = A[0, 0] * A[0, 0] + A[0, 1] * A[0, 1] + A[0, 2] * A[0, 2]
+        ss = A[1, 0] * A[1, 0] + A[1, 1] * A[1, 1] + A[1, 2] * A[1, 2]
+        rs = A[0, 0] * A[1, 0] + A[0, 1] * A[1, 1] + A[0, 2] * A[1, 2]
+        p = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+        q = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
+        r = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+        area = p * p + q * q + r * r
+        det = area + LOW_PASS * (rr + ss) + LOW_PASS * LOW_PASS
+        if skips_small and opacity * math.sqrt(area / det) < LEAST_OPACITY:
+            continue
+        a, c = rr + LOW_PASS, ss + LOW_PASS
+        wide, high = math.sqrt(reach * a) + SLACK, math.sqrt(reach * c) + SLACK
+        left = min(max(u - wide - 0.5, -1.0), np.float64(width))
+        right = min(max(u + wide - 0.5, -2.0), np.float64(width))
+        top = min(max(v - high - 0.5, -1.0), np.float64(height))
+        bottom = min(max(v + high - 0.5, -2.0), np.float64(height))
+        x0, x1 = max(math.ceil(left), 0), min(math.floor(right) + 1, width)
+        y0, y1 = max(math.ceil(top), 0), min(math.floor(bottom) + 1, height)
+        if skips_outside and (x0 >= x1 or y0 >= y1):
+            continue
+        z_of[place] = z
+        shape_of[place, U], shape_of[place, V] = u, v
+        across = math.sqrt(c / det)
+        shape_of[place, ACROSS], shape_of[place, ALONG] = across, -across * rs / c
+        shape_of[place, DOWN] = 1.0 / math.sqrt(c)
+        box_of[place, LEFT], box_of[place, RIGHT] = x0, max(x0, x1)
+        box_of[place, TOP], box_of[place, BOTTOM] = y0, max(y0, y1)
+        is_far = skips_far and max(rr, ss) < FAR_PIXELS * FAR_PIXELS
+        _shade(coefficients, i, min(harmonics, 1) if is_far else harmonics, ox, oy, oz,
+               paint_of, place)  # fmt: skip
+        paint_of[place, OPACITY] = opacities[i]
+        paint_of[place, INVERSE] = 1.0 / z
+        place += 1
+    return place - start
+
+
+@compiled
+def _matrix(rotations: Any, i: int, R: Any) -> None:
+    """The rotation of a quaternion, which is made unit in float64."""
+    x, y = np.float64(rotations[i, 0]), np.float64(rotations[i, 1])
+    z, w = np.float64(rotations[i, 2]), np.float64(rotations[i, 3])
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)
+    R[1, 0], R[1, 1], R[1, 2] = s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)
+    R[2, 0], R[2, 1], R[2, 2] = s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)
+
+
+@compiled
+def _rows(turn: Any, fx: Any, fy: Any, x: Any, y: Any, R: Any, scales: Any, i: int, A: Any) -> None:
+    """A = J·W·R·S, whose covariance is A·Aᵀ; focal lengths are over z, and x, y slopes."""
+    for k in range(3):
+        first = turn[0, 0] * R[0, k] + turn[0, 1] * R[1, k] + turn[0, 2] * R[2, k]
+        second = turn[1, 0] * R[0, k] + turn[1, 1] * R[1, k] + turn[1, 2] * R[2, k]
+        third = turn[2, 0] * R[0, k] + turn[2, 1] * R[1, k] + turn[2, 2] * R[2, k]
+        A[0, k] = fx * (first - x * third) * scales[i, k]
+        A[1, k] = fy * (second - y * third) * scales[i, k]
+
+
+def _number(bits: Any) -> Any:
+    """What a coefficient is as float32: itself, or the float16 that uint16 is the bits of."""
+    raise NotImplementedError  # what is compiled comes from `_number_of`
+
+
+@overload(_number)  # type: ignore[untyped-decorator]
+def _number_of(bits: Any) -> Any:
+    if isinstance(bits, types.Integer):
+        # A half's exponent and mantissa, read as a float's, are too small by 2¹¹²: exact for all
+        # that are finite, subnormal ones too.
+        scale = np.float32(2.0**112)
+
+        def half(bits: Any) -> Any:
+            wide = np.int32(bits)
+            sign = (wide & np.int32(0x8000)) << np.int32(16)
+            rest = (wide & np.int32(0x7FFF)) << np.int32(13)
+            return np.int32(sign | rest).view(np.float32) * scale
+
+        return half
+
+    def single(bits: Any) -> Any:
+        return bits
+
+    return single
+
+
+@compiled
+def _shade(
+    coefficients: Any, i: int, count: int, ox: Any, oy: Any, oz: Any, paint_of: Any, place: int
+) -> None:
+    """The colour along (ox, oy, oz), of `count` harmonics a channel; black if that is 0."""
+    weights = np.empty(16, np.float32)
+    _basis(count, ox, oy, oz, weights)
+    half = np.float32(0.5 if count else 0.0)
+    red, green, blue = half, half, half
+    for k in range(count):
+        red += weights[k] * _number(coefficients[i, k, 0])
+        green += weights[k] * _number(coefficients[i, k, 1])
+        blue += weights[k] * _number(coefficients[i, k, 2])
+    paint_of[place, RED] = max(red, NOTHING)
+    paint_of[place, GREEN] = max(green, NOTHING)
+    paint_of[place, BLUE] = max(blue, NOTHING)
+
+
+@compiled
+def _basis(count: int, ox: Any, oy: Any, oz: Any, weights: Any) -> None:
+    """The values of the basis of `harmonics`, where it is explained."""
+    norm = math.sqrt(ox * ox + oy * oy + oz * oz)
+    x, y, z = ox / norm, oy / norm, oz / norm
+    xx, yy, zz = x * x, y * y, z * z
+    weights[0] = 0.28209479177387814
+    if count > 1:
+        weights[1] = -0.4886025119029199 * y
+        weights[2] = 0.4886025119029199 * z
+        weights[3] = -0.4886025119029199 * x
+    if count > 4:
+        weights[4] = 1.0925484305920792 * x * y
+        weights[5] = -1.0925484305920792 * y * z
+        weights[6] = 0.31539156525252005 * (2.0 * zz - xx - yy)
+        weights[7] = -1.0925484305920792 * x * z
+        weights[8] = 0.5462742152960396 * (xx - yy)
+    if count > 9:
+        weights[9] = -0.5900435899266435 * y * (3.0 * xx - yy)
+        weights[10] = 2.890611442640554 * x * y * z
+        weights[11] = -0.4570457994644658 * y * (4.0 * zz - xx - yy)
+        weights[12] = 0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy)
+        weights[13] = -0.4570457994644658 * x * (4.0 * zz - xx - yy)
+        weights[14] = 1.445305721320277 * z * (xx - yy)
+        weights[15] = -0.5900435899266435 * x * (xx - 3.0 * yy)

@@ -1,0 +1,260 @@
+"""What the renderer does not do: nothing of it is seen, or no more than its name says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from splatbus_server.view import View
+from splatbus_splats import renderer
+from splatbus_splats.definition import Image, placed
+from splatbus_splats.gaussians import Gaussians, halved
+from splatbus_splats.made import made
+from splatbus_splats.renderer import Renderer, rendered
+from splatbus_splats.skips import EXACT, NOTHING, USUAL, Skip, named
+from splatbus_splats.truth import truth
+from splatbus_wire.messages import Placement
+from splatbus_wire.poses import Pose
+
+from tests.splats.shots import HEIGHT, WIDTH, some, view_of
+
+ROUNDING = 2e-6
+LIMIT = 1.0 / 255.0
+SCENE = {"default": made(4000, 3)}
+FROM_WITHIN = Pose((0.1, 0.3, 3.3), (0, 0.7, 0.1, 0.7))
+
+
+def drawn(view: View, scene: Mapping[str, Gaussians], skips: Skip) -> Image:
+    return rendered(placed(view, scene), view.intrinsics, view.width, view.height, 1, skips)
+
+
+def exact(view: View, scene: Mapping[str, Gaussians]) -> Image:
+    return truth(placed(view, scene), view.intrinsics, view.width, view.height)
+
+
+def off_by(image: Image, other: Image) -> float:
+    return float(np.abs(image.color - other.color).max())
+
+
+@pytest.mark.parametrize("pose", [Pose((0, 0, 0), (0, 0, 0, 1)), FROM_WITHIN])
+@pytest.mark.parametrize("skips", [NOTHING, *EXACT, EXACT], ids=str)
+def test_what_is_exact_changes_nothing(skips: Skip, pose: Pose) -> None:
+    view = view_of(pose)
+    image = drawn(view, SCENE, skips)
+    assert off_by(image, drawn(view, SCENE, NOTHING)) <= ROUNDING
+    assert off_by(image, exact(view, SCENE)) <= LIMIT
+    np.testing.assert_allclose(image.inverse, drawn(view, SCENE, NOTHING).inverse, atol=ROUNDING)
+
+
+def test_what_is_behind_the_opaque_is_not_looked_at() -> None:
+    x, y = np.meshgrid(np.linspace(-3, 3, 25), np.linspace(-3, 3, 25))
+    wall = np.stack((x, y, np.full_like(x, 2.0)), axis=-1).reshape(-1, 3)
+    layers = np.concatenate([np.add(wall, (0, 0, i)) for i in range(12)])
+    behind = some(layers, 0.4, opacities=0.95)
+    behind.coefficients[9 * len(wall) :] = np.inf  # which would be seen, even at a weight of zero
+    view = view_of()
+    assert np.isnan(drawn(view, {"default": behind}, NOTHING).color).any()
+    image = drawn(view, {"default": behind}, Skip.HIDDEN)
+    assert np.isfinite(image.color).all()
+    assert (image.color[..., 3] > 0.99).all()
+
+
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many Gaussians each run let through."""
+    counts: list[int] = []
+    project = renderer.project.project
+
+    def counting(*given: Any) -> int:
+        counts.append(project(*given))
+        return counts[-1]
+
+    monkeypatch.setattr(renderer.project, "project", counting)
+    return counts
+
+
+@pytest.mark.parametrize(
+    ("skip", "scene"),
+    [
+        (Skip.OUTSIDE, some([(0, 0, 4), (0, 40, 4), (-30, 0, 4)])),
+        (Skip.FAINT, some([(0, 0, 4)] * 3, opacities=[0.8, 0.0039, 0.0])),
+        (Skip.SMALL, some([(0, 0, 4)] * 3, [[0.1] * 3, [1e-4] * 3, [0.0] * 3])),
+    ],
+    ids=str,
+)
+def test_those_that_are_not_seen_are_not_drawn(
+    seen: list[int], skip: Skip, scene: Gaussians
+) -> None:
+    for skips, count in ((skip, 1), (NOTHING, 3)):
+        drawn(view_of(), {"default": scene}, skips)
+        assert seen == [count]
+        seen.clear()
+
+
+@pytest.mark.parametrize("where", [(2.35, 0, 4), (0, 2.4, 4), (-2.35, 0, 4), (0, -2.4, 4)])
+def test_one_whose_centre_is_outside_is_seen_if_it_reaches_the_image(
+    where: tuple[float, float, float],
+) -> None:
+    # The edges are 3.46 to the side, and 2.31 above and below.
+    scene = {"default": some(where, (1.0, 0.02, 1.0))}
+    view = view_of(size=(WIDTH, HEIGHT))
+    assert drawn(view, scene, EXACT).color.max() > 0
+    assert off_by(drawn(view, scene, EXACT), exact(view, scene)) <= LIMIT
+
+
+def test_bands_of_zero_are_not_looked_at() -> None:
+    full = made(1000, 3)
+    full.coefficients[:, 4:] = 0
+    narrow = replace(full, coefficients=full.coefficients[:, :4].copy())
+    image = drawn(view_of(), {"default": full}, Skip.BANDS)
+    np.testing.assert_array_equal(image.color, drawn(view_of(), {"default": narrow}, NOTHING).color)
+    full.coefficients[77, 15, 2] = 3.0
+    assert off_by(drawn(view_of(), {"default": full}, Skip.BANDS), image) > 0
+
+
+@pytest.mark.parametrize("skips", [Skip.CHANNELS, NOTHING], ids=str)
+def test_channels_that_nobody_reads_are_not_made(skips: Skip) -> None:
+    objects, view = placed(view_of(), SCENE), view_of()
+    with Renderer(1, skips) as one:
+        whole = one.draw(objects, view.intrinsics, WIDTH, HEIGHT)
+        color, inverse = whole.color.copy(), whole.inverse.copy()
+        depth = one.draw(objects, view.intrinsics, WIDTH, HEIGHT, frozenset({"depth"}))
+        np.testing.assert_array_equal(depth.inverse, inverse)
+        np.testing.assert_array_equal(depth.color[..., 3], color[..., 3])
+        assert bool(depth.color[..., :3].any()) is not bool(skips)
+        flat = one.draw(objects, view.intrinsics, WIDTH, HEIGHT, frozenset({"color"}))
+        np.testing.assert_array_equal(flat.color, color)
+        assert bool(flat.inverse.any()) is not bool(skips)
+
+
+@pytest.fixture
+def due(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many tiles each image took."""
+    counts: list[int] = []
+    count_tiles = renderer.listing.count_tiles
+
+    def counting(tiles: Any, across: int, is_due: Any, listed: Any) -> None:
+        counts.append(int(is_due.sum()))
+        count_tiles(tiles, across, is_due, listed)
+
+    monkeypatch.setattr(renderer.listing, "count_tiles", counting)
+    return counts
+
+
+def test_tiles_without_a_change_are_kept(due: list[int]) -> None:
+    statue = some([(0, 0, 0), (0.1, 0, 0.1)], 0.15, colors=(0.9, 0.1, 0.1))
+    scene = {"default": made(3000), "statue": statue}
+    with Renderer(2, EXACT) as kept:
+        for x in (-1.0, -0.9, 0.5, 90.0, 0.5):
+            view = view_of(
+                Pose((0, 0, 0), (0, 0, 0, 1)),
+                Placement("default", Pose((0, 0, 0), (0, 0, 0, 1))),
+                Placement("statue", Pose((x, 0.2, 3.0), (0, 0, 0, 1))),
+            )
+            image = kept.draw(placed(view, scene), view.intrinsics, WIDTH, HEIGHT)
+            tiles = due.pop()
+            afresh = drawn(view, scene, EXACT)
+            np.testing.assert_array_equal(image.color, afresh.color)
+            np.testing.assert_array_equal(image.inverse, afresh.inverse)
+            assert tiles == 24 if x == -1.0 else 0 < tiles < 16
+            due.clear()
+
+
+def test_a_view_that_is_as_before_costs_nothing(seen: list[int], due: list[int]) -> None:
+    view = view_of()
+    with Renderer(1, EXACT) as kept:
+        before = kept.draw(placed(view, SCENE), view.intrinsics, WIDTH, HEIGHT).color.copy()
+        seen.clear()
+        due.clear()
+        again = kept.draw(placed(view, SCENE), view.intrinsics, WIDTH, HEIGHT)
+        np.testing.assert_array_equal(again.color, before)
+        assert not seen
+        assert not due
+
+
+@pytest.mark.parametrize("what", ["lens", "size", "channels", "gaussians", "fewer", "more"])
+def test_whatever_changes_is_seen(what: str) -> None:
+    view, other, scene = view_of(), view_of(), dict(SCENE)
+    after, channels = dict(SCENE), renderer.CHANNELS
+    if what == "lens":
+        other = view_of(intrinsics=view.intrinsics._replace(fx=40.0))
+    elif what == "size":
+        other = view_of(size=(WIDTH, HEIGHT - 17))
+    elif what == "channels":
+        channels = frozenset({"color"})
+    elif what == "gaussians":
+        after["default"] = made(4000, 3, seed=9)
+    elif what == "fewer":
+        after["default"] = made(3000)
+    else:
+        after["default"] = made(5000)
+    with Renderer(1, EXACT) as kept:
+        kept.draw(placed(view, scene), view.intrinsics, view.width, view.height, channels)
+        image = kept.draw(placed(other, after), other.intrinsics, other.width, other.height)
+    right = drawn(other, after, EXACT)
+    np.testing.assert_array_equal(image.color, right.color)
+    np.testing.assert_array_equal(image.inverse, right.inverse)
+
+
+def test_halves_are_enough_for_harmonics() -> None:
+    view, scene = view_of(), {"default": halved(SCENE["default"])}
+    assert scene["default"].coefficients.dtype == np.float16
+    assert off_by(drawn(view, scene, EXACT), exact(view, scene)) <= LIMIT
+    assert 0 < off_by(drawn(view, scene, EXACT), exact(view, SCENE)) <= LIMIT
+
+
+def test_halves_hold_subnormal_numbers_and_leave_what_is_too_large() -> None:
+    tiny = some([(0, 0, 3)])
+    tiny.coefficients[:] = (6e-8, 0.1, -0.2)
+    view = view_of()
+    half = {"default": halved(tiny)}
+    assert off_by(drawn(view, half, EXACT), exact(view, half)) < 1e-6
+    tiny.coefficients[0, 0, 1] = 7e4
+    assert halved(tiny) is tiny
+
+
+@pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (95, 63), (17, 1), (1, 2)])
+def test_fewer_pixels_while_the_camera_moves(size: tuple[int, int], due: list[int]) -> None:
+    view = view_of(size=size)
+    objects = placed(view, SCENE)
+    with Renderer(2, USUAL) as one:
+        rough = one.draw(objects, view.intrinsics, *size, is_moving=True)
+        assert due.pop() == -(-((size[0] + 1) // 2) // 16) * -(-((size[1] + 1) // 2) // 16)
+        rest = one.draw(objects, view.intrinsics, *size)
+    right = drawn(view, SCENE, NOTHING)
+    assert rough.color.shape == right.color.shape
+    assert off_by(rest, right) <= ROUNDING
+    assert np.sqrt(np.mean((rough.color - right.color) ** 2)) < 0.12
+    assert off_by(rough, right) > ROUNDING
+
+
+def test_a_coarse_image_is_where_the_fine_one_is() -> None:
+    view = view_of()
+    scene = {"default": some((0.4, -0.2, 4), 0.6)}
+    with Renderer(1, USUAL) as one:
+        rough = one.draw(
+            placed(view, scene), view.intrinsics, WIDTH, HEIGHT, is_moving=True
+        )  # wide and smooth: so that a shift is the only thing that could be seen
+    assert off_by(rough, drawn(view, scene, EXACT)) < 0.01
+
+
+def test_far_ones_look_alike_from_everywhere() -> None:
+    view = view_of()
+    scene = {"default": replace(made(2000, 3), scales=np.full((2000, 3), 1e-4, np.float32))}
+    plain = replace(scene["default"], coefficients=scene["default"].coefficients[:, :1].copy())
+    image = drawn(view, scene, Skip.FAR)
+    np.testing.assert_array_equal(image.color, drawn(view, {"default": plain}, NOTHING).color)
+    assert off_by(image, drawn(view, scene, NOTHING)) > LIMIT
+    assert off_by(drawn(view, SCENE, Skip.FAR), drawn(view, SCENE, NOTHING)) > 0
+
+
+def test_skips_have_names() -> None:
+    assert named("hidden,Faint") == Skip.HIDDEN | Skip.FAINT
+    assert named("none") == NOTHING
+    assert named("usual") == USUAL
+    assert named("all") == ~NOTHING
+    with pytest.raises(ValueError, match=r"'dim' is none of all, usual, none, outside, faint"):
+        named("hidden,dim")
