@@ -12,6 +12,8 @@ Floats = NDArray[np.float32]
 
 COEFFICIENTS = (1, 4, 9, 16)
 """How many harmonics a channel has, by their degree."""
+CELLS = 1 << 10
+"""Into which an axis is divided, to say which Gaussians are near each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +73,22 @@ def empty(count: int, coefficients: int) -> Gaussians:
     """Room for as many Gaussians, with whatever lies there."""
     shapes = ((count, 3), (count, 4), (count, 3), (count,), (count, coefficients, 3))
     return Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
+
+
+def along_curve(gaussians: Gaussians) -> Gaussians:
+    """The same in another order, in which those that follow each other are near each other.
+
+    Along Morton's curve through the box in which 98 of a hundred lie; of the same cell of 1024³ in
+    the order in which they came.
+    """
+    means = gaussians.means
+    if not len(means):
+        return gaussians
+    sample = means[:: max(1, len(means) // 10_000)]
+    low, high = np.quantile(sample, (0.01, 0.99), axis=0)
+    places = (means - low) / np.maximum(high - low, np.finfo(np.float32).tiny)
+    cells = np.clip(places * CELLS, 0, CELLS - 1).astype(np.uint32)
+    for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
+        cells = (cells | cells << np.uint32(shift)) & np.uint32(mask)
+    order = np.argsort(cells @ np.array((1, 2, 4), np.uint32), kind="stable")
+    return Gaussians(*(getattr(gaussians, each.name)[order] for each in fields(gaussians)))

@@ -1,4 +1,8 @@
-"""Draws Gaussians on the processor, as `SPLATS.md` says: tiles of 16×16 pixels, and one sort."""
+"""Draws Gaussians on the processor, as `SPLATS.md` says: tiles of 16×16 pixels, and one order.
+
+Near ones first, a slice of depth after the other, so that what is behind the opaque is found out
+before it is projected.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.view import Intrinsics
 
+from splatbus_splats import runs
 from splatbus_splats.definition import Image, Placed, depths, slopes
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.harmonics import used
@@ -20,13 +25,13 @@ from splatbus_splats.kernels import blend, listing, project
 from splatbus_splats.kernels.compiled import TILE
 from splatbus_splats.skips import EXACT, Skip
 
-RUN = 1 << 12
-"""Gaussians that a thread projects at a time."""
 MOST_LISTED = 1 << 25
 """Gaussians in the lists of tiles that a thread makes at a time, each for every tile that it is in:
 128 MB. A single row of tiles may have more."""
 PARTS = 3
-"""Of the image for each thread, so that none waits long for another."""
+"""Of the work for each thread, so that none waits long for another."""
+SLICES = (0.125, 0.25, 0.5)
+"""Shares of the Gaussians that are drawn before what is behind them is looked at."""
 CHANNELS = frozenset({"color", "depth"})
 
 
@@ -49,33 +54,43 @@ class _Shown(NamedTuple):
         return -(-self.height // TILE)
 
 
-class _Run(NamedTuple):
-    """Gaussians of one object that lie one after the other."""
+class _Known(NamedTuple):
+    """Of an object's Gaussians, wherever they are seen from."""
 
-    owner: int
-    """Which object it is."""
-    first: int
-    last: int
-    place: int
-    """Where those of them that may be seen are, from the first on."""
+    harmonics: int
+    """That are not zero, a channel."""
+    bounds: runs.Bounds
 
 
 class _Places(NamedTuple):
-    """Room for as many Gaussians as there are; see `kernels.compiled` for what lies there."""
+    """Where runs are, and room for as many Gaussians as there are; see `kernels.compiled`."""
 
+    table: NDArray[np.int64]
+    """(R, 4): which run it is, its first Gaussian, the one after its last, its first place."""
+    owners: NDArray[np.int64]
+    """(R,), its object."""
+    is_done: NDArray[np.bool_]
+    """(R,), whether it was projected."""
     counts: NDArray[np.int64]
-    """How many of each run may be seen."""
+    """(R,), how many of it may be seen then."""
     z: NDArray[np.float64]
     shape: NDArray[np.float64]
     box: NDArray[np.int32]
     paint: NDArray[np.float32]
 
 
+class _Pixels(NamedTuple):
+    """Tiles while they are drawn; see `kernels.blend`."""
+
+    sums: NDArray[np.float32]
+    is_open: NDArray[np.bool_]
+
+
 class Renderer:
     """Draws one view after the other, and keeps what the next can use.
 
-    Use it in a `with`, from one thread. Memory is 100 bytes a Gaussian, and 4 for each tile that it
-    is in. The first image loads or compiles the loops, which takes some seconds.
+    Use it in a `with`, from one thread. Memory is 100 bytes a Gaussian, 4 for each tile that it is
+    in, and 44 a pixel. The first image loads or compiles the loops, which takes some seconds.
 
     Args:
         threads: that draw; the bits do not depend on it.
@@ -85,11 +100,11 @@ class Renderer:
     def __init__(self, threads: int = 1, skips: Skip = EXACT) -> None:
         self._threads, self._skips = threads, skips
         self._pool = ThreadPoolExecutor(threads)
-        self._used: WeakKeyDictionary[Gaussians, int] = WeakKeyDictionary()
+        self._known: WeakKeyDictionary[Gaussians, _Known] = WeakKeyDictionary()
         self._shown: _Shown | None = None
         self._objects: tuple[Placed, ...] = ()
-        self._runs: list[_Run] = []
-        self._places, self._image = _places(0, 0), _image(0, 0)
+        self._tiles = np.empty((0, 4), np.int64)
+        self._places, self._pixels, self._image = _places(()), _pixels(0), _image(0, 0)
 
     def __enter__(self) -> Renderer:
         return self
@@ -127,11 +142,10 @@ class Renderer:
         half = Intrinsics(fx / 2.0, fy / 2.0, cx / 2.0, cy / 2.0, near, far)
         shown = _Shown(half, (width + 1) // 2, (height + 1) // 2, channels)
         coarse, fine = self._drawn(objects, shown), _image(width, height)
-        rows = np.linspace(0, height, PARTS * self._threads + 1).astype(int).tolist()
         for few, many in zip(coarse, fine):
             shape = (*many.shape[:2], -1)
             spread = partial(blend.spread, few.reshape(*few.shape[:2], -1), many.reshape(shape))
-            self._each(partial(spread, *part) for part in zip(rows, rows[1:]))
+            self._in_parts(height, spread)
         return fine
 
     def _drawn(self, objects: Sequence[Placed], shown: _Shown) -> Image:
@@ -141,82 +155,112 @@ class Renderer:
             and shown == self._shown
             and _sizes(objects) == _sizes(self._objects)
         )
-        changed = [
-            not (is_kept and _are_alike(each, before))
-            for each, before in zip(objects, self._objects if is_kept else objects)
-        ]
-        self._shown, self._objects = shown, tuple(objects)
-        is_due = np.full(shown.across * shown.down, not is_kept)
+        before = self._objects if is_kept else objects
+        is_changed = np.array(
+            [not (is_kept and _are_alike(*both)) for both in zip(objects, before)], np.bool_
+        )
         if not is_kept:
-            self._runs = list(_runs(_sizes(objects)))
-            self._places = _places(sum(_sizes(objects)), len(self._runs))
+            self._places = _places(_sizes(objects))
+            self._pixels = _pixels(shown.across * shown.down)
             self._image = _image(shown.width, shown.height)
-        due = [i for i, run in enumerate(self._runs) if changed[run.owner]]
+        changed = is_changed[self._places.owners]
+        self._places.is_done[changed] = False
+        former, self._shown, self._objects = self._tiles, shown, tuple(objects)
+        nearest, self._tiles = self._outlined(shown)
+        is_due = np.full((shown.down, shown.across), not is_kept)
         if is_kept:
-            self._mark(due, is_due)
-        self._each(partial(self._project, i) for i in due)
-        if is_kept:
-            self._mark(due, is_due)
+            for left, right, top, bottom in (*former[changed], *self._tiles[changed]):
+                is_due[top:bottom, left:right] = True
         if is_due.any():
-            self._blend(shown, is_due)
+            self._blend(shown, is_due, nearest)
         return self._image
 
-    def _mark(self, runs: list[int], is_due: NDArray[np.bool_]) -> None:
-        """The tiles in which runs are, as they were projected last."""
-        assert self._shown is not None
-        for i in runs:
-            begin = self._runs[i].place
-            end = begin + int(self._places.counts[i])
-            listing.mark(begin, end, self._places.box, self._shown.across, is_due)
+    def _outlined(self, shown: _Shown) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """How near each run comes, and (R, 4), in which tiles it can be seen."""
+        lens = (shown.intrinsics, shown.width, shown.height)
+        found = [runs.outlines(self._of(each).bounds, each, *lens) for each in self._objects]
+        nearest = np.concatenate([np.empty(0), *(each.nearest for each in found)])
+        boxes = np.concatenate([np.empty((0, 4)), *(each.boxes for each in found)])
+        if Skip.OUTSIDE not in self._skips:
+            boxes[:] = (0, shown.width, 0, shown.height)
+        return nearest, runs.tiles_of(boxes, TILE, shown.across, shown.down)
 
-    def _project(self, i: int) -> None:
-        """Those of a run that may be seen."""
-        assert self._shown is not None
-        run, (intrinsics, width, height, channels) = self._runs[i], self._shown
-        gaussians, turn, eye = self._objects[run.owner]
-        fx, fy, cx, cy = (float(each) for each in intrinsics[:4])
-        near, far = depths(intrinsics)
-        skips = (Skip.OUTSIDE, Skip.FAINT, Skip.FAR, Skip.SMALL)
-        counts, *rest = self._places
-        counts[i] = project.project(
-            _arrays(gaussians),
-            np.ascontiguousarray(turn),
-            eye,
+    def _of(self, placed: Placed) -> _Known:
+        gaussians = placed.gaussians
+        if gaussians not in self._known:
+            skips = Skip.BANDS in self._skips
+            count = used(gaussians.coefficients) if skips else gaussians.coefficients.shape[1]
+            self._known[gaussians] = _Known(int(count), runs.bounds_of(gaussians))
+        return self._known[gaussians]
+
+    def _blend(
+        self, shown: _Shown, is_due: NDArray[np.bool_], nearest: NDArray[np.float64]
+    ) -> None:
+        """The tiles that are due, anew."""
+        tiles, is_open = is_due.size, is_due.copy()
+        self._in_parts(tiles, partial(blend.clear, is_due.reshape(-1), *self._pixels))
+        for span in self._spans(nearest):
+            is_near = runs.reaching(self._tiles, is_open) & (nearest < span[1])
+            self._project(shown, is_near & ~self._places.is_done)
+            self._draw(shown, is_near, span, is_open.reshape(-1))
+        put = partial(blend.put, shown.across, is_due.reshape(-1), self._pixels.sums, *self._image)
+        self._in_parts(tiles, put)
+
+    def _spans(self, nearest: NDArray[np.float64]) -> Iterator[tuple[float, float]]:
+        """Depths from one on and before another, near ones first, that are drawn at a time."""
+        if Skip.HIDDEN not in self._skips or len(nearest) < len(SLICES):
+            return iter([(-np.inf, np.inf)])
+        edges = np.quantile(nearest, SLICES)
+        return zip((-np.inf, *edges), (*edges, np.inf))
+
+    def _project(self, shown: _Shown, which: NDArray[np.bool_]) -> None:
+        """Those of some runs that may be seen."""
+        *_, counts, z, shape, box, paint = self._places
+        skips = [each in self._skips for each in (Skip.OUTSIDE, Skip.FAINT, Skip.FAR, Skip.SMALL)]
+        fx, fy, cx, cy = (float(each) for each in shown.intrinsics[:4])
+        lens = (
             (fx, fy, cx, cy),
-            (*slopes(fx, cx, width), *slopes(fy, cy, height)),
-            (float(near), float(far)),
-            (width, height),
-            (*(each in self._skips for each in skips), self._harmonics(gaussians, channels)),
-            run.first,
-            run.last,
-            run.place,
-            *rest,
+            (*slopes(fx, cx, shown.width), *slopes(fy, cy, shown.height)),
+            tuple(float(each) for each in depths(shown.intrinsics)),
+            (shown.width, shown.height),
         )
+        is_colored = "color" in shown.channels or Skip.CHANNELS not in self._skips
+        for owner, placed in enumerate(self._objects):
+            harmonics = self._of(placed).harmonics if is_colored else 0
+            scene = (_arrays(placed.gaussians), np.ascontiguousarray(placed.turn), placed.eye)
+            table = self._places.table[which & (self._places.owners == owner)]
+            work = partial(project.project, *scene, *lens, (*skips, harmonics))
+            self._each(
+                partial(work, part, counts, z, shape, box, paint)
+                for part in np.array_split(table, PARTS * self._threads)
+                if len(part)
+            )
+        self._places.is_done[which] = True
 
-    def _harmonics(self, gaussians: Gaussians, channels: frozenset[str]) -> int:
-        """How many of a channel are looked at."""
-        if Skip.CHANNELS in self._skips and "color" not in channels:
-            return 0
-        if Skip.BANDS not in self._skips:
-            return int(gaussians.coefficients.shape[1])
-        if gaussians not in self._used:
-            self._used[gaussians] = used(gaussians.coefficients)
-        return self._used[gaussians]
-
-    def _blend(self, shown: _Shown, is_due: NDArray[np.bool_]) -> None:
-        counts, depths, _, box, _ = self._places
-        places, keys = np.empty(counts.sum(), np.int32), np.empty(counts.sum())
-        begins = np.array([run.place for run in self._runs], np.int64)
-        listing.gathered(begins, counts, depths, places, keys)
-        places = listing.sorted_places(places, keys)
-        tiles = np.empty((len(places), 4), np.int16)
+    def _draw(
+        self,
+        shown: _Shown,
+        which: NDArray[np.bool_],
+        span: tuple[float, float],
+        is_open: NDArray[np.bool_],
+    ) -> None:
+        """Those of some runs that are in a span of depths, over what is in the tiles."""
+        table, _, _, counts, z, _, box, _ = self._places
+        room = int(counts[which].sum())
+        places, keys = np.empty(room, np.int32), np.empty(room)
+        begins = table[which, 3]
+        found = listing.gathered(
+            begins, counts[which], z, box, span, shown.across, is_open, places, keys
+        )
+        places = listing.sorted_places(places[:found], keys[:found])
+        tiles = np.empty((found, 4), np.int16)
         listing.in_tiles(places, box, tiles)
-        listed = np.zeros(len(is_due) + 1, np.int64)
-        listing.count_tiles(tiles, shown.across, is_due, listed)
+        listed = np.zeros(len(is_open) + 1, np.int64)
+        listing.count_tiles(tiles, shown.across, is_open, listed)
         starts = np.cumsum(listed)
         share = min(int(starts[-1]) // (PARTS * self._threads), MOST_LISTED)
-        draw = partial(self._draw_rows, shown, places, tiles, starts, is_due)
-        self._each(partial(draw, *rows) for rows in _parts(starts[:: shown.across], share))
+        draw = partial(self._draw_rows, shown, places, tiles, starts, is_open)
+        self._each(partial(draw, *rows) for rows in _shared(starts[:: shown.across], share))
 
     def _draw_rows(
         self,
@@ -224,33 +268,35 @@ class Renderer:
         places: NDArray[np.int32],
         tiles: NDArray[np.int16],
         starts: NDArray[np.int64],
-        is_due: NDArray[np.bool_],
+        is_open: NDArray[np.bool_],
         first_row: int,
         last_row: int,
     ) -> None:
         """Rows of tiles: who is in them, and how that looks."""
-        first, last = first_row * shown.across, last_row * shown.across
+        across, first, last = shown.across, first_row * shown.across, last_row * shown.across
         begins = starts[first : last + 1] - starts[first]
-        lists = np.empty(begins[-1], np.int32)
-        _, _, shape, box, paint = self._places
-        listing.list_tiles(
-            places, tiles, shown.across, is_due, first_row, last_row, begins[:-1].copy(), lists
-        )
-        is_read = "depth" in shown.channels or Skip.CHANNELS not in self._skips
+        lists, ends = np.empty(begins[-1], np.int32), begins[:-1].copy()
+        listing.list_tiles(places, tiles, across, is_open, first_row, last_row, ends, lists)
+        *_, shape, box, paint = self._places
         blend.blend(
             begins,
             lists,
-            is_due,
+            is_open,
             shape,
             box,
             paint,
             first,
             last,
-            shown.across,
+            across,
             Skip.HIDDEN in self._skips,
-            self._image.color,
-            self._image.inverse if is_read else None,
+            "depth" in shown.channels or Skip.CHANNELS not in self._skips,
+            *self._pixels,
         )
+
+    def _in_parts(self, count: int, work: Callable[[int, int], None]) -> None:
+        """So many things, each thread some of them at a time: from one until before another."""
+        cuts = np.linspace(0, count, PARTS * self._threads + 1).astype(int).tolist()
+        self._each(partial(work, *part) for part in zip(cuts, cuts[1:]))
 
     def _each(self, tasks: Iterable[Callable[[], None]]) -> None:
         """All of them, by the threads."""
@@ -275,17 +321,28 @@ def _image(width: int, height: int) -> Image:
     return Image(np.zeros((height, width, 4), np.float32), np.zeros((height, width), np.float32))
 
 
-def _places(count: int, runs: int) -> _Places:
-    box, paint = np.empty((count, 4), np.int32), np.empty((count, 5), np.float32)
-    return _Places(np.zeros(runs, np.int64), np.empty(count), np.empty((count, 5)), box, paint)
+def _pixels(tiles: int) -> _Pixels:
+    shape = (tiles, blend.BLOCKS, blend.SUMS, blend.PIXELS)
+    return _Pixels(np.empty(shape, np.float32), np.empty(shape[:2], np.bool_))
 
 
-def _runs(sizes: Sequence[int]) -> Iterator[_Run]:
-    place = 0
+def _places(sizes: Sequence[int]) -> _Places:
+    rows, owners, place = [], [], 0
     for owner, size in enumerate(sizes):
-        for first in range(0, size, RUN):
-            yield _Run(owner, first, min(first + RUN, size), place + first)
+        for first in range(0, size, runs.LENGTH):
+            rows.append((len(rows), first, min(first + runs.LENGTH, size), place + first))
+            owners.append(owner)
         place += size
+    return _Places(
+        np.array(rows, np.int64).reshape(-1, 4),
+        np.array(owners, np.int64),
+        np.zeros(len(rows), np.bool_),
+        np.zeros(len(rows), np.int64),
+        np.empty(place),
+        np.empty((place, 5)),
+        np.empty((place, 4), np.int32),
+        np.empty((place, 5), np.float32),
+    )
 
 
 def _sizes(objects: Sequence[Placed]) -> list[int]:
@@ -307,7 +364,7 @@ def _arrays(gaussians: Gaussians) -> tuple[NDArray[Any], ...]:
     return (*rest, coefficients.view(np.uint16) if is_half else coefficients)
 
 
-def _parts(starts: NDArray[np.int64], share: int) -> Iterator[tuple[int, int]]:
+def _shared(starts: NDArray[np.int64], share: int) -> Iterator[tuple[int, int]]:
     """Rows from one until before another, each part with some `share` of what is listed."""
     first = 0
     for last in range(1, len(starts)):

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from splatbus_server.view import View
-from splatbus_splats import renderer
+from hypothesis import given, settings
+from hypothesis.strategies import DataObject, data, floats, lists, tuples
+from splatbus_server.view import Intrinsics, View
+from splatbus_splats import renderer, runs
 from splatbus_splats.definition import Image, placed
 from splatbus_splats.gaussians import Gaussians, halved
 from splatbus_splats.made import made
@@ -64,16 +66,17 @@ def test_what_is_behind_the_opaque_is_not_looked_at() -> None:
 
 @pytest.fixture
 def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many Gaussians each run let through."""
-    counts: list[int] = []
+    """How many Gaussians were let through, by the runs that were looked at together."""
+    found: list[int] = []
     project = renderer.project.project
 
-    def counting(*given: Any) -> int:
-        counts.append(project(*given))
-        return counts[-1]
+    def counting(*given: Any) -> None:
+        project(*given)
+        table, counts = given[8:10]
+        found.append(int(counts[table[:, 0]].sum()))
 
     monkeypatch.setattr(renderer.project, "project", counting)
-    return counts
+    return found
 
 
 @pytest.mark.parametrize(
@@ -83,7 +86,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         (Skip.FAINT, some([(0, 0, 4)] * 3, opacities=[0.8, 0.0039, 0.0])),
         (Skip.SMALL, some([(0, 0, 4)] * 3, [[0.1] * 3, [1e-4] * 3, [0.0] * 3])),
     ],
-    ids=str,
+    ids=("outside", "faint", "small"),
 )
 def test_those_that_are_not_seen_are_not_drawn(
     seen: list[int], skip: Skip, scene: Gaussians
@@ -130,9 +133,46 @@ def test_channels_that_nobody_reads_are_not_made(skips: Skip) -> None:
         assert bool(flat.inverse.any()) is not bool(skips)
 
 
+def test_a_run_behind_what_is_opaque_is_not_projected(seen: list[int]) -> None:
+    x, y = np.meshgrid(np.linspace(-4, 4, 64), np.linspace(-3, 3, 64))
+    walls = [np.stack((x, y, np.full_like(x, z)), -1).reshape(-1, 3) for z in range(2, 12)]
+    scene = {"default": some(np.concatenate(walls), 0.2, opacities=0.95)}
+    view = view_of()
+    image = drawn(view, scene, Skip.HIDDEN)
+    assert sum(seen) <= 3 * 64 * 64
+    assert off_by(image, drawn(view, scene, NOTHING)) <= ROUNDING
+
+
+def test_a_run_beside_the_image_is_not_looked_at(seen: list[int]) -> None:
+    two = np.repeat([(0, 0, 4), (30, 0, 4)], runs.LENGTH, axis=0)
+    drawn(view_of(), {"default": some(two, 0.01)}, Skip.OUTSIDE)
+    assert seen == [runs.LENGTH]
+
+
+@settings(max_examples=200, deadline=None)
+@given(data())
+def test_a_run_is_outlined_by_all_that_its_gaussians_reach(draw: DataObject) -> None:
+    number = floats(-8, 8)
+    means = draw.draw(lists(tuples(number, number, number), min_size=1, max_size=20))
+    scene = some(means, draw.draw(floats(0, 3)), opacities=1.0)
+    pose = Pose(draw.draw(tuples(number, number, number)), (0.1, -0.5, 0.3, 0.8))
+    placement = Placement("default", pose, draw.draw(floats(0.1, 4)))
+    lens = Intrinsics(30.0, 50.0, draw.draw(floats(-20, 120)), 40.0, 0.01, 100.0)
+    view = view_of(Pose((0, 0, 0), (0, 0, 0, 1)), placement, intrinsics=lens)
+    (each,) = placed(view, {"default": scene})
+    found = runs.outlines(runs.bounds_of(scene), each, lens, WIDTH, HEIGHT)
+    rows, columns = np.nonzero(exact(view, {"default": scene}).color[..., 3])
+    if len(rows):
+        left, right, top, bottom = found.boxes[0]
+        assert left <= columns.min()
+        assert columns.max() <= right
+        assert top <= rows.min()
+        assert rows.max() <= bottom
+
+
 @pytest.fixture
 def due(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many tiles each image took."""
+    """How many tiles were unfinished, before each slice of depth."""
     counts: list[int] = []
     count_tiles = renderer.listing.count_tiles
 
@@ -155,7 +195,7 @@ def test_tiles_without_a_change_are_kept(due: list[int]) -> None:
                 Placement("statue", Pose((x, 0.2, 3.0), (0, 0, 0, 1))),
             )
             image = kept.draw(placed(view, scene), view.intrinsics, WIDTH, HEIGHT)
-            tiles = due.pop()
+            tiles = due[0]
             afresh = drawn(view, scene, EXACT)
             np.testing.assert_array_equal(image.color, afresh.color)
             np.testing.assert_array_equal(image.inverse, afresh.inverse)
@@ -222,7 +262,7 @@ def test_fewer_pixels_while_the_camera_moves(size: tuple[int, int], due: list[in
     objects = placed(view, SCENE)
     with Renderer(2, USUAL) as one:
         rough = one.draw(objects, view.intrinsics, *size, is_moving=True)
-        assert due.pop() == -(-((size[0] + 1) // 2) // 16) * -(-((size[1] + 1) // 2) // 16)
+        assert due[0] == -(-((size[0] + 1) // 2) // 16) * -(-((size[1] + 1) // 2) // 16)
         rest = one.draw(objects, view.intrinsics, *size)
     right = drawn(view, SCENE, NOTHING)
     assert rough.color.shape == right.color.shape

@@ -71,23 +71,32 @@ def blend(
     end: int,
     across: int,
     skips_hidden: bool,
-    color: Any,
-    inverse: Any,
+    adds_inverse: bool,
+    sums_of: Any,
+    is_open_of: Any,
 ) -> None:
-    """Draws the tiles that are due, from one until before another, over what the images hold.
+    """Draws over what is there in the tiles that are due, from one until before another.
 
-    `starts` says where the list of each tile from `begin` on is in `lists`. `inverse` may be None.
+    Args:
+        starts: where the list of each tile from `begin` on is in `lists`.
+        lists: places, near ones first.
+        is_due: of all tiles; those that are finished are no longer.
+        shape_of: of places, as all that follows; see `compiled`.
+        box_of: …
+        paint_of: …
+        begin: of the tiles.
+        end: …
+        across: tiles in a row.
+        skips_hidden: whether blocks in which all is opaque are finished.
+        adds_inverse: whether depth is wanted.
+        sums_of: (tiles, blocks, `SUMS`, pixels) float32.
+        is_open_of: (tiles, blocks).
     """
-    sums = np.empty(BLOCKS * SUMS * PIXELS, np.float32)
-    is_open = np.empty(BLOCKS, np.bool_)
     for tile in range(begin, end):
         if not is_due[tile]:
             continue
         X, Y = (tile % across) * TILE, (tile // across) * TILE
-        sums[:] = NOTHING
-        is_open[:] = True
-        for block in range(BLOCKS):
-            sums[block * SUMS * PIXELS : block * SUMS * PIXELS + PIXELS] = ONE
+        sums, is_open = sums_of[tile].reshape(-1), is_open_of[tile]
         for place in range(starts[tile - begin], starts[tile - begin + 1]):
             k = lists[place]
             du, dv = X + 0.5 - shape_of[k, U], Y + 0.5 - shape_of[k, V]
@@ -128,25 +137,39 @@ def blend(
                         sums[i + np.uint64(2 * PIXELS)] += weight * green
                         sums[i + np.uint64(3 * PIXELS)] += weight * blue
                         sums[i + np.uint64(4 * PIXELS)] += weight
-                        if inverse is not None:
+                        if adds_inverse:
                             sums[i + np.uint64(5 * PIXELS)] += weight * near
             if skips_hidden and place % LOOK == 0 and not _look(sums, is_open):
                 break
-        _put(sums, X, Y, color, inverse)
+        if skips_hidden:
+            is_due[tile] = _look(sums, is_open)
 
 
 @compiled
-def _put(sums: Any, X: int, Y: int, color: Any, inverse: Any) -> None:
-    """A tile into the image."""
-    height, width = color.shape[:2]
-    for y in range(min(TILE, height - Y)):
-        for x in range(min(TILE, width - X)):
-            block, pixel = y // BLOCK * WIDE + x // BLOCK, y % BLOCK * BLOCK + x % BLOCK
-            base = block * SUMS * PIXELS + pixel
-            for channel in range(4):
-                color[Y + y, X + x, channel] = sums[base + (channel + 1) * PIXELS]
-            if inverse is not None:
-                inverse[Y + y, X + x] = sums[base + 5 * PIXELS]
+def clear(is_due: Any, sums_of: Any, is_open_of: Any, begin: int, end: int) -> None:
+    """Tiles that are due, before anything is in them."""
+    for tile in range(begin, end):
+        if is_due[tile]:
+            sums_of[tile] = NOTHING
+            sums_of[tile, :, 0] = ONE
+            is_open_of[tile] = True
+
+
+@compiled
+def put(
+    across: int, is_due: Any, sums_of: Any, color: Any, inverse: Any, begin: int, end: int
+) -> None:
+    """Tiles that are due, into the images."""
+    height, width = inverse.shape
+    for tile in range(begin, end):
+        if is_due[tile]:
+            X, Y = (tile % across) * TILE, (tile // across) * TILE
+            for y in range(min(TILE, height - Y)):
+                for x in range(min(TILE, width - X)):
+                    block, pixel = y // BLOCK * WIDE + x // BLOCK, y % BLOCK * BLOCK + x % BLOCK
+                    for channel in range(4):
+                        color[Y + y, X + x, channel] = sums_of[tile, block, channel + 1, pixel]
+                    inverse[Y + y, X + x] = sums_of[tile, block, 5, pixel]
 
 
 @compiled

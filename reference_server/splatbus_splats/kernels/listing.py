@@ -14,13 +14,47 @@ TIMES = -(-64 // BITS)
 
 
 @compiled
-def gathered(begins: Any, counts: Any, z_of: Any, places: Any, keys: Any) -> None:
-    """The places that are filled, from the begin of each run on, and their depths."""
-    i = 0
+def gathered(
+    begins: Any,
+    counts: Any,
+    z_of: Any,
+    box_of: Any,
+    span: Any,
+    across: int,
+    is_due: Any,
+    places: Any,
+    depths: Any,
+) -> int:
+    """The places of some runs, and their depths, that are in a tile that is due; how many.
+
+    Args:
+        begins: (R,), where each run is.
+        counts: (R,), how many of it may be seen.
+        z_of: (M,) float64, depths.
+        box_of: (M, 4) int32.
+        span: from which depth on, and before which.
+        across: tiles in a row.
+        is_due: of each tile.
+        places: (N,) int32, to write.
+        depths: (N,) float64, to write.
+    """
+    least, most = span
+    found = 0
     for run in range(len(begins)):
-        for place in range(begins[run], begins[run] + counts[run]):
-            places[i], keys[i] = place, z_of[place]
-            i += 1
+        for k in range(begins[run], begins[run] + counts[run]):
+            if least <= z_of[k] < most and _is_in(box_of, k, across, is_due):
+                places[found], depths[found] = k, z_of[k]
+                found += 1
+    return found
+
+
+@compiled
+def _is_in(box_of: Any, k: int, across: int, is_due: Any) -> bool:
+    for row in range(box_of[k, TOP] // TILE, (box_of[k, BOTTOM] - 1) // TILE + 1):
+        for column in range(box_of[k, LEFT] // TILE, (box_of[k, RIGHT] - 1) // TILE + 1):
+            if is_due[row * across + column]:
+                return True
+    return False
 
 
 @compiled
@@ -52,15 +86,6 @@ def sorted_places(places: Any, depths: Any) -> Any:
         places, other_places = other_places, places
         keys, other_keys = other_keys, keys
     return places
-
-
-@compiled
-def mark(begin: int, end: int, box_of: Any, across: int, is_due: Any) -> None:
-    """The tiles in which those of a run are."""
-    for k in range(begin, end):
-        for row in range(box_of[k, TOP] // TILE, (box_of[k, BOTTOM] - 1) // TILE + 1):
-            for column in range(box_of[k, LEFT] // TILE, (box_of[k, RIGHT] - 1) // TILE + 1):
-                is_due[row * across + column] = True
 
 
 @compiled

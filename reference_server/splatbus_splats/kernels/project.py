@@ -56,15 +56,14 @@ def project(
     depths: Any,
     size: Any,
     skips: Any,
-    first: int,
-    last: int,
-    place: int,
+    runs: Any,
+    counts: Any,
     z_of: Any,
     shape_of: Any,
     box_of: Any,
     paint_of: Any,
-) -> int:
-    """The Gaussians that may be seen, from a place on; returns how many.
+) -> None:
+    """Those Gaussians of some runs that may be seen.
 
     Args:
         gaussians: the arrays of `Gaussians`; coefficients may be the bits of float16, uint16.
@@ -76,9 +75,9 @@ def project(
         size: width and height, pixels.
         skips: whether what is outside, faint, far and small is; then, how many harmonics a channel
             has that are not zero: 0 where no colour is wanted.
-        first: of the Gaussians.
-        last: the one after them.
-        place: where there is room.
+        runs: (R, 4) int64: which it is, its first Gaussian, the one after its last, and the place
+            from which on there is room for it.
+        counts: of all runs: how many of each were found is written there.
         z_of: (M,) float64, depths.
         shape_of: (M, 5) float64.
         box_of: (M, 4) int32.
@@ -91,65 +90,66 @@ def project(
     skips_outside, skips_faint, skips_far, skips_small, harmonics = skips
     A = np.empty((2, 3))
     R = np.empty((3, 3))
-    start = place
     s = math.sqrt(turn[0, 0] * turn[0, 0] + turn[0, 1] * turn[0, 1] + turn[0, 2] * turn[0, 2])
-    for i in range(first, last):
-        ox = np.float64(means[i, 0]) - eye[0]
-        oy = np.float64(means[i, 1]) - eye[1]
-        oz = np.float64(means[i, 2]) - eye[2]
-        z = turn[2, 0] * ox + turn[2, 1] * oy + turn[2, 2] * oz
-        opacity = np.float64(opacities[i])
-        if not (z > near and z <= far) or (skips_faint and opacity < LEAST_OPACITY):
-            continue
-        reach = 2.0 * math.log((opacity if skips_faint else 1.0) / LEAST_OPACITY)
-        x = (turn[0, 0] * ox + turn[0, 1] * oy + turn[0, 2] * oz) / z
-        y = (turn[1, 0] * ox + turn[1, 1] * oy + turn[1, 2] * oz) / z
-        u, v = fx * x + cx, fy * y + cy
-        x, y = min(max(x, slopes[0]), slopes[1]), min(max(y, slopes[2]), slopes[3])
-        if skips_outside:
-            # The rows of the Jacobian are no longer than this, and no axis than the largest.
-            longest = s * max(scales[i, 0], scales[i, 1], scales[i, 2]) / z
-            fxx, fyy = fx * fx * (1.0 + x * x), fy * fy * (1.0 + y * y)
-            wide = SLACK + math.sqrt(reach * (fxx * longest * longest + LOW_PASS))
-            high = SLACK + math.sqrt(reach * (fyy * longest * longest + LOW_PASS))
-            if u + wide < 0.0 or u - wide > width or v + high < 0.0 or v - high > height:
+    for run, first, last, start in runs:
+        place = start
+        for i in range(first, last):
+            ox = np.float64(means[i, 0]) - eye[0]
+            oy = np.float64(means[i, 1]) - eye[1]
+            oz = np.float64(means[i, 2]) - eye[2]
+            z = turn[2, 0] * ox + turn[2, 1] * oy + turn[2, 2] * oz
+            opacity = np.float64(opacities[i])
+            if not (z > near and z <= far) or (skips_faint and opacity < LEAST_OPACITY):
                 continue
-        _matrix(rotations, i, R)
-        _rows(turn, fx / z, fy / z, x, y, R, scales, i, A)
-        rr = A[0, 0] * A[0, 0] + A[0, 1] * A[0, 1] + A[0, 2] * A[0, 2]
-        ss = A[1, 0] * A[1, 0] + A[1, 1] * A[1, 1] + A[1, 2] * A[1, 2]
-        rs = A[0, 0] * A[1, 0] + A[0, 1] * A[1, 1] + A[0, 2] * A[1, 2]
-        p = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
-        q = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
-        r = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-        area = p * p + q * q + r * r
-        det = area + LOW_PASS * (rr + ss) + LOW_PASS * LOW_PASS
-        if skips_small and opacity * math.sqrt(area / det) < LEAST_OPACITY:
-            continue
-        a, c = rr + LOW_PASS, ss + LOW_PASS
-        wide, high = math.sqrt(reach * a) + SLACK, math.sqrt(reach * c) + SLACK
-        left = min(max(u - wide - 0.5, -1.0), np.float64(width))
-        right = min(max(u + wide - 0.5, -2.0), np.float64(width))
-        top = min(max(v - high - 0.5, -1.0), np.float64(height))
-        bottom = min(max(v + high - 0.5, -2.0), np.float64(height))
-        x0, x1 = max(math.ceil(left), 0), min(math.floor(right) + 1, width)
-        y0, y1 = max(math.ceil(top), 0), min(math.floor(bottom) + 1, height)
-        if skips_outside and (x0 >= x1 or y0 >= y1):
-            continue
-        z_of[place] = z
-        shape_of[place, U], shape_of[place, V] = u, v
-        across = math.sqrt(c / det)
-        shape_of[place, ACROSS], shape_of[place, ALONG] = across, -across * rs / c
-        shape_of[place, DOWN] = 1.0 / math.sqrt(c)
-        box_of[place, LEFT], box_of[place, RIGHT] = x0, max(x0, x1)
-        box_of[place, TOP], box_of[place, BOTTOM] = y0, max(y0, y1)
-        is_far = skips_far and max(rr, ss) < FAR_PIXELS * FAR_PIXELS
-        _shade(coefficients, i, min(harmonics, 1) if is_far else harmonics, ox, oy, oz,
-               paint_of, place)  # fmt: skip
-        paint_of[place, OPACITY] = opacities[i]
-        paint_of[place, INVERSE] = 1.0 / z
-        place += 1
-    return place - start
+            reach = 2.0 * math.log((opacity if skips_faint else 1.0) / LEAST_OPACITY)
+            x = (turn[0, 0] * ox + turn[0, 1] * oy + turn[0, 2] * oz) / z
+            y = (turn[1, 0] * ox + turn[1, 1] * oy + turn[1, 2] * oz) / z
+            u, v = fx * x + cx, fy * y + cy
+            x, y = min(max(x, slopes[0]), slopes[1]), min(max(y, slopes[2]), slopes[3])
+            if skips_outside:
+                # The rows of the Jacobian are no longer than this, and no axis than the largest.
+                longest = s * max(scales[i, 0], scales[i, 1], scales[i, 2]) / z
+                fxx, fyy = fx * fx * (1.0 + x * x), fy * fy * (1.0 + y * y)
+                wide = SLACK + math.sqrt(reach * (fxx * longest * longest + LOW_PASS))
+                high = SLACK + math.sqrt(reach * (fyy * longest * longest + LOW_PASS))
+                if u + wide < 0.0 or u - wide > width or v + high < 0.0 or v - high > height:
+                    continue
+            _matrix(rotations, i, R)
+            _rows(turn, fx / z, fy / z, x, y, R, scales, i, A)
+            rr = A[0, 0] * A[0, 0] + A[0, 1] * A[0, 1] + A[0, 2] * A[0, 2]
+            ss = A[1, 0] * A[1, 0] + A[1, 1] * A[1, 1] + A[1, 2] * A[1, 2]
+            rs = A[0, 0] * A[1, 0] + A[0, 1] * A[1, 1] + A[0, 2] * A[1, 2]
+            p = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
+            q = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
+            r = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+            area = p * p + q * q + r * r
+            det = area + LOW_PASS * (rr + ss) + LOW_PASS * LOW_PASS
+            if skips_small and opacity * math.sqrt(area / det) < LEAST_OPACITY:
+                continue
+            a, c = rr + LOW_PASS, ss + LOW_PASS
+            wide, high = math.sqrt(reach * a) + SLACK, math.sqrt(reach * c) + SLACK
+            left = min(max(u - wide - 0.5, -1.0), np.float64(width))
+            right = min(max(u + wide - 0.5, -2.0), np.float64(width))
+            top = min(max(v - high - 0.5, -1.0), np.float64(height))
+            bottom = min(max(v + high - 0.5, -2.0), np.float64(height))
+            x0, x1 = max(math.ceil(left), 0), min(math.floor(right) + 1, width)
+            y0, y1 = max(math.ceil(top), 0), min(math.floor(bottom) + 1, height)
+            if skips_outside and (x0 >= x1 or y0 >= y1):
+                continue
+            z_of[place] = z
+            shape_of[place, U], shape_of[place, V] = u, v
+            across = math.sqrt(c / det)
+            shape_of[place, ACROSS], shape_of[place, ALONG] = across, -across * rs / c
+            shape_of[place, DOWN] = 1.0 / math.sqrt(c)
+            box_of[place, LEFT], box_of[place, RIGHT] = x0, max(x0, x1)
+            box_of[place, TOP], box_of[place, BOTTOM] = y0, max(y0, y1)
+            is_far = skips_far and max(rr, ss) < FAR_PIXELS * FAR_PIXELS
+            _shade(coefficients, i, min(harmonics, 1) if is_far else harmonics, ox, oy, oz,
+                   paint_of, place)  # fmt: skip
+            paint_of[place, OPACITY] = opacities[i]
+            paint_of[place, INVERSE] = 1.0 / z
+            place += 1
+        counts[run] = place - start
 
 
 @compiled
