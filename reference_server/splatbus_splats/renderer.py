@@ -327,7 +327,9 @@ def _pixels(tiles: int) -> _Pixels:
 
 
 def _places(sizes: Sequence[int]) -> _Places:
-    rows, owners, place = [], [], 0
+    rows: list[tuple[int, int, int, int]] = []
+    owners: list[int] = []
+    place = 0
     for owner, size in enumerate(sizes):
         for first in range(0, size, runs.LENGTH):
             rows.append((len(rows), first, min(first + runs.LENGTH, size), place + first))

@@ -1,0 +1,37 @@
+"""The floor: the renderer's own loops, for every Gaussian at every pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+from splatbus_server.view import Intrinsics
+from splatbus_splats.definition import Image, Placed
+from splatbus_splats.kernels import blend, listing
+from splatbus_splats.kernels.compiled import TILE
+from splatbus_splats.renderer import Renderer
+from splatbus_splats.skips import NOTHING
+
+
+def brute(objects: list[Placed], intrinsics: Intrinsics, width: int, height: int) -> Image:
+    """The image, without tiles: each of them has all Gaussians, and each Gaussian all pixels.
+
+    By one thread; projection and order are the renderer's, a small part of the time.
+    """
+    with Renderer(1, NOTHING) as renderer:
+        image = renderer.draw(objects, intrinsics, width, height)
+        _, _, _, counts, z, shape, box, paint = renderer._places
+        begins = renderer._places.table[:, 3]
+        sums, is_open = renderer._pixels
+    across, tiles = -(-width // TILE), len(sums)
+    is_due = np.ones(tiles, np.bool_)
+    box[:] = (0, across * TILE, 0, tiles // across * TILE)
+    places, keys = np.empty(counts.sum(), np.int32), np.empty(counts.sum())
+    whole = (-np.inf, np.inf)
+    listing.gathered(begins, counts, z, box, whole, across, is_due, places, keys)
+    places = listing.sorted_places(places, keys)
+    starts = np.array((0, len(places)))
+    blend.clear(is_due, sums, is_open, 0, tiles)
+    for tile in range(tiles):
+        to = (shape, box, paint, tile, tile + 1, across, False, True, sums, is_open)
+        blend.blend(starts, places, is_due, *to)
+    blend.put(across, is_due, sums, *image, 0, tiles)
+    return image
