@@ -103,14 +103,15 @@ def blocks(
 
 def write(path: Path, rows: Rows, name: str = "vertex") -> None:
     """Writes one element of numbers, binary, in the byte order that the rows have."""
-    fields = {each: rows.dtype[each].str for each in rows.dtype.names or ()}
+    dtype = np.dtype([(each, rows.dtype[each]) for each in rows.dtype.names or ()])  # no gaps
+    fields = {each: dtype[each].str for each in dtype.names or ()}
     big = any(code.startswith(">") for code in fields.values())
     format_ = next(each for each, sign in ORDERS.items() if sign == (">" if big else "<"))
     lines = ["ply", f"format {format_} 1.0", f"element {name} {len(rows)}"]
     lines += [f"property {TYPES[code[1:]][0]} {each}" for each, code in fields.items()]
     with path.open("wb") as file:
         file.write("".join(f"{line}\n" for line in (*lines, "end_header")).encode("ascii"))
-        rows.tofile(file)
+        rows.astype(dtype, copy=False).tofile(file)
 
 
 def _least_bytes(order: str, element: Element) -> int:
