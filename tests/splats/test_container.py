@@ -188,6 +188,16 @@ def test_a_text_that_is_none_is_told_with_its_line(
     assert message in str(caught.value)
 
 
+def test_lines_are_counted_behind_other_elements(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(
+        b"ply\nformat ascii 1.0\nelement face 3\nproperty list uchar int at\n"
+        b"element vertex 2\nproperty float x\nend_header\n0\n0\n1 5\n4\nfour\n"
+    )
+    with pytest.raises(ValueError, match="a.ply: line 12: 'four' is no number"):
+        ours(path, "vertex")
+
+
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("before", ["", "element face {}\nproperty list uchar int at\n"])
 def test_what_a_header_claims_takes_no_memory_and_no_time(

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from io import BufferedReader
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ class Place(NamedTuple):
     """In a text."""
 
 
-def found(file: BinaryIO, path: Path, header: Header, wanted: Element) -> Place:
+def found(file: BufferedReader, path: Path, header: Header, wanted: Element) -> Place:
     """Where the rows of an element of numbers begin: behind those of the elements before it.
 
     Args:
@@ -59,7 +60,7 @@ def found(file: BinaryIO, path: Path, header: Header, wanted: Element) -> Place:
 
 
 def pieces(
-    file: BinaryIO, path: Path, header: Header, element: Element, place: Place, step: int
+    file: BufferedReader, path: Path, header: Header, element: Element, place: Place, step: int
 ) -> Iterator[Rows]:
     """The rows of an element of numbers, so many at a time; each piece is valid until the next.
 
@@ -89,13 +90,13 @@ def pieces(
 
 
 def blocks(
-    file: BinaryIO, path: Path, dtype: np.dtype[Any], count: int, step: int
+    file: BufferedReader, path: Path, dtype: np.dtype[Any], count: int, step: int
 ) -> Iterator[Rows]:
     """Binary rows from where a file stands, so many at a time, all in the same memory."""
     room = np.empty(min(step, count), dtype)
     for start in range(0, count, step):
         part = room[: count - start]
-        if file.readinto(part.view(np.uint8).data) < part.nbytes:  # type: ignore[attr-defined]
+        if file.readinto(part.view(np.uint8).data) < part.nbytes:
             size = os.fstat(file.fileno()).st_size
             raise ValueError(f"{path}: the file ends at byte {size}, earlier than when it was met")
         yield part
@@ -128,14 +129,14 @@ def _cut_short(path: Path, element: Element, size: int) -> ValueError:
     )
 
 
-def _skip_lines(file: BinaryIO, path: Path, element: Element, size: int) -> None:
+def _skip_lines(file: BufferedReader, path: Path, element: Element, size: int) -> None:
     for _ in range(element.rows if element.properties else 0):
         if not file.readline():
             raise _cut_short(path, element, size)
 
 
-def _skip_lists(file: BinaryIO, path: Path, order: str, element: Element, size: int) -> None:
-    sign = "big" if order == ">" else "little"
+def _skip_lists(file: BufferedReader, path: Path, order: str, element: Element, size: int) -> None:
+    sign: Literal["big", "little"] = "big" if order == ">" else "little"
     for row in range(element.rows):
         for each in element.properties:
             length, item = 1, int(each.number[1])
@@ -143,7 +144,7 @@ def _skip_lists(file: BinaryIO, path: Path, order: str, element: Element, size: 
                 read = file.read(int(each.length[1]))
                 if len(read) < int(each.length[1]):
                     raise _cut_short(path, element, size)
-                length = int.from_bytes(read, sign, signed=each.length[0] == "i")  # type: ignore[arg-type]
+                length = int.from_bytes(read, sign, signed=each.length[0] == "i")
                 if length < 0:
                     raise ValueError(
                         f"{path}: {each.name} of row {row} of {element.name} has {length} items"

@@ -10,8 +10,9 @@ live in time is in `spacetime`, where f_dc_0 to f_dc_2 are the colour itself if 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ class Vertices(NamedTuple):
         return self.element.rows
 
 
-def vertices(file: BinaryIO, path: Path) -> Vertices:
+def vertices(file: BufferedReader, path: Path) -> Vertices:
     """What the file says of its vertices.
 
     Raises:
@@ -83,7 +84,7 @@ def vertices(file: BinaryIO, path: Path) -> Vertices:
 
 
 def parts(
-    file: BinaryIO, vertices: Vertices, step: int
+    file: BufferedReader, vertices: Vertices, step: int
 ) -> Iterator[tuple[Gaussians, Motion | None]]:
     """What the vertices say, so many at a time, not yet looked at."""
     path, header, element, place, coefficients, time = vertices

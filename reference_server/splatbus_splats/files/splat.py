@@ -7,8 +7,9 @@ uint8 of 255; a quaternion w, x, y, z, four uint8, 128 being 0. All little-endia
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,9 @@ def decoded(rows: NDArray[Any]) -> Gaussians:
     )
 
 
-def parts(file: BinaryIO, path: Path, count: int, step: int) -> Iterator[tuple[Gaussians, None]]:
+def parts(
+    file: BufferedReader, path: Path, count: int, step: int
+) -> Iterator[tuple[Gaussians, None]]:
     """What the records say, so many at a time; none of them lives in time."""
     for rows in container.blocks(file, path, RECORD, count, step):
         yield decoded(rows), None
