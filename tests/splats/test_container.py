@@ -194,7 +194,7 @@ def test_lines_are_counted_behind_other_elements(tmp_path: Path) -> None:
         b"ply\nformat ascii 1.0\nelement face 3\nproperty list uchar int at\n"
         b"element vertex 2\nproperty float x\nend_header\n0\n0\n1 5\n4\nfour\n"
     )
-    with pytest.raises(ValueError, match="a.ply: line 12: 'four' is no number"):
+    with pytest.raises(ValueError, match=r"a\.ply: line 12: 'four' is no number"):
         ours(path, "vertex")
 
 

@@ -191,6 +191,8 @@ def test_the_first_is_the_default_and_the_others_are_called_as_their_files() -> 
         "default", "b", "b-2", "default-2", "object", "b-2-2",
     ]  # fmt: skip
     assert ids(["a"]) == ["default"]
+    long = "y" * MAX_NAME_CHARS
+    assert ids(["x", long, long]) == ["default", long, f"{long[:-4]}-2"]
 
 
 @given(st.lists(st.text(max_size=80), min_size=1, max_size=30))

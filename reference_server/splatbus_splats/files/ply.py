@@ -43,9 +43,6 @@ class Vertices(NamedTuple):
     time: Members | None
     """What there is of their lives in time, if they have any."""
 
-    def __len__(self) -> int:
-        return self.element.rows
-
 
 def vertices(file: BufferedReader, path: Path) -> Vertices:
     """What the file says of its vertices.

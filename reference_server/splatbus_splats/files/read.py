@@ -64,8 +64,8 @@ def read(path: Path, progress: Progress | None = None) -> Found:
             return _gathered(splat.parts(file, path, count, STEP), count, 1, False, progress)
         vertices = ply.vertices(file, path)
         parts = ply.parts(file, vertices, STEP)
-        is_in_time = vertices.time is not None
-        return _gathered(parts, len(vertices), vertices.coefficients, is_in_time, progress)
+        count, is_in_time = vertices.element.rows, vertices.time is not None
+        return _gathered(parts, count, vertices.coefficients, is_in_time, progress)
 
 
 def sequence(folder: Path) -> list[Path]:
