@@ -287,6 +287,14 @@ def test_without_cameras_the_middle_is_in_view(
     assert (gaussians.means[:, 2] - pose.position[2] < lens.far).all()
 
 
+def test_a_narrow_image_of_a_wide_scene_sees_as_far_as_it_stands_away() -> None:
+    means = np.linspace((0, 0, 0), (1000, 0, 0), 50)
+    scene = Scene({"default": Frames((some(means),))})
+    given_lens = lens_for(10, 1000, scene.parts.values())
+    pose, lens = before(scene, given_lens, 10, 1000)
+    assert given_lens.far < -pose.position[2] < lens.far
+
+
 def test_a_view_of_nothing_begins_at_the_origin() -> None:
     scene = Scene({"default": Frames((some([(1, 2, 3)])[:0],))})
     lens = lens_for(64, 48, scene.parts.values())
