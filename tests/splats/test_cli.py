@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from splatbus_splats.cli import main
+from splatbus_splats.cli import _Progress, main
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.made import made
@@ -70,7 +70,8 @@ def test_it_says_what_it_read_and_ends_when_it_is_told(number: int, files: list[
 def test_cameras_nearby_that_are_others_are_said_and_left(tmp_path: Path) -> None:
     ply.write(tmp_path / "a.ply", made(50, 0))
     (tmp_path / "cameras.json").write_text("{}")
-    with serving(tmp_path / "a.ply", "--size", "64x48") as server:
+    with serving(tmp_path / "a.ply") as server:
+        assert server.size == (640, 480)
         server.process.send_signal(signal.SIGTERM)
         _, log = server.process.communicate(timeout=SECONDS)
     assert f"near the file is none of 3DGS ({tmp_path / 'cameras.json'}: no list" in log
@@ -86,6 +87,18 @@ def test_the_spheres_need_no_extra_and_files_say_which(files: list[Path]) -> Non
     assert done.stderr.startswith("splatbus-server: ")
     assert done.stderr.endswith("pip install 'splatbus-protocol[splats]'\n")
     assert "%" not in done.stderr  # said before anything is read
+
+
+def test_where_there_is_no_terminal_each_tenth_is_said_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    progress = _Progress(is_terminal=False)
+    for done in range(1, 101):
+        progress(Path("a.ply"), 1 + (done > 50), 2, done / 100)
+    progress.end()
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(": ")[1] for line in lines] == [f"{i}0% read" for i in range(1, 11)]
+    assert lines[5] == "reading a.ply, file 2 of 2: 60% read"
 
 
 def test_on_a_terminal_one_line_says_how_far_it_is(files: list[Path]) -> None:
