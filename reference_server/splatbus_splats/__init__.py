@@ -2,6 +2,6 @@
 
 What 3DGS and its tools write (`files`), a definition of the picture in double precision (`truth`),
 and a small renderer for processors that draws it (`renderer`); see `SPLATS.md`. On top of
-`splatbus_server`, by what that gives to every renderer. The core needs NumPy alone; files in PLY
-and the renderer need the extra `splats`.
+`splatbus_server`, by what that gives to every renderer; the command `splatbus-server` is here, and
+without files serves what `splatbus_renderer` draws. Only the renderer needs the extra `splats`.
 """

@@ -1,4 +1,4 @@
-"""`python -m splatbus_splats`."""
+"""`python -m splatbus_splats`: the command `splatbus-server`, for where it is not on the path."""
 
 import sys
 

@@ -1,37 +1,66 @@
-"""The command ``python -m splatbus_splats``: a file of Gaussians, served over both channels."""
+"""The command ``splatbus-server``: trained scenes, or spheres to try, over both channels."""
 
 from __future__ import annotations
 
 import argparse
 import logging
 import os
-import re
 import signal
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
-from splatbus_schemas.version import ShowVersion
+from splatbus_renderer import cli as spheres
+from splatbus_schemas import LIMITS
 from splatbus_server.api import serve
 from splatbus_server.view import Intrinsics
-from splatbus_wire.lens import as_high
-from splatbus_wire.messages import DEFAULT_OBJECT
+from splatbus_wire.messages import SceneObject
+from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
+from splatbus_splats.beginning import before, lens_for, lens_of
 from splatbus_splats.files.cameras import Camera, read_cameras
-from splatbus_splats.files.read import Found, read
+from splatbus_splats.loading import Loaded, Source, cameras_near, loaded, scene_of, source, told
+from splatbus_splats.scene import Frames, Scene
 
-NAME = "splatbus_splats"
+NAME = "splatbus-server"
+SIZE = (640, 480)
+RATE = 30.0
+SECONDS = 50.0 / 30.0
+"""Of a clip, whose file does not say: those that Spacetime Gaussians were published with have 50
+pictures, 30 a second."""
 EPILOG = """\
 examples:
+  splatbus-server                             six spheres on 127.0.0.1, ports 6001 and 6000
+  splatbus-server scene.ply                   a scene that you trained
+  splatbus-server model                       a model's folder: its last iteration, its cameras
+  splatbus-server room.ply statue.splat       objects that clients move, turn and scale
+  splatbus-server walk --rate 25              a folder of numbered files, 25 a second
+  splatbus-server dance.ply --seconds 10      Gaussians that live in time, for 10 seconds
+  splatbus-server scene.ply --cameras cameras.json --size 1280x720
+  splatbus-server --ipc-port 0 --msg-port 0   let the system choose; the ready line says which
+  splatbus-server --turntable 20              spheres that turn
+  splatbus-server --host 0.0.0.0 --token-file ~/.splatbus-token
   python -m splatbus_splats.made 100000 scene.ply   make a scene, if you have none
-  python -m splatbus_splats scene.ply               serve it on 127.0.0.1, ports 6001 and 6000
-  python -m splatbus_splats point_cloud.ply --cameras cameras.json --size 1280x720
+
+files (needs pip install 'splatbus-protocol[splats]'):
+  .ply as 3DGS writes it, with Gaussians that live in time too (Spacetime Gaussians, lite), and
+  .splat. The first is the object "default", which clients of 1.0 can move as well; the others are
+  called as their files. What changes plays by itself until a client sets the time.
+  Images are 640x480 unless --size is given; those of the spheres, 320x240.
+  The view begins at the first camera of --cameras, or of a cameras.json beside the first file or
+  in one of the three folders above it; without one, where the middle of the scene is in view.
+
+environment (an option wins over it):
+  SPLATBUS_HOST, SPLATBUS_IPC_PORT, SPLATBUS_MSG_PORT   where to listen
+  SPLATBUS_TOKEN                                        what clients have to say in their hello
 
 what next:
-  Wait for the line with "ready", then look, in another terminal:
+  Wait for the line that begins with "splatbus-server ready", then look, in another terminal:
       splatbus-client snapshot out.png
-  Stop with Ctrl-C.
+  Stop with Ctrl-C. What is read, and what the picture is: reference_server/SPLATS.md. To serve
+  your own renderer: reference_server/README.md.
 
 exit codes: 0 stopped by SIGINT or SIGTERM, 1 a file cannot be read, an address is taken or memory
 is full, 2 wrong usage
@@ -40,39 +69,99 @@ is full, 2 wrong usage
 
 def main(argv: list[str] | None = None) -> int:
     """Serves until SIGINT or SIGTERM; returns the exit code."""
-    options = _parser().parse_args(argv)
+    arguments = parser()
+    options = arguments.parse_intermixed_args(argv)
+    if not options.files:
+        for name in ("cameras", "rate", "seconds"):
+            if getattr(options, name) is not None:
+                arguments.error(f"--{name} is for files of Gaussians, and none is given")
+        return spheres.main(argv)
+    if options.turntable:
+        arguments.error("--turntable is for the spheres; files are served without it")
+    if len(options.files) > LIMITS["max_objects"]:
+        arguments.error(f"{len(options.files)} files, where there are {LIMITS['max_objects']}")
     logging.basicConfig(
         format="%(asctime)s %(levelname)-7s %(message)s",
         level=logging.WARNING if options.quiet else logging.INFO,
     )
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     try:
-        found = read(options.file, None if options.quiet else _Progress(options.file.name))
-        cameras = read_cameras(options.cameras) if options.cameras else []
-        from splatbus_splats import serving  # needs the extra, and compiles
+        return _serve(options)
+    except KeyboardInterrupt:  # until the server is ready
+        return 0
     except ImportError as error:
-        print(f"{NAME}: {error}: pip install 'splatbus-protocol[splats]'", file=sys.stderr)
-        return 1
-    except (OSError, ValueError) as error:
-        print(f"{NAME}: {error}", file=sys.stderr)
-        return 1
-    if not options.quiet:
-        print(_summary(options.file.name, found), file=sys.stderr, flush=True)
-    width, height = options.size
-    lens = serving.lens_for(width, height, [found.gaussians])
-    if cameras:
-        lens = _lens_of(cameras[0], options.size, lens.far)
+        message = f"{error}: pip install 'splatbus-protocol[splats]'"
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        message = f"{where}{error.strerror or error}"
+    except MemoryError as error:
+        message = f"memory is full: {error}"
+    except ValueError as error:
+        message = str(error)
+    print(f"{NAME}: {message}", file=sys.stderr)
+    return 1
 
+
+def parser() -> argparse.ArgumentParser:
+    """The options of the spheres, and those of files."""
+    parser = spheres._parser()
+    parser.description = (
+        "Serve trained scenes of Gaussians over SplatBus 1.0 and 1.1, drawn on the processor; or"
+        " without files, a small scene to try viewers with."
+    )
+    parser.epilog = EPILOG
+    parser.set_defaults(size=None)
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="see below")
+    parser.add_argument(
+        "--cameras", type=Path, metavar="JSON", help="of 3DGS; the view begins there"
+    )
+    parser.add_argument(
+        "--rate", type=spheres._rate, help=f"files a second, of a folder ({RATE:g})"
+    )
+    parser.add_argument(
+        "--seconds",
+        type=spheres._rate,
+        help=f"length of what lives in time ({SECONDS:.3g}: 50 pictures, 30 a second)",
+    )
+    return parser
+
+
+def _serve(options: argparse.Namespace) -> int:
+    """Serves files.
+
+    Raises:
+        ValueError: a file is not what it has to be.
+        OSError: a file cannot be read, an address is taken or memory is full.
+        ImportError: the extra is not installed.
+        KeyboardInterrupt: it is stopped before it is ready.
+    """
+    from splatbus_splats import serving  # needs the extra; before a long time of reading
+
+    size = options.size or SIZE
+    sources = [source(each) for each in options.files]
+    objects = _load(sources, options)
+    scene = scene_of(objects)
+    cameras, lens, why = _beginning(sources[0], scene, size, options.cameras)
+    if not options.quiet:
+        for name, each in objects.items():
+            print(_summary(name, each), file=sys.stderr)
+        print(f"the view begins {why}", file=sys.stderr, flush=True)
     stop = threading.Event()
-    for name in ("SIGINT", "SIGTERM"):
-        signal.signal(getattr(signal, name), lambda *_: stop.set())
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
     try:
         token = None if options.token_file is None else read_token(options.token_file)
         bus = serve(
-            *options.size,
+            *size,
             intrinsics=lens,
-            cameras=[each.pose for each in cameras],
+            cameras=cameras,
             semantics=serving.SEMANTICS,
-            objects=[serving.described(DEFAULT_OBJECT, options.file.name, found.gaussians)],
+            objects=[
+                SceneObject(name, told(each.label), each.part.most, each.part.bounds)
+                for name, each in objects.items()
+            ],
+            time_range=scene.time_range,
             host=options.host,
             ipc_port=options.ipc_port,
             message_port=options.msg_port,
@@ -81,78 +170,91 @@ def main(argv: list[str] | None = None) -> int:
     except ValueError as error:
         print(f"{NAME}: {error}", file=sys.stderr)
         return 2
-    except OSError as error:
-        print(f"{NAME}: {error.strerror or error}", file=sys.stderr)
-        return 1
     with bus:
         address = bus.address
         print(
             f"{NAME} ready on {address.host}: IPC port {address.ipc_port},"
-            f" message port {address.message_port}, {width}x{height}",
+            f" message port {address.message_port}, {size[0]}x{size[1]}",
             flush=True,
         )
-        serving.render_until(stop, bus, {DEFAULT_OBJECT: found.gaussians}, os.cpu_count() or 1)
+        serving.render_until(stop, bus, scene, os.cpu_count() or 1, options.fps)
+    logging.getLogger("splatbus_server").info("stopped: %s", bus.statistics)
     return 0
 
 
+def _load(sources: list[Source], options: argparse.Namespace) -> dict[str, Loaded]:
+    progress = None if options.quiet else _Progress(sys.stderr.isatty())
+    try:
+        return loaded(sources, options.rate or RATE, options.seconds or SECONDS, progress)
+    finally:
+        if progress is not None:
+            progress.end()
+
+
 class _Progress:
-    """Says on standard error, at every tenth, how much of a file was read."""
+    """Says on standard error how much is read: in one line of a terminal, or at every tenth."""
 
-    def __init__(self, name: str) -> None:
-        self._name, self._tenths = name, 0
+    def __init__(self, is_terminal: bool) -> None:
+        self._is_terminal, self._tenths = is_terminal, 0
 
-    def __call__(self, done: int, whole: int) -> None:
-        tenths = 10 * done // whole
-        if tenths > self._tenths:
-            self._tenths = tenths
-            print(f"{self._name}: {tenths}0% read", file=sys.stderr, flush=True)
+    def __call__(self, path: Path, number: int, whole: int, share: float) -> None:
+        tenths = int(10.0 * share)
+        text = f"reading {path}, file {number} of {whole}"
+        if self._is_terminal:
+            print(f"\r{text}: {share:.0%}\x1b[K", end="", file=sys.stderr, flush=True)
+        elif tenths > self._tenths:
+            print(f"{text}: {tenths}0% read", file=sys.stderr, flush=True)
+        self._tenths = tenths
+
+    def end(self) -> None:
+        if self._is_terminal:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
-def _summary(name: str, found: Found) -> str:
-    gaussians, left_out = found
-    box = gaussians.bounds
+def _beginning(
+    first: Source, scene: Scene, size: tuple[int, int], given: Path | None
+) -> tuple[list[Pose], Intrinsics, str]:
+    """Where cameras are, the lens of the first, and where that is and why, in words."""
+    lens = lens_for(*size, scene.parts.values())
+    path, cameras = given or cameras_near(first.files[0]), list[Camera]()
+    problem = "no cameras.json is given or near the file"
+    if path is not None:
+        try:
+            cameras = read_cameras(path)
+            problem = f"{path} has no cameras"
+        except (OSError, ValueError) as error:
+            if given is not None:
+                raise
+            problem = f"what is near the file is none of 3DGS ({error})"
+    if cameras:
+        camera = cameras[0]
+        why = (
+            f"at {_point(camera.pose.position)}, where {camera.name} was taken:"
+            f" the first of {len(cameras)} cameras of {path}"
+        )
+        return [each.pose for each in cameras], lens_of(camera, *size, lens.far), why
+    pose, lens = before(scene, lens, *size)
+    why = (
+        f"at {_point(pose.position)} and looks along +z, with the middle of the scene in view:"
+        f" {problem}"
+    )
+    return [pose], lens, why
+
+
+def _summary(name: str, object_: Loaded) -> str:
+    label, part, left_out = object_
+    box = part.bounds
     where = f", from {_point(box.min)} to {_point(box.max)}" if box else ""
     without = "".join(f"; {count:,} left out: {why}" for why, count in left_out.items())
-    return f"{name}: {len(gaussians):,} Gaussians of degree {gaussians.degree}{where}{without}"
+    time = ""
+    if isinstance(part, Frames) and part.last:
+        time = f"{len(part.files)} files in {part.loop:.4g} s, with up to "
+    elif part.last:
+        time = f"{part.last:.4g} s, with "
+    return (
+        f"{name} ({label}): {time}{part.most:,} Gaussians of degree {part.degree}{where}{without}"
+    )
 
 
-def _point(point: tuple[float, float, float]) -> str:
+def _point(point: Any) -> str:
     return f"({', '.join(f'{each:.4g}' for each in point)})"
-
-
-def _lens_of(camera: Camera, size: tuple[int, int], far: float) -> Intrinsics:
-    """What the camera saw, from its upper to its lower edge, for images of this size."""
-    fx, fy, cx, cy, *_ = as_high(camera.lens, *size)
-    return Intrinsics(fx, fy, cx, cy, camera.lens.near, far)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m splatbus_splats",
-        description="Serve a file of Gaussians over SplatBus 1.0 and 1.1, drawn on the processor.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--version", action=ShowVersion)
-    parser.add_argument("file", type=Path, help=".ply as 3DGS writes it, or .splat")
-    parser.add_argument(
-        "--cameras", type=Path, metavar="FILE", help="cameras.json of 3DGS; the view begins there"
-    )
-    parser.add_argument(
-        "--size", type=_size, default=(640, 480), metavar="WxH", help="of the image (640x480)"
-    )
-    parser.add_argument("--host", help="to listen on (127.0.0.1); another one needs a token")
-    parser.add_argument("--ipc-port", type=int, metavar="PORT", help="6001; 0: any that is free")
-    parser.add_argument("--msg-port", type=int, metavar="PORT", help="6000; 0: any that is free")
-    parser.add_argument(
-        "--token-file", type=Path, metavar="FILE", help="holds the token; only you can read it"
-    )
-    parser.add_argument("--quiet", action="store_true", help="log refusals and errors only")
-    return parser
-
-
-def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d+)[x×](\d+)", text)
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 640x480")
-    return int(match[1]), int(match[2])

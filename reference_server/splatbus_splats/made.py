@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.files import splat
+from splatbus_splats.files import ply, splat
 from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
 from splatbus_splats.harmonics import CONSTANT
 
@@ -137,7 +137,7 @@ def main(argv: list[str] | None = None) -> int:
     scene = made(options.count, options.degree, options.seed)
     try:
         _write(options.file, scene)
-    except (ImportError, OSError, ValueError) as error:
+    except (OSError, ValueError) as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
         return 1
     return 0
@@ -148,8 +148,6 @@ def _write(path: Path, scene: Gaussians) -> None:
     if suffix == ".splat":
         splat.write(path, scene)
     elif suffix == ".ply":
-        from splatbus_splats.files import ply  # needs the extra
-
         ply.write(path, scene)
     else:
         raise ValueError(f"{path}: its name ends in neither .ply nor .splat")

@@ -4,56 +4,61 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
 
-import numpy as np
 from splatbus_server.api import Bus
-from splatbus_server.view import Intrinsics, field_of_view
-from splatbus_wire.messages import SceneObject
 from splatbus_wire.semantics import Semantics
 
 from splatbus_splats.definition import placed
-from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.renderer import rendered
+from splatbus_splats.scene import Scene
 
 SEMANTICS = Semantics(alpha="premultiplied", depth_estimator="harmonic")
 """What the numbers of `render_until` mean."""
-LEAST_FAR = 100.0
-
-
-def described(name: str, label: str, gaussians: Gaussians) -> SceneObject:
-    """The object as clients are told of it."""
-    return SceneObject(name, label, len(gaussians), gaussians.bounds)
-
-
-def lens_for(width: int, height: int, objects: Sequence[Gaussians]) -> Intrinsics:
-    """A vertical field of view of 60 degrees, with which all can be seen from within and around."""
-    boxes = [each.bounds for each in objects]
-    sizes = [np.linalg.norm(np.subtract(box.max, box.min)) for box in boxes if box]
-    far = max([LEAST_FAR, *(4.0 * float(size) for size in sizes)])
-    return field_of_view(width, height)._replace(far=far)
+FPS = 120.0
+"""Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
+IDLE_SECONDS, PLAYING_SECONDS = 0.1, 0.005
+"""How long to wait for a client to want something, and for the next moment of what plays."""
 
 
 def render_until(
-    stop: threading.Event, bus: Bus, objects: Mapping[str, Gaussians], threads: int = 1
+    stop: threading.Event, bus: Bus, scene: Scene, threads: int = 1, fps: float = FPS
 ) -> None:
     """Renders what is asked for.
 
     Args:
         stop: ends it.
-        bus: to serve with, that was told `SEMANTICS` and the ids of the objects.
-        objects: by their ids.
+        bus: to serve with, that was told `SEMANTICS`, and the ids and the time range of the scene.
+        scene: plays by itself, over and over, until a client sets the time.
         threads: that draw.
+        fps: most images a second.
     """
-    took = 0.0
+    start, took, shown = time.monotonic(), 0.0, scene.moment(None)
+    plays = scene.time_range is not None
     while not stop.is_set():
-        view = bus.next_view(timeout=0.1)
+        began = time.monotonic()
+        changed = plays and scene.moment(shown_at(scene, None, began - start)) != shown
+        view = bus.next_view(PLAYING_SECONDS if plays else IDLE_SECONDS, contents_changed=changed)
         if view is not None:
             began = time.monotonic()
-            image = rendered(
-                placed(view, objects), view.intrinsics, view.width, view.height, threads
-            )
+            plays = scene.time_range is not None and view.time is None
+            now = shown_at(scene, view.time, began - start)
+            objects = placed(view, scene.at(now))
+            image = rendered(objects, view.intrinsics, view.width, view.height, threads)
             depth = image.inverse if view.wants_depth else None
-            bus.publish(view, image.color, depth, depth_kind="inverse")
-            took = (time.monotonic() - began) * 1e3
+            bus.publish(view, image.color, depth, depth_kind="inverse", time=now)
+            took, shown = (time.monotonic() - began) * 1e3, scene.moment(now)
         bus.telemetry(stage="idle" if view is None else "rendering", render_ms=(took, "ms"))
+        stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
+
+
+def shown_at(scene: Scene, asked: float | None, playing: float) -> float | None:
+    """Which second of the scene is shown; None where nothing changes.
+
+    Args:
+        scene: that is shown.
+        asked: the second that a client has set, if one has.
+        playing: seconds for which the scene plays by itself.
+    """
+    if scene.time_range is None:
+        return None
+    return min(playing % scene.loop, scene.time_range[1]) if asked is None else asked

@@ -21,7 +21,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-import splatbus_renderer.cli
+import splatbus_splats.cli
 import splatbus_viewer.cli
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import plan_of, wishes_of
@@ -172,7 +172,7 @@ def test_the_options_of_each_command_exist(
         if "--help" in arguments:
             continue
         if name == "splatbus-server":
-            splatbus_renderer.cli._parser().parse_args(arguments)
+            splatbus_splats.cli.parser().parse_intermixed_args(arguments)
         elif name == "splatbus-client":
             splatbus_viewer.cli._parser().parse_args(arguments)
         else:

@@ -1,4 +1,4 @@
-"""A file is served as it is: what a client gets is what the renderer draws of what was read."""
+"""The command as a person meets it: what it says, what it asks for, and how it ends."""
 
 from __future__ import annotations
 
@@ -8,192 +8,231 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
 import pytest
-import splatbus_client
-from splatbus_client import Placement, Pose, Session
-from splatbus_server.view import Intrinsics, View, field_of_view
-from splatbus_splats.cli import main
-from splatbus_splats.definition import Image, placed
+from splatbus_splats.cli import _Progress, main
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.made import made
-from splatbus_splats.renderer import rendered
-from splatbus_splats.serving import lens_for
 
-from tests.splats.shots import some, view_of
+from tests.splats.served import COMMAND, ENVIRONMENT, FREE, SECONDS, serving, two_files
 
-SECONDS = 60
-COMMAND = [sys.executable, "-m", "splatbus_splats"]
-ENVIRONMENT = {name: value for name, value in os.environ.items() if "SPLATBUS" not in name}
-SIZE = (64, 48)
-TOLD = """\
-scene.ply: 100%% read
-scene.ply: 1,500 Gaussians of degree 2, from (%.4g, %.4g, %.4g) to (%.4g, %.4g, %.4g)\
-; 1 left out: quaternion zero
-"""
-
-
-class Server(NamedTuple):
-    process: subprocess.Popen[str]
-    file: Path
-    ports: tuple[int, int]
-
-
-@contextmanager
-def serving(file: Path, *options: str) -> Iterator[Server]:
-    command = [*COMMAND, str(file), "--ipc-port", "0", "--msg-port", "0", "--size", "64x48"]
-    with subprocess.Popen(
-        [*command, *options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=ENVIRONMENT,
-    ) as process:
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        match = re.fullmatch(
-            r"splatbus_splats ready on \S+: IPC port (\d+), message port (\d+), 64x48\n", line
-        )
-        try:
-            assert match, line
-            yield Server(process, file, (int(match[1]), int(match[2])))
-        finally:
-            process.kill()
-            process.communicate()
+WITHOUT_EXTRA = [
+    sys.executable,
+    "-c",
+    "import sys; sys.modules['numba'] = None; sys.modules['llvmlite'] = None\n"
+    "from splatbus_splats.cli import main; sys.exit(main())",
+]
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    file = tmp_path_factory.mktemp("scene") / "scene.ply"
-    scene = made(1501, 2)
-    scene.rotations[77] = 0
-    ply.write(file, scene)
-    with serving(file) as server:
-        yield server
+def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return two_files(tmp_path_factory.mktemp("scene"))
 
 
-@pytest.fixture
-def session(server: Server) -> Iterator[Session]:
-    with splatbus_client.connect("127.0.0.1", *server.ports) as session:
-        yield session
+@pytest.fixture(autouse=True)
+def _signals_stay() -> Iterator[None]:
+    """What `main` does with them is for a process of its own."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
 
 
-def expected(server: Server, view: View) -> Image:
-    objects = placed(view, {"default": read(server.file).gaussians})
-    return rendered(objects, view.intrinsics, view.width, view.height)
-
-
-def compare(color: np.ndarray, depth: np.ndarray, image: Image) -> None:
-    np.testing.assert_array_equal(color, np.clip(image.color, 0, 1))
-    alpha = image.color[..., 3]
-    covered = (alpha >= np.float32(1 / 255)) & (image.inverse > 0)
-    assert covered.mean() > 0.3
-    right = np.full_like(alpha, np.inf)
-    right[covered] = alpha[covered] / image.inverse[covered]
-    np.testing.assert_array_equal(depth, right)
-
-
-def test_a_client_sees_the_scene_from_where_it_looks(server: Server, session: Session) -> None:
-    pose = Pose((0.5, -1.0, 0.25), (-0.1, 0.2, 0.0, 0.975))
-    session.send_camera(pose)
-    while True:
-        with session.next_frame(SECONDS) as frame:
-            if frame.camera.pose == pose:
-                color, depth = frame.color.copy(), frame.depth.copy()
-                break
-    lens = lens_for(*SIZE, [read(server.file).gaussians])
-    compare(color, depth, expected(server, view_of(pose, size=SIZE, intrinsics=lens)))
-
-
-def test_a_client_moves_and_scales_the_scene(server: Server, session: Session) -> None:
-    sent = Placement("default", Pose((0.25, 0.5, 2.0), (0.0, 0.5, 0.0, 0.75**0.5)), 0.5)
-    session.send_object(sent.pose, scale=sent.scale)
-    while True:
-        with session.next_frame(SECONDS) as frame:
-            if frame.placement() == sent:
-                color, depth, pose = frame.color.copy(), frame.depth.copy(), frame.camera.pose
-                break
-    lens = lens_for(*SIZE, [read(server.file).gaussians])
-    compare(color, depth, expected(server, view_of(pose, sent, size=SIZE, intrinsics=lens)))
-
-
-def test_it_tells_what_the_scene_holds(server: Server, session: Session) -> None:
-    gaussians = read(server.file).gaussians
-    (described,) = session.scene(SECONDS).objects
-    assert (described.id, described.name, described.gaussians) == ("default", "scene.ply", 1500)
-    np.testing.assert_allclose(described.bounds, gaussians.bounds)
-
-
-def test_it_says_what_it_read_and_ends_when_it_is_told(server: Server) -> None:
-    server.process.send_signal(signal.SIGINT)
-    _, log = server.process.communicate(timeout=SECONDS)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_says_what_it_read_and_ends_when_it_is_told(number: int, files: list[Path]) -> None:
+    with serving(files[0], "--size", "64x48", files[1]) as server:
+        server.process.send_signal(number)
+        _, log = server.process.communicate(timeout=SECONDS)
     assert server.process.returncode == 0
-    bounds = read(server.file).gaussians.bounds
-    assert bounds is not None
-    assert log.startswith(TOLD % (*bounds.min, *bounds.max))
     assert "Traceback" not in log
+    assert "stopped: Statistics(" in log
+    first, second, room, statue, view = log.splitlines()[:5]
+    assert first == f"reading {files[0]}, file 1 of 2: 50% read"
+    assert second == f"reading {files[1]}, file 2 of 2: 100% read"
+    box = read(files[0]).gaussians.bounds
+    assert box is not None
+    low, high = (", ".join(f"{each:.4g}" for each in corner) for corner in box)
+    assert room == (
+        f"default (room.ply): 1,500 Gaussians of degree 2, from ({low}) to ({high})"
+        "; 1 left out: quaternion zero"
+    )
+    assert statue.startswith("statue (statue.ply): 700 Gaussians of degree 0, from (")
+    assert re.fullmatch(
+        r"the view begins at \(.*\) and looks along \+z, with the middle of the scene in view:"
+        r" no cameras.json is given or near the file",
+        view,
+    )
 
 
-def test_it_begins_where_the_first_picture_was_taken(tmp_path: Path) -> None:
-    ply.write(tmp_path / "a.ply", made(500, 1))
-    camera = {
-        "id": 0, "img_name": "a", "width": 1280, "height": 480, "position": [0.5, -0.25, 1],
-        "rotation": [[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]], "fx": 500.0, "fy": 450.0,
-    }  # fmt: skip
-    (tmp_path / "cameras.json").write_text(json.dumps([camera, camera]))
-    options = ("--cameras", str(tmp_path / "cameras.json"))
-    with (
-        serving(tmp_path / "a.ply", *options) as server,
-        splatbus_client.connect("127.0.0.1", *server.ports) as session,
-        session.next_frame(SECONDS) as frame,
-    ):
-        pose = frame.camera.pose
-        np.testing.assert_allclose(np.abs(pose.rotation), (0, 0.2**0.5, 0, 0.8**0.5), atol=1e-12)
-        assert pose.position == (0.5, -0.25, 1)
-        lens = Intrinsics(50.0, 45.0, 32.0, 24.0, 0.01, 100.0)
-        view = view_of(pose, size=SIZE, intrinsics=lens)
-        compare(frame.color, frame.depth, expected(server, view))
-        assert session.scene(SECONDS).cameras == 2
+def test_cameras_nearby_that_are_others_are_said_and_left(tmp_path: Path) -> None:
+    ply.write(tmp_path / "a.ply", made(50, 0))
+    (tmp_path / "cameras.json").write_text("{}")
+    with serving(tmp_path / "a.ply") as server:
+        assert server.size == (640, 480)
+        server.process.send_signal(signal.SIGTERM)
+        _, log = server.process.communicate(timeout=SECONDS)
+    assert f"near the file is none of 3DGS ({tmp_path / 'cameras.json'}: no list" in log
+
+
+def test_the_spheres_need_no_extra_and_files_say_which(files: list[Path]) -> None:
+    with serving("--size", "32x24", command=WITHOUT_EXTRA) as server:
+        assert server.size == (32, 24)
+    done = subprocess.run(
+        [*WITHOUT_EXTRA, files[0]], capture_output=True, text=True, env=ENVIRONMENT
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("splatbus-server: ")
+    assert done.stderr.endswith("pip install 'splatbus-protocol[splats]'\n")
+    assert "%" not in done.stderr  # said before anything is read
+
+
+def test_where_there_is_no_terminal_each_tenth_is_said_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    progress = _Progress(is_terminal=False)
+    for done in range(1, 101):
+        progress(Path("a.ply"), 1 + (done > 50), 2, done / 100)
+    progress.end()
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(": ")[1] for line in lines] == [f"{i}0% read" for i in range(1, 11)]
+    assert lines[5] == "reading a.ply, file 2 of 2: 60% read"
+
+
+def test_on_a_terminal_one_line_says_how_far_it_is(files: list[Path]) -> None:
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, *files, *FREE, "--size", "64x48"],
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        env=ENVIRONMENT,
+    )
+    os.close(theirs)
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith(b"splatbus-server ready on ")
+    said = os.read(ours, 1 << 16).decode()
+    process.kill()
+    process.communicate()
+    os.close(ours)
+    rewritten, _, rest = said.rpartition("\r\x1b[K")
+    assert rewritten.count("\n") == 0
+    assert f"\rreading {files[1]}, file 2 of 2: 100%\x1b[K" in rewritten
+    assert rest.startswith("default (room.ply): 1,500 Gaussians")
+
+
+def test_it_can_be_stopped_while_it_reads(tmp_path: Path) -> None:
+    for i in range(4):
+        ply.write(tmp_path / f"{i}.ply", made(60_000, 3))
+    with subprocess.Popen(
+        [*COMMAND, tmp_path, *FREE], stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+    ) as process:
+        assert process.stderr is not None
+        assert "10% read" in process.stderr.readline()
+        process.terminate()
+        log = process.stderr.read()
+    assert process.returncode == 0
+    assert "Traceback" not in log
 
 
 def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
     text = capsys.readouterr().out
-    for word in ("examples:", "what next:", "exit codes:", "--cameras", "--token-file"):
+    assert text.startswith("usage: splatbus-server ")
+    for word in (
+        "examples:", "what next:", "exit codes:", "--cameras", "--token-file", "--turntable",
+        "--rate", "--seconds", "SPLATBUS_TOKEN", "statue.splat", "numbered files", "320x240",
+    ):  # fmt: skip
         assert word in text
 
 
-def test_what_is_no_splat_file_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "mesh.splat"
-    file.write_bytes(bytes(33))
-    for path, message in ((file, "byte 32 is cut short"), (tmp_path / "none.ply", "none.ply")):
-        assert main([str(path)]) == 1
-        error = capsys.readouterr().err
-        assert str(path) in error
-        assert message in error
+def mesh(path: Path) -> None:
+    path.write_bytes(
+        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+        b"property float z\nend_header\n0 0 0\n"
+    )
+
+
+def compressed(path: Path) -> None:
+    path.write_bytes(
+        b"ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\n"
+        b"element vertex 1\nproperty uint packed_position\nend_header\n" + bytes(8)
+    )
+
+
+def cut(path: Path) -> None:
+    ply.write(path, made(10, 0))
+    path.write_bytes(path.read_bytes()[:-5])
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "message"),
+    [
+        ("none.ply", None, "No such file or directory"),
+        ("mesh.ply", mesh, "no property f_dc_0, .*: it is a mesh or a cloud of points"),
+        ("packed.ply", compressed, "a compressed one, to be exported as a plain .ply first"),
+        ("empty.ply", Path.touch, "the file is empty"),
+        ("notes.ply", lambda path: path.write_text("Dear diary"), "no PLY file: its first line"),
+        ("notes.txt", lambda path: path.write_text("Dear"), "ends in neither .ply nor .splat"),
+        ("a.spz", Path.touch, "spz is not read: export the scene as a plain .ply first"),
+        ("a.ksplat", Path.touch, "ksplat is not read: export"),
+        ("a.sog", Path.touch, "sog is not read: export"),
+        ("folder", Path.mkdir, "no files .* has numbered files .*, or a trained model"),
+        ("cut.ply", cut, r"the file ends at byte \d+, before the last of 10 rows of vertex"),
+        ("cut.splat", lambda path: path.write_bytes(bytes(33)), "at byte 32 is cut short"),
+    ],
+)
+def test_what_is_no_splat_file_is_said(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    make: Callable[[Path], object] | None,
+    message: str,
+) -> None:
+    path = tmp_path / name
+    if make is not None:
+        make(path)
+    assert main([str(path), *FREE]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"splatbus-server: {path}: ")
+    assert error.count("\n") == 1
+    assert re.search(message, error)
 
 
 def test_cameras_that_are_none_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ply.write(tmp_path / "a.ply", made(5, 0))
-    cameras = tmp_path / "cameras.json"
+    cameras = tmp_path / "other.json"
     cameras.write_text(json.dumps([{}]))
     assert main([str(tmp_path / "a.ply"), "--cameras", str(cameras), "--quiet"]) == 1
-    assert f"{cameras}: camera 0 has no img_name" in capsys.readouterr().err
+    assert capsys.readouterr().err == f"splatbus-server: {cameras}: camera 0 has no img_name\n"
 
 
-def test_a_size_that_is_none_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["a.ply", "--size", "big"], "'big' is not a size"),
+        (["a.ply", "--turntable", "20"], "--turntable is for the spheres"),
+        (["a.ply", "--rate", "0"], "'0' is not a positive number"),
+        (["a.ply", "--seconds", "-1"], "'-1' is not a positive number"),
+        (["--rate", "25"], "--rate is for files of Gaussians, and none is given"),
+        (["--seconds", "2"], "--seconds is for files of Gaussians, and none is given"),
+        (["--cameras", "c.json"], "--cameras is for files of Gaussians, and none is given"),
+        (["a.ply"] * 257, "257 files, where there are 256"),
+    ],
+)
+def test_wrong_usage_is_refused(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit, match="2"):
-        main(["a.ply", "--size", "big"])
+        main(arguments)
+    assert message in capsys.readouterr().err
 
 
-def test_a_vast_scene_is_seen_to_its_end() -> None:
-    assert lens_for(*SIZE, []) == field_of_view(*SIZE)
-    lens = lens_for(*SIZE, [some([(0, 0, 0), (300, 0, 400)])])
-    assert lens == Intrinsics(*field_of_view(*SIZE)[:4], far=2000)
+def test_an_address_for_all_needs_a_token(files: list[Path]) -> None:
+    command = [*COMMAND, files[1], "--host", "0.0.0.0", "--quiet", *FREE]
+    done = subprocess.run(command, capture_output=True, text=True, env=ENVIRONMENT)
+    assert done.returncode == 2
+    assert "require a token" in done.stderr

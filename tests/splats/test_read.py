@@ -46,7 +46,7 @@ def test_a_vertex_means_what_3dgs_means(tmp_path: Path, text: bool, order: str) 
         1, 9, x=1, y=2, z=3, f_dc_0=0.1, f_dc_1=0.2, f_dc_2=0.3, opacity=math.log(3), scale_0=0,
         scale_1=math.log(2), scale_2=-math.inf, rot_0=2, rot_1=0, rot_2=0, rot_3=-2, **rest,
     )  # fmt: skip
-    found, left_out = read(saved(tmp_path / "a.ply", table, text, order))
+    found, left_out, _ = read(saved(tmp_path / "a.ply", table, text, order))
     assert not left_out
     np.testing.assert_array_equal(found.means, [[1, 2, 3]])
     np.testing.assert_allclose(found.opacities, [0.75], rtol=1e-6)
@@ -61,7 +61,7 @@ def test_a_vertex_means_what_3dgs_means(tmp_path: Path, text: bool, order: str) 
 def test_what_is_written_is_read_again(tmp_path: Path, degree: int) -> None:
     scene = made(STEP + 3 if degree == 0 else 300, degree)
     ply.write(tmp_path / "a.ply", scene)
-    found, left_out = read(tmp_path / "a.ply")
+    found, left_out, _ = read(tmp_path / "a.ply")
     assert not left_out
     assert (len(found), found.degree) == (len(scene), degree)
     np.testing.assert_array_equal(found.means, scene.means)
@@ -76,7 +76,7 @@ def test_a_splat_is_read(tmp_path: Path) -> None:
     record["mean"], record["scale"] = [[1, 2, 3]], [[0.5, 0, 4]]
     record["rgba"], record["turn"] = [[255, 0, 51, 255]], [[128, 128, 255, 128]]
     record.tofile(tmp_path / "a.splat")
-    found, left_out = read(tmp_path / "a.splat")
+    found, left_out, _ = read(tmp_path / "a.splat")
     assert not left_out
     np.testing.assert_array_equal(found.means, [[1, 2, 3]])
     np.testing.assert_array_equal(found.scales, [[0.5, 0, 4]])
@@ -89,7 +89,7 @@ def test_a_splat_is_read(tmp_path: Path) -> None:
 def test_a_splat_that_is_written_is_read_again(tmp_path: Path) -> None:
     scene = made(500, 0)
     splat.write(tmp_path / "a.splat", scene)
-    found, _ = read(tmp_path / "a.splat")
+    found = read(tmp_path / "a.splat").gaussians
     np.testing.assert_array_equal(found.scales, scene.scales)
     np.testing.assert_allclose(found.opacities, scene.opacities, atol=0.5 / 255 + 1e-6)
     same = np.abs((found.rotations * scene.rotations).sum(axis=1))
@@ -114,7 +114,7 @@ def test_what_is_no_gaussian_is_left_out_and_counted(tmp_path: Path) -> None:
             table[name][2 * place + 1] = value
     table["opacity"][STEP + 4], table["opacity"][STEP + 5] = math.inf, -math.inf
     table["rot_0"][STEP + 1 : STEP + 3] = math.nan
-    found, left_out = read(saved(tmp_path / "a.ply", table))
+    found, left_out, _ = read(saved(tmp_path / "a.ply", table))
     assert left_out == dict.fromkeys(BAD, 1) | {"quaternion not finite": 3}
     bad = {2 * place + 1 for place in range(len(BAD))} | {STEP + 1, STEP + 2}
     assert found.means[:, 0].tolist() == [i for i in range(len(table)) if i not in bad]
@@ -126,7 +126,7 @@ def test_what_single_precision_cannot_hold_is_left_out(tmp_path: Path) -> None:
     table = rows(4, 9).astype([(name, "f8") for name in rows(0, 9).dtype.names])
     for i, name in enumerate(("x", "f_rest_2", "f_dc_1")):
         table[name][i] = 1e300
-    found, left_out = read(saved(tmp_path / "a.ply", table))
+    found, left_out, _ = read(saved(tmp_path / "a.ply", table))
     assert len(found) == 1
     assert left_out == {"position not finite": 1, "harmonics not finite": 2}
 
@@ -136,7 +136,7 @@ def test_a_negative_scale_of_a_splat_is_left_out(tmp_path: Path) -> None:
     record["scale"][1, 2] = -1
     record["turn"][2] = 128
     record.tofile(tmp_path / "a.splat")
-    found, left_out = read(tmp_path / "a.splat")
+    found, left_out, _ = read(tmp_path / "a.splat")
     assert len(found) == 1
     assert left_out == {"scale negative": 1, "quaternion zero": 1}
 
@@ -144,7 +144,7 @@ def test_a_negative_scale_of_a_splat_is_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize("factor", [1e-30, 1e-3, 1e30])
 def test_a_quaternion_of_any_norm_is_a_rotation(tmp_path: Path, factor: float) -> None:
     table = rows(1, 0, rot_0=3 * factor, rot_1=4 * factor)
-    found, _ = read(saved(tmp_path / "a.ply", table))
+    found = read(saved(tmp_path / "a.ply", table)).gaussians
     np.testing.assert_allclose(found.rotations, [[0.8, 0, 0, 0.6]], rtol=1e-6)
 
 
@@ -185,7 +185,7 @@ def test_what_is_damaged_is_read_or_refused_and_nothing_else(tmp_path: Path, tex
             bytes_of[place] = random.choice([random.integers(256), *b" -0123456789\n"])
         path.write_bytes(bytes_of)
         try:
-            found, left_out = read(path)
+            found, left_out, _ = read(path)
         except ValueError as error:
             assert str(error).startswith(f"{path}: ")  # noqa: PT017
             refused += 1
@@ -217,6 +217,14 @@ def test_a_list_is_no_number(tmp_path: Path) -> None:
     assert refusal(path) == "the property opacity is a list, and not a number"
 
 
+def test_a_list_behind_the_vertices_of_3dgs_is_not_read(tmp_path: Path) -> None:
+    element = plyfile.PlyElement.describe(rows(2, 0, x=4), "vertex")
+    faces = np.array([([0, 1, 2],)], [("vertex_indices", "i4", (3,))])
+    behind = plyfile.PlyElement.describe(faces, "face")
+    plyfile.PlyData([element, behind]).write(str(tmp_path / "a.ply"))
+    assert read(tmp_path / "a.ply").gaussians.means[:, 0].tolist() == [4, 4]
+
+
 @pytest.mark.parametrize("text", [False, True])
 def test_a_truncated_file_is_refused_wherever_it_ends(tmp_path: Path, text: bool) -> None:
     whole = saved(tmp_path / "whole.ply", rows(4, 0), text).read_bytes()
@@ -225,10 +233,9 @@ def test_a_truncated_file_is_refused_wherever_it_ends(tmp_path: Path, text: bool
     for place in sorted(places):
         path.write_bytes(whole[:place])
         assert refusal(path)
-    path.write_bytes(whole[: -40 if text else -68])
-    assert "early end-of-" in refusal(path)
-    if not text:
-        assert refusal(path).endswith(f"; the file ends at byte {len(whole) - 68}")
+    path.write_bytes(whole[:-68])
+    message = f"the file ends at byte {len(whole) - 68}, before the last of 4 rows of vertex"
+    assert text or refusal(path).startswith(message)
 
 
 def test_more_vertices_than_the_file_holds_take_no_memory(tmp_path: Path) -> None:
@@ -246,7 +253,7 @@ def test_an_empty_file_is_said_to_be_empty(tmp_path: Path, name: str) -> None:
 
 
 def test_no_vertices_are_an_empty_scene(tmp_path: Path) -> None:
-    found, left_out = read(saved(tmp_path / "a.ply", rows(0, 9)))
+    found, left_out, _ = read(saved(tmp_path / "a.ply", rows(0, 9)))
     assert (len(found), found.bounds, left_out) == (0, None, {})
 
 
@@ -261,6 +268,12 @@ def test_a_splat_that_is_cut_short_is_refused_at_its_byte(tmp_path: Path) -> Non
     path = tmp_path / "a.splat"
     path.write_bytes(bytes(70))
     assert "the Gaussian at byte 64 is cut short" in refusal(path)
+
+
+@pytest.mark.parametrize("name", ["a.spz", "a.ksplat", "a.sog", "a.SPZ"])
+def test_a_format_of_others_is_told_what_to_do(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(bytes(64))
+    assert refusal(tmp_path / name).endswith("is not read: export the scene as a plain .ply first")
 
 
 def test_another_name_is_refused(tmp_path: Path) -> None:
@@ -278,7 +291,7 @@ def test_reading_takes_memory_for_one_copy(tmp_path: Path) -> None:
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert peak < 1.5 * size  # and the file, which is mapped: 2.5 together
+    assert peak < 1.3 * size
 
 
 def test_progress_is_told_to_the_end(tmp_path: Path) -> None:
@@ -292,7 +305,7 @@ def test_progress_is_told_to_the_end(tmp_path: Path) -> None:
 def test_bounds_are_those_of_the_centres(tmp_path: Path) -> None:
     table = rows(2, 0)
     table["x"], table["y"], table["z"] = [1, -2], [3, 4], [0, 5]
-    found, _ = read(saved(tmp_path / "a.ply", table))
+    found = read(saved(tmp_path / "a.ply", table)).gaussians
     assert found.bounds == ((-2, 3, 0), (1, 4, 5))
 
 

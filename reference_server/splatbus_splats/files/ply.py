@@ -3,20 +3,25 @@
 A vertex has x, y, z; f_dc_0 to f_dc_2, the constant harmonic of each channel; f_rest_0 and on, the
 others, all of red first, then green, then blue; opacity, whose logistic function is the opacity;
 scale_0 to scale_2, whose exponentials are the standard deviations; rot_0 to rot_3, a quaternion
-w, x, y, z of any norm. In whatever order, among whatever else. The container is read by plyfile.
+w, x, y, z of any norm. In whatever order, among whatever else; what more there is of Gaussians that
+live in time is in `spacetime`, where f_dc_0 to f_dc_2 are the colour itself if no f_rest_0 follows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import plyfile
 from numpy.typing import NDArray
 
+from splatbus_splats.files import container, spacetime
+from splatbus_splats.files.header import Element, Header, read_header
+from splatbus_splats.files.spacetime import Members, Motion
 from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
+from splatbus_splats.harmonics import CONSTANT as CONSTANT_HARMONIC
 
 PLACE = ("x", "y", "z")
 CONSTANT = ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -26,68 +31,70 @@ TURN = ("rot_1", "rot_2", "rot_3", "rot_0")
 NEEDED = (*PLACE, *CONSTANT, "opacity", *SCALE, *TURN)
 
 
-def vertices(path: Path) -> tuple[NDArray[Any], int]:
-    """The vertices as they lie in the file, and how many harmonics a channel has.
+class Vertices(NamedTuple):
+    """What a file has of Gaussians, before they are read."""
 
-    Those of a binary file are mapped, not read.
+    path: Path
+    header: Header
+    element: Element
+    place: container.Place
+    coefficients: int
+    """How many harmonics a channel has."""
+    time: Members | None
+    """What there is of their lives in time, if they have any."""
+
+
+def vertices(file: BufferedReader, path: Path) -> Vertices:
+    """What the file says of its vertices.
 
     Raises:
-        ValueError: it is no file of 3DGS; the message says what is wrong, and where.
-        OSError: it cannot be read.
+        ValueError: it is no file of 3DGS; the message names it, what is wrong where, and what else
+            it may be.
     """
-    try:
-        elements = plyfile.PlyData.read(str(path))
-    except plyfile.PlyHeaderParseError as error:
-        raise ValueError(f"{path}: no PLY file: {error}") from error
-    except plyfile.PlyElementParseError as error:
-        raise ValueError(f"{path}: {error}{_place(path, error)}") from error
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: byte {error.start} is none of a text") from error
-    except (ValueError, MemoryError, OverflowError) as error:
-        raise ValueError(f"{path}: no PLY file that can be read: {error}") from error
-    if "vertex" not in elements:
+    header = read_header(file, path)
+    element = next((each for each in header.elements if each.name == "vertex"), None)
+    if element is None:
         raise ValueError(f"{path}: no splat file: it has no element vertex")
-    element = elements["vertex"]
-    names = {each.name for each in element.properties}
-    if missing := [name for name in NEEDED if name not in names]:
-        hint = ", but packed_position: it is a compressed one" * ("packed_position" in names)
-        raise ValueError(
-            f"{path}: no splat file: its vertices have no property {', '.join(missing)}{hint}"
+    properties = {each.name: each for each in element.properties}
+    if missing := [name for name in NEEDED if name not in properties]:
+        hint = (
+            "it is a compressed one, to be exported as a plain .ply first"
+            if "packed_position" in properties
+            else "it is a mesh or a cloud of points, and what 3DGS trains is point_cloud.ply"
         )
-    rest = sum(name.startswith("f_rest_") for name in names)
+        raise ValueError(
+            f"{path}: no splat file: its vertices have no property {', '.join(missing)}: {hint}"
+        )
+    rest = sum(name.startswith("f_rest_") for name in properties)
     if rest % 3 or 1 + rest // 3 not in COEFFICIENTS:
         allowed = ", ".join(str(3 * (each - 1)) for each in COEFFICIENTS)
         raise ValueError(f"{path}: {rest} properties f_rest_*, where there are {allowed}")
-    for name in (*NEEDED, *_rest(rest)):
-        if name not in names:
+    for name in _rest(rest):
+        if name not in properties:
             raise ValueError(f"{path}: {rest} properties f_rest_*, but no {name}")
-        if element.data.dtype[name].kind not in "fiu":
-            raise ValueError(f"{path}: the property {name} is a list, and not a number")
-    return element.data, 1 + rest // 3
+    for each in element.properties:
+        if each.length:
+            raise ValueError(f"{path}: the property {each.name} is a list, and not a number")
+    time = spacetime.members(path, properties)
+    place = container.found(file, path, header, element)
+    return Vertices(path, header, element, place, 1 + rest // 3, time)
 
 
-@np.errstate(over="ignore", under="ignore")  # what is infinite in float32 is left out later
-def decoded(rows: NDArray[Any], coefficients: int) -> Gaussians:
-    """What some vertices say, not yet looked at: quaternions have the norm that they have."""
-    harmonics = np.empty((len(rows), coefficients, 3), np.float32)
-    harmonics[:, 0] = _columns(rows, CONSTANT)
-    for i, name in enumerate(_rest(3 * (coefficients - 1))):
-        channel, place = divmod(i, coefficients - 1)
-        harmonics[:, 1 + place, channel] = rows[name]
-    opacities = 1.0 / (1.0 + np.exp(-rows["opacity"].astype(np.float64)))
-    return Gaussians(
-        _columns(rows, PLACE),
-        _columns(rows, TURN),
-        np.exp(_columns(rows, SCALE)),
-        opacities.astype(np.float32),
-        harmonics,
-    )
-
-
-def parts(rows: NDArray[Any], coefficients: int, step: int) -> Iterator[Gaussians]:
-    """What the vertices say, so many at a time."""
-    for start in range(0, len(rows), step):
-        yield decoded(rows[start : start + step], coefficients)
+def parts(
+    file: BufferedReader, vertices: Vertices, step: int
+) -> Iterator[tuple[Gaussians, Motion | None]]:
+    """What the vertices say, so many at a time, not yet looked at."""
+    path, header, element, place, coefficients, time = vertices
+    for rows in container.pieces(file, path, header, element, place, step):
+        gaussians = _decoded(rows, coefficients)
+        if time is None:
+            yield gaussians, None
+            continue
+        if coefficients == 1:
+            gaussians.coefficients[:] -= np.float32(0.5)
+            gaussians.coefficients[:] /= np.float32(CONSTANT_HARMONIC)
+        with np.errstate(over="ignore", under="ignore"):
+            yield gaussians, spacetime.decoded(rows, time)
 
 
 def write(path: Path, gaussians: Gaussians) -> None:
@@ -109,8 +116,25 @@ def write(path: Path, gaussians: Gaussians) -> None:
     for group, values in columns.items():
         for name, column in zip(group, values.T):
             rows[name] = column
-    element = plyfile.PlyElement.describe(rows, "vertex")
-    plyfile.PlyData([element], byte_order="<").write(str(path))
+    container.write(path, rows)
+
+
+@np.errstate(over="ignore", under="ignore")  # what is infinite in float32 is left out later
+def _decoded(rows: NDArray[Any], coefficients: int) -> Gaussians:
+    """What some vertices say: quaternions have the norm that they have."""
+    harmonics = np.empty((len(rows), coefficients, 3), np.float32)
+    harmonics[:, 0] = _columns(rows, CONSTANT)
+    for i, name in enumerate(_rest(3 * (coefficients - 1))):
+        channel, place = divmod(i, coefficients - 1)
+        harmonics[:, 1 + place, channel] = rows[name]
+    opacities = 1.0 / (1.0 + np.exp(-rows["opacity"].astype(np.float64)))
+    return Gaussians(
+        _columns(rows, PLACE),
+        _columns(rows, TURN),
+        np.exp(_columns(rows, SCALE)),
+        opacities.astype(np.float32),
+        harmonics,
+    )
 
 
 def _rest(count: int) -> tuple[str, ...]:
@@ -119,9 +143,3 @@ def _rest(count: int) -> tuple[str, ...]:
 
 def _columns(rows: NDArray[Any], names: tuple[str, ...]) -> NDArray[np.float32]:
     return np.stack([rows[name].astype(np.float32) for name in names], axis=1)
-
-
-def _place(path: Path, error: Any) -> str:
-    """Where a file ends too early."""
-    size = path.stat().st_size
-    return f"; the file ends at byte {size}" if "end-of-file" in str(error) else ""

@@ -5,18 +5,24 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.files import splat
+from splatbus_splats.files import ply, spacetime, splat
+from splatbus_splats.files.spacetime import Motion
 from splatbus_splats.gaussians import Gaussians, empty
 
 STEP = 1 << 14
-"""Gaussians at a time: what is worked on beside the file and the result is 9 MB."""
+"""Gaussians at a time: what is worked on beside the result is 13 MB."""
 SUFFIXES = (".ply", ".splat")
+OTHERS = (".spz", ".ksplat", ".sog", ".splatv")
+"""Formats of others, which are told apart from what is no splat file at all."""
+
+Progress = Callable[[int, int], None]
 
 
 class Found(NamedTuple):
@@ -25,14 +31,16 @@ class Found(NamedTuple):
     gaussians: Gaussians
     left_out: dict[str, int]
     """How many Gaussians are not among them, by what is wrong with them."""
+    motion: Motion | None = None
+    """How they change, where they live in time: `gaussians` has each at its own moment then."""
 
 
-def read(path: Path, progress: Callable[[int, int], None] | None = None) -> Found:
+def read(path: Path, progress: Progress | None = None) -> Found:
     """The Gaussians in a file of 3DGS (`.ply`) or a `.splat`, as its name says.
 
     Those are left out of which a number is not finite once it is decoded, which a zero scale or an
-    opacity of 1 is, a standard deviation negative, or the quaternion zero. Beside the file, which
-    is mapped where it is binary, memory for one copy of its numbers is needed.
+    opacity of 1 is, a standard deviation negative, or the quaternion zero. Memory for one copy of
+    the numbers is needed: the file is read in pieces.
 
     Args:
         path: of the file.
@@ -41,22 +49,23 @@ def read(path: Path, progress: Callable[[int, int], None] | None = None) -> Foun
     Raises:
         ValueError: it is no such file; the message names it, and what is wrong where.
         OSError: it cannot be read.
-        ImportError: PLY, without plyfile (extra `splats`).
     """
     suffix = path.suffix.lower()
+    if suffix in OTHERS:
+        raise ValueError(f"{path}: {suffix} is not read: export the scene as a plain .ply first")
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: no splat file: its name ends in neither .ply nor .splat")
-    if not path.stat().st_size:
-        raise ValueError(f"{path}: the file is empty")
-    if suffix == ".splat":
-        records = splat.records(path)
-        return _gathered(splat.parts(records, STEP), len(records), 1, progress)
-
-    from splatbus_splats.files import ply  # needs the extra
-
-    vertices, coefficients = ply.vertices(path)
-    parts = ply.parts(vertices, coefficients, STEP)
-    return _gathered(parts, len(vertices), coefficients, progress)
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if not size:
+            raise ValueError(f"{path}: the file is empty")
+        if suffix == ".splat":
+            count = splat.count(path, size)
+            return _gathered(splat.parts(file, path, count, STEP), count, 1, False, progress)
+        vertices = ply.vertices(file, path)
+        parts = ply.parts(file, vertices, STEP)
+        count, is_in_time = vertices.element.rows, vertices.time is not None
+        return _gathered(parts, count, vertices.coefficients, is_in_time, progress)
 
 
 def sequence(folder: Path) -> list[Path]:
@@ -81,33 +90,39 @@ def sequence(folder: Path) -> list[Path]:
 
 
 def _gathered(
-    parts: Iterable[Gaussians],
+    parts: Iterable[tuple[Gaussians, Motion | None]],
     count: int,
     coefficients: int,
-    progress: Callable[[int, int], None] | None,
+    is_in_time: bool,
+    progress: Progress | None,
 ) -> Found:
     whole, kept, seen = empty(count, coefficients), 0, 0
+    motions = spacetime.empty(count) if is_in_time else None
     left_out: Counter[str] = Counter()
-    for part in parts:
-        good = _sound(part, left_out)
-        place = whole[kept : kept + int(good.sum())]
-        place.means[:] = part.means[good]
-        place.scales[:] = part.scales[good]
-        place.opacities[:] = part.opacities[good]
-        place.coefficients[:] = part.coefficients[good]
+    for part, motion in parts:
+        good = _sound(part, motion, left_out)
+        place = slice(kept, kept + int(good.sum()))
         turns = part.rotations[good].astype(np.float64)
-        place.rotations[:] = turns / np.linalg.norm(turns, axis=1, keepdims=True)
-        kept, seen = kept + len(place), seen + len(part)
+        norms = np.linalg.norm(turns, axis=1, keepdims=True)
+        for each in fields(Gaussians):
+            if each.name != "rotations":
+                getattr(whole, each.name)[place] = getattr(part, each.name)[good]
+        whole.rotations[place] = turns / norms
+        if motion is not None and motions is not None:
+            for each in fields(Motion):
+                getattr(motions, each.name)[place] = getattr(motion, each.name)[good]
+            motions.turns[place] /= norms  # of which the quaternion that it is added to has none
+        kept, seen = place.stop, seen + len(part)
         if progress is not None:
             progress(seen, count)
-    return Found(whole[:kept], dict(left_out))
+    return Found(whole[:kept], dict(left_out), None if motions is None else motions[:kept])
 
 
-def _sound(part: Gaussians, left_out: Counter[str]) -> NDArray[np.bool_]:
+def _sound(part: Gaussians, motion: Motion | None, left_out: Counter[str]) -> NDArray[np.bool_]:
     """Which of them are Gaussians; counts the others, each by the first thing that is wrong."""
     good = np.ones(len(part), np.bool_)
     norms = np.linalg.norm(part.rotations.astype(np.float64), axis=1)
-    for what, holds in (
+    checks = [
         ("position not finite", np.isfinite(part.means).all(axis=1)),
         ("scale not finite", np.isfinite(part.scales).all(axis=1)),
         ("scale negative", (part.scales >= 0.0).all(axis=1)),
@@ -115,7 +130,17 @@ def _sound(part: Gaussians, left_out: Counter[str]) -> NDArray[np.bool_]:
         ("harmonics not finite", np.isfinite(part.coefficients).all(axis=(1, 2))),
         ("quaternion not finite", np.isfinite(norms)),
         ("quaternion zero", norms > 0.0),
-    ):
+    ]
+    if motion is not None:
+        with np.errstate(all="ignore"):
+            turned = np.abs(motion.turns) / norms[:, None]
+            within = spacetime.reach(part, motion) <= np.finfo(np.float32).max
+        checks += [
+            ("time not a number", np.isfinite(motion.centers) & (motion.lives > 0.0)),
+            ("motion not finite", within),
+            ("turning not finite", (turned <= np.finfo(np.float32).max).all(axis=1)),
+        ]
+    for what, holds in checks:
         if wrong := int((good & ~holds).sum()):
             left_out[what] += wrong
         good &= holds

@@ -7,33 +7,33 @@ uint8 of 255; a quaternion w, x, y, z, four uint8, 128 being 0. All little-endia
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from splatbus_splats.files import container
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.harmonics import CONSTANT
 
 RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("turn", "u1", 4)])
 
 
-def records(path: Path) -> NDArray[Any]:
-    """What is in the file, mapped.
+def count(path: Path, size: int) -> int:
+    """How many Gaussians are in a file of so many bytes.
 
     Raises:
-        ValueError: its length is that of no such file.
-        OSError: it cannot be read.
+        ValueError: no file of these has that length.
     """
-    size = path.stat().st_size
     if size % RECORD.itemsize:
         whole = size - size % RECORD.itemsize
         raise ValueError(
             f"{path}: {size} bytes are no multiple of {RECORD.itemsize}:"
             f" the Gaussian at byte {whole} is cut short, or it is no .splat"
         )
-    return np.memmap(path, RECORD, "r") if size else np.empty(0, RECORD)
+    return size // RECORD.itemsize
 
 
 def decoded(rows: NDArray[Any]) -> Gaussians:
@@ -46,10 +46,12 @@ def decoded(rows: NDArray[Any]) -> Gaussians:
     )
 
 
-def parts(rows: NDArray[Any], step: int) -> Iterator[Gaussians]:
-    """What the records say, so many at a time."""
-    for start in range(0, len(rows), step):
-        yield decoded(rows[start : start + step])
+def parts(
+    file: BufferedReader, path: Path, count: int, step: int
+) -> Iterator[tuple[Gaussians, None]]:
+    """What the records say, so many at a time; none of them lives in time."""
+    for rows in container.blocks(file, path, RECORD, count, step):
+        yield decoded(rows), None
 
 
 def write(path: Path, gaussians: Gaussians) -> None:

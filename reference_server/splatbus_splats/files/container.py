@@ -1,0 +1,187 @@
+"""Rows of a PLY file, read in pieces: beside the numbers that are wanted only one piece is held.
+
+Sizes that a file claims are compared with its own before anything is allocated for them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from io import BufferedReader
+from itertools import islice
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from splatbus_splats.files.header import ORDERS, TYPES, Element, Header
+
+Rows = NDArray[Any]
+
+
+class Place(NamedTuple):
+    """Where the rows of an element begin."""
+
+    byte: int
+    line: int
+    """In a text."""
+
+
+def found(file: BufferedReader, path: Path, header: Header, wanted: Element) -> Place:
+    """Where the rows of an element of numbers begin: behind those of the elements before it.
+
+    Args:
+        file: just behind its header.
+        path: for messages.
+        header: of the file.
+        wanted: one of its elements.
+
+    Raises:
+        ValueError: the file is too short for what its header claims, or a list has a length that
+            is none; the message says where.
+    """
+    size, line = os.fstat(file.fileno()).st_size, header.lines
+    for element in header.elements:
+        begin = file.tell()
+        least = element.rows * _least_bytes(header.order, element) - (not header.order)
+        if begin + least > size:
+            raise _cut_short(path, element, size)
+        if element is wanted:
+            return Place(begin, line)
+        if not header.order:
+            _skip_lines(file, path, element, size)
+        elif any(each.length for each in element.properties):
+            _skip_lists(file, path, header.order, element, size)
+        else:
+            file.seek(begin + least)
+        line += element.rows
+    raise ValueError(f"{path}: it has no element {wanted.name}")
+
+
+def pieces(
+    file: BufferedReader, path: Path, header: Header, element: Element, place: Place, step: int
+) -> Iterator[Rows]:
+    """The rows of an element of numbers, so many at a time; each piece is valid until the next.
+
+    Args:
+        file: that is read.
+        path: for messages.
+        header: of the file.
+        element: one without lists.
+        place: of its rows.
+        step: rows at a time.
+
+    Raises:
+        ValueError: the file ends before its last row, or a text is no number of its type; the
+            message says where.
+    """
+    dtype = np.dtype([(each.name, header.order + each.number) for each in element.properties])
+    file.seek(place.byte)
+    if header.order:
+        yield from blocks(file, path, dtype, element.rows, step)
+        return
+    for start in range(0, element.rows, step):
+        count = min(step, element.rows - start)
+        lines = [line.split() for line in islice(file, count)]
+        if len(lines) < count:
+            raise _cut_short(path, element, os.fstat(file.fileno()).st_size)
+        yield _from_text(lines, dtype, f"{path}: line", place.line + start + 1)
+
+
+def blocks(
+    file: BufferedReader, path: Path, dtype: np.dtype[Any], count: int, step: int
+) -> Iterator[Rows]:
+    """Binary rows from where a file stands, so many at a time, all in the same memory."""
+    room = np.empty(min(step, count), dtype)
+    for start in range(0, count, step):
+        part = room[: count - start]
+        if file.readinto(part.view(np.uint8).data) < part.nbytes:
+            size = os.fstat(file.fileno()).st_size
+            raise ValueError(f"{path}: the file ends at byte {size}, earlier than when it was met")
+        yield part
+
+
+def write(path: Path, rows: Rows, name: str = "vertex") -> None:
+    """Writes one element of numbers, binary, in the byte order that the rows have."""
+    dtype = np.dtype([(each, rows.dtype[each]) for each in rows.dtype.names or ()])  # no gaps
+    fields = {each: dtype[each].str for each in dtype.names or ()}
+    big = any(code.startswith(">") for code in fields.values())
+    format_ = next(each for each, sign in ORDERS.items() if sign == (">" if big else "<"))
+    lines = ["ply", f"format {format_} 1.0", f"element {name} {len(rows)}"]
+    lines += [f"property {TYPES[code[1:]][0]} {each}" for each, code in fields.items()]
+    with path.open("wb") as file:
+        file.write("".join(f"{line}\n" for line in (*lines, "end_header")).encode("ascii"))
+        rows.astype(dtype, copy=False).tofile(file)
+
+
+def _least_bytes(order: str, element: Element) -> int:
+    """Of a row with empty lists; of a text, a digit and what parts it from the next."""
+    if not order:
+        return 2 * len(element.properties)
+    return sum(int((each.length or each.number)[1]) for each in element.properties)
+
+
+def _cut_short(path: Path, element: Element, size: int) -> ValueError:
+    return ValueError(
+        f"{path}: the file ends at byte {size}, before the last of {element.rows:,} rows of"
+        f" {element.name}: it is cut short, as by a download that broke off"
+    )
+
+
+def _skip_lines(file: BufferedReader, path: Path, element: Element, size: int) -> None:
+    for _ in range(element.rows if element.properties else 0):
+        if not file.readline():
+            raise _cut_short(path, element, size)
+
+
+def _skip_lists(file: BufferedReader, path: Path, order: str, element: Element, size: int) -> None:
+    sign: Literal["big", "little"] = "big" if order == ">" else "little"
+    for row in range(element.rows):
+        for each in element.properties:
+            length, item = 1, int(each.number[1])
+            if each.length:
+                read = file.read(int(each.length[1]))
+                if len(read) < int(each.length[1]):
+                    raise _cut_short(path, element, size)
+                length = int.from_bytes(read, sign, signed=each.length[0] == "i")
+                if length < 0:
+                    raise ValueError(
+                        f"{path}: {each.name} of row {row} of {element.name} has {length} items"
+                    )
+            file.seek(length * item, os.SEEK_CUR)
+    if file.tell() > size:
+        raise _cut_short(path, element, size)
+
+
+def _from_text(lines: list[list[bytes]], dtype: np.dtype[Any], where: str, first: int) -> Rows:
+    """Rows of words; `first` is the number of their first line."""
+    names = dtype.names or ()
+    for number, words in enumerate(lines, first):
+        if len(words) != len(names):
+            raise ValueError(f"{where} {number}: {len(words)} numbers, where {len(names)} belong")
+    try:
+        numbers = np.array(lines, np.bytes_).astype(np.float64)
+    except ValueError:
+        number, word = next(_no_numbers(lines, first))
+        raise ValueError(f"{where} {number}: {word!r} is no number") from None
+    rows = np.empty(len(lines), dtype)
+    for name, column in zip(names, numbers.T):
+        if dtype[name].kind != "f":
+            bounds = np.iinfo(dtype[name])
+            bad = (column != np.rint(column)) | (column < bounds.min) | (column > bounds.max)
+            if bad.any():
+                place = int(bad.argmax())
+                raise ValueError(f"{where} {first + place}: {name} is no {dtype[name].name}")
+        with np.errstate(over="ignore"):
+            rows[name] = column
+    return rows
+
+
+def _no_numbers(lines: list[list[bytes]], first: int) -> Iterator[tuple[int, str]]:
+    for number, words in enumerate(lines, first):
+        for word in words:
+            try:
+                np.array(word).astype(np.float64)
+            except ValueError:
+                yield number, word.decode("utf-8", "replace")[:40]
