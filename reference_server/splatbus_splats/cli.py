@@ -23,6 +23,7 @@ from splatbus_splats.beginning import before, lens_for, lens_of
 from splatbus_splats.files.cameras import Camera, read_cameras
 from splatbus_splats.loading import Loaded, Source, cameras_near, loaded, scene_of, source, told
 from splatbus_splats.scene import Frames, Scene
+from splatbus_splats.skips import MEANINGS, USUAL, Skip, named
 
 NAME = "splatbus-server"
 SIZE = (640, 480)
@@ -30,7 +31,8 @@ RATE = 30.0
 SECONDS = 50.0 / 30.0
 """Of a clip, whose file does not say: those that Spacetime Gaussians were published with have 50
 pictures, 30 a second."""
-EPILOG = """\
+SKIPS = "\n".join(f"  {each:9} {why}" for each, why in MEANINGS.items())
+EPILOG = f"""\
 examples:
   splatbus-server                             six spheres on 127.0.0.1, ports 6001 and 6000
   splatbus-server scene.ply                   a scene that you trained
@@ -52,6 +54,10 @@ files (needs pip install 'splatbus-protocol[splats]'):
   The view begins at the first camera of --cameras, or of a cameras.json beside the first file or
   in one of the three folders above it; without one, where the middle of the scene is in view.
 
+skips (--skips hidden,faint; none, exact, usual and all are names for several):
+{SKIPS}
+  What each saves and costs is in benchmarks/SPLATS.md.
+
 environment (an option wins over it):
   SPLATBUS_HOST, SPLATBUS_IPC_PORT, SPLATBUS_MSG_PORT   where to listen
   SPLATBUS_TOKEN                                        what clients have to say in their hello
@@ -72,7 +78,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_intermixed_args(argv)
     if not options.files:
-        for name in ("cameras", "rate", "seconds"):
+        for name in ("cameras", "rate", "seconds", "skips"):
             if getattr(options, name) is not None:
                 arguments.error(f"--{name} is for files of Gaussians, and none is given")
         return spheres.main(argv)
@@ -120,6 +126,12 @@ def parser() -> argparse.ArgumentParser:
         "--rate", type=spheres._rate, help=f"files a second, of a folder ({RATE:g})"
     )
     parser.add_argument(
+        "--skips",
+        type=_skips,
+        metavar="NAMES",
+        help="of what need not be done (usual): see below",
+    )
+    parser.add_argument(
         "--seconds",
         type=spheres._rate,
         help=f"length of what lives in time ({SECONDS:.3g}: 50 pictures, 30 a second)",
@@ -137,6 +149,9 @@ def _serve(options: argparse.Namespace) -> int:
         KeyboardInterrupt: it is stopped before it is ready.
     """
     from splatbus_splats import serving  # needs the extra; before a long time of reading
+
+    if options.skips is None:
+        options.skips = USUAL
 
     size = options.size or SIZE
     sources = [source(each) for each in options.files]
@@ -177,7 +192,8 @@ def _serve(options: argparse.Namespace) -> int:
             f" message port {address.message_port}, {size[0]}x{size[1]}",
             flush=True,
         )
-        serving.render_until(stop, bus, scene, os.cpu_count() or 1, options.fps)
+        threads = os.cpu_count() or 1
+        serving.render_until(stop, bus, scene, threads, options.fps, options.skips)
     logging.getLogger("splatbus_server").info("stopped: %s", bus.statistics)
     return 0
 
@@ -185,7 +201,13 @@ def _serve(options: argparse.Namespace) -> int:
 def _load(sources: list[Source], options: argparse.Namespace) -> dict[str, Loaded]:
     progress = None if options.quiet else _Progress(sys.stderr.isatty())
     try:
-        return loaded(sources, options.rate or RATE, options.seconds or SECONDS, progress)
+        return loaded(
+            sources,
+            options.rate or RATE,
+            options.seconds or SECONDS,
+            progress,
+            in_halves=Skip.HALVES in options.skips,
+        )
     finally:
         if progress is not None:
             progress.end()
@@ -258,3 +280,10 @@ def _summary(name: str, object_: Loaded) -> str:
 
 def _point(point: Any) -> str:
     return f"({', '.join(f'{each:.4g}' for each in point)})"
+
+
+def _skips(text: str) -> Skip:
+    try:
+        return named(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None

@@ -42,7 +42,7 @@ class Gaussians:
     def __len__(self) -> int:
         return len(self.means)
 
-    def __getitem__(self, which: slice) -> Gaussians:
+    def __getitem__(self, which: slice | NDArray[np.int64]) -> Gaussians:
         return Gaussians(*(getattr(self, each.name)[which] for each in fields(self)))
 
     @property
@@ -75,20 +75,23 @@ def empty(count: int, coefficients: int) -> Gaussians:
     return Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
 
 
-def along_curve(gaussians: Gaussians) -> Gaussians:
-    """The same in another order, in which those that follow each other are near each other.
+def curve(means: Floats) -> NDArray[np.int64]:
+    """(N,), an order in which those that follow each other are near each other.
 
     Along Morton's curve through the box in which 98 of a hundred lie; of the same cell of 1024³ in
     the order in which they came.
     """
-    means = gaussians.means
     if not len(means):
-        return gaussians
+        return np.empty(0, np.int64)
     sample = means[:: max(1, len(means) // 10_000)]
     low, high = np.quantile(sample, (0.01, 0.99), axis=0)
     places = (means - low) / np.maximum(high - low, np.finfo(np.float32).tiny)
     cells = np.clip(places * CELLS, 0, CELLS - 1).astype(np.uint32)
     for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
         cells = (cells | cells << np.uint32(shift)) & np.uint32(mask)
-    order = np.argsort(cells @ np.array((1, 2, 4), np.uint32), kind="stable")
-    return Gaussians(*(getattr(gaussians, each.name)[order] for each in fields(gaussians)))
+    return np.argsort(cells @ np.array((1, 2, 4), np.uint32), kind="stable")
+
+
+def along_curve(gaussians: Gaussians) -> Gaussians:
+    """The same in the order of `curve`."""
+    return gaussians[curve(gaussians.means)]

@@ -12,6 +12,7 @@ from splatbus_wire.messages import DEFAULT_OBJECT
 from splatbus_wire.parts import MAX_NAME_CHARS
 
 from splatbus_splats.files.read import read, sequence
+from splatbus_splats.gaussians import curve, halved
 from splatbus_splats.scene import Clip, Frames, Part, Scene
 
 Progress = Callable[[Path, int, int, float], None]
@@ -62,15 +63,21 @@ def source(path: Path) -> Source:
 
 
 def loaded(
-    sources: Sequence[Source], rate: float, seconds: float, progress: Progress | None = None
+    sources: Sequence[Source],
+    rate: float,
+    seconds: float,
+    progress: Progress | None = None,
+    *,
+    in_halves: bool = False,
 ) -> dict[str, Loaded]:
-    """The objects by their ids.
+    """The objects by their ids, their Gaussians in the order of `gaussians.curve`.
 
     Args:
         sources: of which each is one.
         rate: files a second, in sequences.
         seconds: length of clips, of Gaussians that live in time.
         progress: is told how far it is.
+        in_halves: harmonics are kept in float16.
 
     Raises:
         ValueError: a file is none of Gaussians, or one that cannot be part of a sequence.
@@ -88,11 +95,13 @@ def loaded(
                     progress(path, number, whole, (number - 1 + done / count) / whole)
 
             gaussians, without, motion = read(path, tell)
+            order = curve(gaussians.means)
+            gaussians = halved(gaussians[order]) if in_halves else gaussians[order]
             left_out.update(without)
             if motion is None:
                 frames.append(gaussians)
             elif len(files) == 1:
-                objects[name] = Loaded(label, Clip(gaussians, motion, seconds), left_out)
+                objects[name] = Loaded(label, Clip(gaussians, motion[order], seconds), left_out)
             else:
                 raise ValueError(
                     f"{path}: Gaussians that live in time cannot be one file of a sequence:"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -9,8 +10,9 @@ from splatbus_server.api import Bus
 from splatbus_wire.semantics import Semantics
 
 from splatbus_splats.definition import placed
-from splatbus_splats.renderer import rendered
+from splatbus_splats.renderer import Renderer
 from splatbus_splats.scene import Scene
+from splatbus_splats.skips import USUAL, Skip
 
 SEMANTICS = Semantics(alpha="premultiplied", depth_estimator="harmonic")
 """What the numbers of `render_until` mean."""
@@ -19,9 +21,17 @@ FPS = 120.0
 IDLE_SECONDS, PLAYING_SECONDS = 0.1, 0.005
 """How long to wait for a client to want something, and for the next moment of what plays."""
 
+REST_SECONDS = 0.1
+"""After how long a camera rests, and its image is drawn with all pixels."""
+
 
 def render_until(
-    stop: threading.Event, bus: Bus, scene: Scene, threads: int = 1, fps: float = FPS
+    stop: threading.Event,
+    bus: Bus,
+    scene: Scene,
+    threads: int = 1,
+    fps: float = FPS,
+    skips: Skip = USUAL,
 ) -> None:
     """Renders what is asked for.
 
@@ -31,22 +41,48 @@ def render_until(
         scene: plays by itself, over and over, until a client sets the time.
         threads: that draw.
         fps: most images a second.
+        skips: what is not done.
     """
+    with Renderer(threads, skips) as renderer:
+        _render_until(stop, bus, scene, fps, renderer, Skip.MOVING in skips)
+
+
+def _render_until(
+    stop: threading.Event,
+    bus: Bus,
+    scene: Scene,
+    fps: float,
+    renderer: Renderer,
+    may_be_rough: bool,
+) -> None:
     start, took, shown = time.monotonic(), 0.0, scene.moment(None)
-    plays = scene.time_range is not None
+    plays, is_rough = scene.time_range is not None, False
+    camera, moved = None, -math.inf
     while not stop.is_set():
         began = time.monotonic()
         changed = plays and scene.moment(shown_at(scene, None, began - start)) != shown
-        view = bus.next_view(PLAYING_SECONDS if plays else IDLE_SECONDS, contents_changed=changed)
+        rests = is_rough and began - moved >= REST_SECONDS
+        wait = PLAYING_SECONDS if plays else REST_SECONDS if is_rough else IDLE_SECONDS
+        view = bus.next_view(wait, contents_changed=changed or rests)
         if view is not None:
             began = time.monotonic()
             plays = scene.time_range is not None and view.time is None
             now = shown_at(scene, view.time, began - start)
-            objects = placed(view, scene.at(now))
-            image = rendered(objects, view.intrinsics, view.width, view.height, threads)
+            is_other = view.poses.camera != camera
+            is_rough = may_be_rough and is_other and began - moved < REST_SECONDS
+            image = renderer.draw(
+                placed(view, scene.at(now)),
+                view.intrinsics,
+                view.width,
+                view.height,
+                view.wants,
+                is_moving=is_rough,
+            )
             depth = image.inverse if view.wants_depth else None
             bus.publish(view, image.color, depth, depth_kind="inverse", time=now)
             took, shown = (time.monotonic() - began) * 1e3, scene.moment(now)
+            if is_other:
+                camera, moved = view.poses.camera, time.monotonic()
         bus.telemetry(stage="idle" if view is None else "rendering", render_ms=(took, "ms"))
         stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
 

@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from splatbus_splats.cli import _Progress, main
+from splatbus_splats.cli import _Progress, main, parser
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.made import made
+from splatbus_splats.skips import EXACT, NOTHING, Skip
 
 from tests.splats.served import COMMAND, ENVIRONMENT, FREE, SECONDS, serving, two_files
 
@@ -236,3 +237,14 @@ def test_an_address_for_all_needs_a_token(files: list[Path]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, env=ENVIRONMENT)
     assert done.returncode == 2
     assert "require a token" in done.stderr
+
+
+def test_skips_are_read_by_their_names(capsys: pytest.CaptureFixture[str]) -> None:
+    assert parser().parse_args(["a.ply", "--skips", "none"]).skips == NOTHING
+    assert parser().parse_args(["a.ply", "--skips", "exact,halves"]).skips == EXACT | Skip.HALVES
+    with pytest.raises(SystemExit, match="2"):
+        main(["a.ply", "--skips", "dim"])
+    assert "argument --skips: 'dim' is none of none, exact, usual" in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["--skips", "none"])
+    assert "--skips is for files of Gaussians" in capsys.readouterr().err

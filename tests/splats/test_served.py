@@ -36,6 +36,8 @@ CAMERA = {
     "id": 0, "img_name": "a", "width": 1280, "height": 480, "position": [0.5, -0.25, 1],
     "rotation": [[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]], "fx": 500.0, "fy": 450.0,
 }  # fmt: skip
+WHOLE = ("--size", "64x48", "--skips", "exact")
+"""Images have all their pixels, whenever cameras move."""
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def server(files: list[Path]) -> Iterator[Server]:
-    with serving(files[0], "--size", "64x48", files[1]) as server:
+    with serving(files[0], *WHOLE, files[1]) as server:
         yield server
 
 
@@ -91,7 +93,7 @@ def test_it_tells_what_the_scene_holds(session: Session, files: list[Path]) -> N
 def test_a_view_begins_before_the_middle(tmp_path: Path) -> None:
     ply.write(tmp_path / "a.ply", made(500, 1))
     with (
-        serving(tmp_path / "a.ply", "--size", "64x48", "--quiet") as server,
+        serving(tmp_path / "a.ply", *WHOLE, "--quiet") as server,
         connected(server) as session,
         session.next_frame(SECONDS) as frame,
     ):
@@ -110,7 +112,7 @@ def test_it_begins_where_the_first_picture_was_taken(tmp_path: Path, place: str)
     cameras.write_text(json.dumps([CAMERA, CAMERA]))
     arguments = (file, "--cameras", cameras) if place == "given" else (tmp_path / "model",)
     with (
-        serving(*arguments, "--size", "64x48") as server,
+        serving(*arguments, *WHOLE) as server,
         connected(server) as session,
         session.next_frame(SECONDS) as frame,
     ):
@@ -151,7 +153,7 @@ def shown(frame: FrameLease, scene: Scene, time: float) -> None:
 def test_a_sequence_plays_until_a_client_sets_the_time(walk: Path) -> None:
     scene = moving(walk, 20.0)
     with (
-        serving(walk, "--size", "64x48", "--rate", "20") as server,
+        serving(walk, *WHOLE, "--rate", "20") as server,
         connected(server) as session,
     ):
         assert session.scene(SECONDS).time_range == (0, 0.1)
@@ -177,7 +179,7 @@ def test_gaussians_in_time_are_shown_when_a_client_asks(tmp_path: Path) -> None:
     assert found.motion is not None
     scene = Scene({"default": Clip(found.gaussians, found.motion, 8.0)})
     with (
-        serving(path, "--size", "64x48", "--seconds", "8") as server,
+        serving(path, *WHOLE, "--seconds", "8") as server,
         connected(server) as session,
     ):
         assert session.scene(SECONDS).time_range == (0, 8)

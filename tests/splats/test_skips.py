@@ -16,7 +16,7 @@ from splatbus_splats.definition import Image, placed
 from splatbus_splats.gaussians import Gaussians, halved
 from splatbus_splats.made import made
 from splatbus_splats.renderer import Renderer, rendered
-from splatbus_splats.skips import EXACT, NOTHING, USUAL, Skip, named
+from splatbus_splats.skips import EXACT, MEANINGS, NOTHING, USUAL, Skip, named
 from splatbus_splats.truth import truth
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
@@ -296,5 +296,7 @@ def test_skips_have_names() -> None:
     assert named("none") == NOTHING
     assert named("usual") == USUAL
     assert named("all") == ~NOTHING
-    with pytest.raises(ValueError, match=r"'dim' is none of all, usual, none, outside, faint"):
+    assert named("exact") == EXACT
+    assert set(MEANINGS) == {str(each.name).lower() for each in Skip}
+    with pytest.raises(ValueError, match=r"'dim' is none of none, exact, usual, all, outside, f"):
         named("hidden,dim")
