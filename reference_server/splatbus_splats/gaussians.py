@@ -64,7 +64,8 @@ def halved(gaussians: Gaussians) -> Gaussians:
     too large for that.
     """
     coefficients = gaussians.coefficients
-    if np.abs(coefficients).max(initial=0.0) > np.finfo(np.float16).max:
+    most = max(coefficients.max(initial=0.0), -coefficients.min(initial=0.0))
+    if most > np.finfo(np.float16).max:
         return gaussians
     return replace(gaussians, coefficients=coefficients.astype(np.float16))
 

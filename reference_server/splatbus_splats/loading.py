@@ -95,8 +95,10 @@ def loaded(
                     progress(path, number, whole, (number - 1 + done / count) / whole)
 
             gaussians, without, motion = read(path, tell)
+            if in_halves:
+                gaussians = halved(gaussians)  # before the copy, for the sake of memory
             order = curve(gaussians.means)
-            gaussians = halved(gaussians[order]) if in_halves else gaussians[order]
+            gaussians = gaussians[order]
             left_out.update(without)
             if motion is None:
                 frames.append(gaussians)
