@@ -210,6 +210,17 @@ def test_huge_gaussians_take_the_memory_of_a_row_of_tiles(
     assert peak() < whole - 0.9 * 4 * 3000 * 20 * (30 / renderer.PARTS - 1)  # one row of 30
 
 
+def test_a_million_in_one_tile() -> None:
+    means = np.zeros((1_000_000, 3), np.float32)
+    means[:, 2] = np.random.default_rng(4).uniform(2, 3, 1_000_000)
+    view = view_of(size=(16, 16))
+    image = drawn(view, {"default": some(means, 50.0, 1.5 / 255, (0.2, 0.4, 0.9))})
+    alpha = np.float32(1.5 / 255)  # a pixel is finished as soon as 1/10000 would be left
+    left = (1.0 - float(alpha)) ** np.floor(np.log(1e-4) / np.log1p(-float(alpha)))
+    right = (1.0 - left) * np.array((0.2, 0.4, 0.9, 1.0))
+    np.testing.assert_allclose(image.color, np.broadcast_to(right, (16, 16, 4)), atol=1e-4)
+
+
 def test_depths_that_float32_cannot_tell_apart_are_in_their_order() -> None:
     nearer = float(np.nextafter(np.float32(2), np.float32(0)))
     both = some([(0, 0, 2), (0, 0, nearer)], 2000, 0.9, [(1, 0, 0), (0, 0, 1)])

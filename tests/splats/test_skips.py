@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis.strategies import DataObject, data, floats, lists, tuples
+from hypothesis.strategies import DataObject, data, floats, integers, lists, tuples
 from splatbus_server.view import Intrinsics, View
 from splatbus_splats import renderer, runs
 from splatbus_splats.definition import Image, placed
@@ -149,14 +149,15 @@ def test_a_run_beside_the_image_is_not_looked_at(seen: list[int]) -> None:
     assert seen == [runs.LENGTH]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=400, deadline=None)
 @given(data())
 def test_a_run_is_outlined_by_all_that_its_gaussians_reach(draw: DataObject) -> None:
     number = floats(-8, 8)
-    means = draw.draw(lists(tuples(number, number, number), min_size=1, max_size=20))
-    scene = some(means, draw.draw(floats(0, 3)), opacities=1.0)
+    powers = integers(-6, 3)
+    means = draw.draw(lists(tuples(number, number, number), min_size=1, max_size=3))
+    scene = some(means, 2.0 ** draw.draw(powers), opacities=1.0)
     pose = Pose(draw.draw(tuples(number, number, number)), (0.1, -0.5, 0.3, 0.8))
-    placement = Placement("default", pose, draw.draw(floats(0.1, 4)))
+    placement = Placement("default", pose, 2.0 ** draw.draw(powers))
     lens = Intrinsics(30.0, 50.0, draw.draw(floats(-20, 120)), 40.0, 0.01, 100.0)
     view = view_of(Pose((0, 0, 0), (0, 0, 0, 1)), placement, intrinsics=lens)
     (each,) = placed(view, {"default": scene})
