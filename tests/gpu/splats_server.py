@@ -1,4 +1,4 @@
-"""A scene that is another one after a second, on a GPU: `python -m tests.gpu.splats_server`.
+"""A scene that is another one each second, on a GPU: `python -m tests.gpu.splats_server`.
 
 It prints its ports, IPC first.
 """
@@ -20,10 +20,16 @@ FAR_AWAY = Pose((0.3, -0.2, -0.5), (0.0, 0.1, 0.05, 0.99))
 
 
 class Sequence:
-    """The scene."""
+    """The scene, each of a second."""
+
+    time_range = (0.0, len(SCENES) - 1.0)
+    loop = float(len(SCENES))
+
+    def moment(self, time: float | None) -> int:
+        return int(time or 0.0)
 
     def at(self, time: float | None) -> Mapping[str, Gaussians]:
-        return {"default": SCENES[int(time or 0.0)]}
+        return {"default": SCENES[self.moment(time)]}
 
 
 def main() -> None:
@@ -31,7 +37,7 @@ def main() -> None:
         *SIZE,
         memory="cuda_ipc",
         semantics=on_gpu.SEMANTICS,
-        time_range=(0.0, len(SCENES) - 1.0),
+        time_range=Sequence.time_range,
         ipc_port=0,
         message_port=0,
     ) as bus:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from splatbus_client import connect
+from splatbus_client import Session, connect
 from splatbus_server.view import Intrinsics, View
 from splatbus_splats import on_gpu
 from splatbus_splats.definition import Image, placed
@@ -40,7 +41,7 @@ def by_processor(view: View, objects: Mapping[str, Gaussians]) -> Image:
     return rendered(placed(view, objects), view.intrinsics, view.width, view.height, threads=8)
 
 
-def agree(color: np.ndarray, inverse: np.ndarray, right: Image, least: float = ALIKE) -> None:
+def agree(color: np.ndarray, inverse: np.ndarray, right: Image, within: float = DEPTH) -> None:
     """Premultiplied colour and Σ(1/z)αT, or alpha over depth, which is as good."""
     errors = np.clip(color, 0, 1).astype(np.float64) - np.clip(right.color, 0, 1)
     found = 10 * np.log10(1.0 / max(np.square(errors).mean(), 1e-20))
@@ -51,14 +52,14 @@ def agree(color: np.ndarray, inverse: np.ndarray, right: Image, least: float = A
         f" depth 99% {np.quantile(depth, 0.99):.1e}, worst {depth.max():.1e}"
     )
     assert covered.mean() > 0.1, "there is hardly anything to compare"
-    assert found >= least
-    assert np.quantile(depth, 0.99) <= DEPTH
+    assert found >= ALIKE
+    assert np.quantile(depth, 0.99) <= within
 
 
-def compare(view: View, objects: Mapping[str, Gaussians], least: float = ALIKE) -> None:
+def compare(view: View, objects: Mapping[str, Gaussians], within: float = DEPTH) -> None:
     image = on_gpu.Renderer()(view, objects)
     rgb, alpha, inverse = (each.cpu().numpy() for each in image)
-    agree(np.concatenate((rgb, alpha), axis=-1), inverse, by_processor(view, objects), least)
+    agree(np.concatenate((rgb, alpha), axis=-1), inverse, by_processor(view, objects), within)
 
 
 @pytest.mark.parametrize(
@@ -92,9 +93,9 @@ def test_a_million_units_from_the_origin() -> None:
 
 
 def test_needles() -> None:
-    thin = np.array((0.3, 0.002, 0.002), np.float32)
-    scene = made(10_000)
-    compare(view_of(size=SIZE), {"default": replace(scene, scales=np.tile(thin, (10_000, 1)))})
+    """As long as gsplat's single precision bears: SPLATS.md has what becomes of longer ones."""
+    thin = np.tile(np.array((0.3, 0.002, 0.002), np.float32), (10_000, 1))
+    compare(view_of(size=SIZE), {"default": replace(made(10_000), scales=thin)}, within=1e-3)
 
 
 def test_a_lens_whose_middle_is_elsewhere_between_planes() -> None:
@@ -128,26 +129,51 @@ def test_gaussians_are_brought_to_the_gpu_once_and_make_room_for_others(
     assert set(draw._kept) == {scenes[0]}
 
 
-def test_a_client_reads_what_was_drawn() -> None:
-    with subprocess.Popen(
-        [sys.executable, "-m", "tests.gpu.splats_server"],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as server:
+@contextmanager
+def served() -> Iterator[Session]:
+    command = [sys.executable, "-m", "tests.gpu.splats_server"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout
         ports = [int(word) for word in server.stdout.readline().split()]
         try:
             with connect("127.0.0.1", *ports) as session:
-                for number, scene in enumerate(SCENES):
-                    session.send_time(float(number))
-                    session.send_camera(FAR_AWAY, tag=str(number))
-                    while True:
-                        with session.next_frame(60.0) as frame:
-                            if frame.camera and frame.camera.tag == str(number):
-                                color, depth = frame.color.copy(), frame.depth.copy()
-                                break
-                    view = view_of(FAR_AWAY, size=SIZE)
-                    agree(color, color[..., 3] / depth, by_processor(view, {"default": scene}))
+                yield session
         finally:
             server.kill()
+
+
+def test_a_client_reads_what_was_drawn() -> None:
+    view = view_of(FAR_AWAY, size=SIZE)
+    with served() as session:
+        for number, scene in enumerate(SCENES):
+            tag, is_shown = str(number), False
+            session.send_time(float(number))
+            session.send_camera(FAR_AWAY, tag=tag)
+            while not is_shown:
+                with session.next_frame(60.0) as frame:
+                    is_shown = frame.time == number and frame.camera.tag == tag
+                    color, depth = frame.color.copy(), frame.depth.copy()
+            agree(color, color[..., 3] / depth, by_processor(view, {"default": scene}))
+
+
+def test_a_scene_in_time_plays_by_itself_until_a_client_sets_the_time() -> None:
+    pictures: dict[int, bytes] = {}
+    with served() as session:
+        while len(pictures) < len(SCENES):
+            with session.next_frame(60.0) as frame:
+                pictures[int(frame.time)] = frame.color.tobytes()
+        session.send_time(0.25)
+        seconds = [-1.0]
+        while seconds[-1] != 0.25:
+            with session.next_frame(60.0) as frame:
+                seconds.append(frame.time)
+                color = frame.color.tobytes()
+        for number in range(3):
+            session.send_camera(beside(FAR_AWAY, 0.1 * number))
+            with session.next_frame(60.0) as frame:
+                assert frame.time == 0.25
+    assert color == pictures[0] != pictures[1]
+
+
+def beside(pose: Pose, x: float) -> Pose:
+    return pose._replace(position=(x, *pose.position[1:]))
