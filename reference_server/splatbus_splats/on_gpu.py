@@ -123,6 +123,7 @@ class Renderer:
 
     def __init__(self) -> None:
         self._torch, self._gsplat = import_module("torch"), import_module("gsplat")
+        self._identity = self._torch.eye(4, device="cuda")[None]
         self._kept: WeakKeyDictionary[Gaussians, _Kept] = WeakKeyDictionary()
 
     def __call__(self, view: View, objects: Mapping[str, Gaussians]) -> Drawn:
@@ -137,12 +138,13 @@ class Renderer:
         if not parts:
             empty = torch.zeros((height, width, 5), device="cuda")
             return Drawn(empty[..., :3], empty[..., 3:4], empty[..., 4])
+        seen = parts[0] if len(parts) == 1 else [torch.cat(each) for each in zip(*parts)]
         fx, fy, cx, cy = view.intrinsics[:4]
         near, far = depths(view.intrinsics)
         with torch.no_grad():
             image, alpha, _ = self._gsplat.rasterization(
-                *(torch.cat(each) for each in zip(*parts)),
-                torch.eye(4, device="cuda")[None],
+                *seen,
+                self._identity,
                 torch.tensor([[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]], device="cuda"),
                 width,
                 height,
@@ -161,10 +163,9 @@ class Renderer:
         """
         torch, kept = self._torch, self._on_gpu(gaussians)
         with torch.no_grad():
-            eye, turn, left = (
-                torch.tensor(each, dtype=torch.float64, device="cuda")
-                for each in (view.eye(), view.object_to_camera[:3, :3], _turning(view))
-            )
+            numbers = (*view.eye(), *view.object_to_camera[:3, :3].flat, *_turning(view))
+            there = torch.tensor(numbers, dtype=torch.float64, device="cuda")  # at once: it waits
+            eye, turn, left = there[:3], there[3:12].view(3, 3), there[12:].view(4, 4)
             offsets = kept.means.double() - eye
             means = (offsets @ turn.T).float()
             colors = self._gsplat.spherical_harmonics(
@@ -205,10 +206,10 @@ def _bytes(arrays: Sequence[Any]) -> int:
     return sum(each.nbytes for each in arrays)
 
 
-def _turning(view: View) -> list[list[float]]:
-    """The matrix by which a quaternion w, x, y, z is turned into the camera's axes."""
+def _turning(view: View) -> tuple[float, ...]:
+    """The matrix by which a quaternion w, x, y, z is turned into the camera's axes, (4, 4)."""
     x, y, z, w = _product(_inverse(view.poses.camera.rotation), view.placement.pose.rotation)
-    return [[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]]
+    return (w, -x, -y, -z, x, w, -z, y, y, z, w, -x, z, -y, x, w)
 
 
 def _inverse(q: Quaternion) -> Quaternion:

@@ -68,12 +68,13 @@ def running(example: str, file: Path, *modules: Path) -> Iterator[Session]:
             process.kill()
 
 
-def seen(session: Session, tag: str) -> Picture:
-    """The first image of the camera that was sent with this tag."""
-    session.send_camera(CAMERA, tag=tag)
+def seen(session: Session, time: float | None = None) -> Picture:
+    """An image of the camera, and of the time if one was sent."""
+    session.send_camera(CAMERA)
     while True:
         with session.next_frame(60.0) as frame:
-            if frame.camera and frame.camera.tag == tag:
+            is_it = frame.camera and frame.camera.pose == CAMERA
+            if is_it and time in (None, frame.time):
                 return Picture(frame.color.copy(), frame.depth.copy(), frame.time)
 
 
@@ -91,7 +92,7 @@ def decibels(color: np.ndarray, exact: np.ndarray) -> float:
 
 def test_gsplat(file: Path) -> None:
     with running("gsplat_scene.py", file) as session:
-        picture = seen(session, "one")
+        picture = seen(session)
     exact = right()
     assert decibels(picture.color, exact.color) > 50
     covered = exact.color[..., 3] > 0.1
@@ -105,7 +106,7 @@ def test_the_code_of_the_3dgs_paper(file: Path) -> None:
     if importlib.util.find_spec("diff_gaussian_rasterization") is None:
         pytest.skip("diff_gaussian_rasterization is not installed")
     with running("inria.py", file, THREE_DGS) as session:
-        picture = seen(session, "one")
+        picture = seen(session)
     exact = right()
     assert decibels(picture.color, exact.color) > 40
     covered = exact.color[..., 3] > 0.1
@@ -116,11 +117,11 @@ def test_the_code_of_the_3dgs_paper(file: Path) -> None:
 
 def test_a_scene_in_time(file: Path) -> None:
     with running("four_d.py", file) as session:
-        one, two = seen(session, "one"), seen(session, "two")
+        one, two = seen(session), seen(session)
         assert one.time != two.time
         assert (one.color != two.color).any()
         session.send_time(1.5)
-        picture = seen(session, "three")
+        picture = seen(session, 1.5)
     assert picture.time == 1.5
     waves = np.zeros_like(SCENE.means)
     waves[:, 1] = 0.1 * np.sin(2 * np.pi * (SCENE.means[:, 0] / 2.0 - 1.5 / 4.0))

@@ -145,13 +145,13 @@ def served() -> Iterator[Session]:
 def test_a_client_reads_what_was_drawn() -> None:
     view = view_of(FAR_AWAY, size=SIZE)
     with served() as session:
+        session.send_camera(FAR_AWAY)
         for number, scene in enumerate(SCENES):
-            tag, is_shown = str(number), False
             session.send_time(float(number))
-            session.send_camera(FAR_AWAY, tag=tag)
+            is_shown = False
             while not is_shown:
                 with session.next_frame(60.0) as frame:
-                    is_shown = frame.time == number and frame.camera.tag == tag
+                    is_shown = frame.time == number and frame.camera.pose == FAR_AWAY
                     color, depth = frame.color.copy(), frame.depth.copy()
             agree(color, color[..., 3] / depth, by_processor(view, {"default": scene}))
 
