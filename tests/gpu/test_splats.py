@@ -85,11 +85,19 @@ def test_several_objects_each_with_its_pose_and_scale() -> None:
     compare(view, objects)
 
 
-def test_a_million_units_from_the_origin() -> None:
-    """Where single precision has steps of 0.06 units."""
+def test_an_object_a_million_units_from_the_origin() -> None:
     at, turn = (1e6, -2e6, 5e5), (0, 0.1, 0, 1)
     placement = Placement("default", Pose(at, (0, 0, 0, 1)))
     compare(view_of(Pose(at, turn), placement, size=SIZE), {"default": made(50_000)})
+
+
+def test_gaussians_that_were_stored_a_million_units_from_the_origin() -> None:
+    """Where single precision has steps of 0.06 units, and the camera is between two of them."""
+    shift = np.array((1e6, -1e6, 1e6), np.float32)
+    scene = made(50_000)
+    moved = replace(scene, means=scene.means + shift)
+    camera = (1e6 + 0.021, -1e6 - 0.023, 1e6 + 0.027)
+    compare(view_of(Pose(camera, (0, 0, 0, 1)), size=SIZE), {"default": moved})
 
 
 def test_needles() -> None:
