@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -25,6 +24,7 @@ from splatbus_splats.renderer import rendered
 from splatbus_wire.poses import Pose
 
 from tests.gpu import require_gpu
+from tests.gpu.looking import looked
 from tests.splats.shots import view_of
 
 require_gpu()
@@ -37,14 +37,6 @@ THREE_DGS = Path(__file__).with_name("three_dgs")
 SIZE = (1280, 720)
 CAMERA = Pose((0.3, -0.2, -0.5), (0.0, 0.1, 0.05, 0.99))
 SCENE = made(30_000)
-
-
-class Picture(NamedTuple):
-    """A frame that was read, the top row first."""
-
-    color: np.ndarray
-    depth: np.ndarray
-    time: float
 
 
 @pytest.fixture(scope="module")
@@ -68,16 +60,6 @@ def running(example: str, file: Path, *modules: Path) -> Iterator[Session]:
             process.kill()
 
 
-def seen(session: Session, time: float | None = None) -> Picture:
-    """An image of the camera, and of the time if one was sent."""
-    session.send_camera(CAMERA)
-    while True:
-        with session.next_frame(60.0) as frame:
-            is_it = frame.camera and frame.camera.pose == CAMERA
-            if is_it and time in (None, frame.time):
-                return Picture(frame.color.copy(), frame.depth.copy(), frame.time)
-
-
 def right(scene: Gaussians = SCENE) -> Image:
     view = view_of(CAMERA, size=SIZE)
     return rendered(placed(view, {"default": scene}), view.intrinsics, *SIZE, 8)
@@ -92,7 +74,7 @@ def decibels(color: np.ndarray, exact: np.ndarray) -> float:
 
 def test_gsplat(file: Path) -> None:
     with running("gsplat_scene.py", file) as session:
-        picture = seen(session)
+        picture = looked(session, CAMERA)
     exact = right()
     assert decibels(picture.color, exact.color) > 50
     covered = exact.color[..., 3] > 0.1
@@ -106,7 +88,7 @@ def test_the_code_of_the_3dgs_paper(file: Path) -> None:
     if importlib.util.find_spec("diff_gaussian_rasterization") is None:
         pytest.skip("diff_gaussian_rasterization is not installed")
     with running("inria.py", file, THREE_DGS) as session:
-        picture = seen(session)
+        picture = looked(session, CAMERA)
     exact = right()
     assert decibels(picture.color, exact.color) > 50
     covered = exact.color[..., 3] > 0.1
@@ -117,11 +99,10 @@ def test_the_code_of_the_3dgs_paper(file: Path) -> None:
 
 def test_a_scene_in_time(file: Path) -> None:
     with running("four_d.py", file) as session:
-        one, two = seen(session), seen(session)
+        one, two = looked(session, CAMERA), looked(session, CAMERA)
         assert one.time != two.time
         assert (one.color != two.color).any()
-        session.send_time(1.5)
-        picture = seen(session, 1.5)
+        picture = looked(session, CAMERA, 1.5)
     assert picture.time == 1.5
     waves = np.zeros_like(SCENE.means)
     waves[:, 1] = 0.1 * np.sin(2 * np.pi * (SCENE.means[:, 0] / 2.0 - 1.5 / 4.0))

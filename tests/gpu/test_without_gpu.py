@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import sys
+import threading
 import types
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from splatbus_server.view import Intrinsics
+from splatbus_client import Session, connect
+from splatbus_server import serve
+from splatbus_server.view import Intrinsics, View
 from splatbus_splats import on_gpu
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import quaternion_from_matrix, rotation_matrix
 
+from tests.gpu.looking import looked
 from tests.splats.shots import view_of
 
 EXAMPLES = Path(__file__).parents[2] / "reference_server" / "examples"
@@ -78,6 +84,92 @@ def test_quaternions_turn_into_the_cameras_axes() -> None:
     right = quaternion_from_matrix(tuple((turn @ np.reshape(rotation_matrix(own), (3, 3))).flat))
     found = np.array((x, y, z, w)) / np.linalg.norm((x, y, z, w))
     np.testing.assert_allclose(abs(found @ right), 1.0, atol=1e-12)
+
+
+class Event:
+    """Of a GPU that has done all it was given."""
+
+    def __init__(self, enable_timing: bool) -> None:
+        assert enable_timing
+
+    def record(self) -> None: ...
+
+    def query(self) -> bool:
+        return True
+
+    def elapsed_time(self, last: Event) -> float:
+        return 1.0
+
+
+class Painter:
+    """Stands for what draws: each scene has a shade of its own."""
+
+    def __call__(self, view: View, objects: Mapping[str, Any]) -> tuple[np.ndarray, ...]:
+        shape = view.height, view.width
+        shade = np.full((*shape, 3), objects["default"], np.float32)
+        return shade, np.ones((*shape, 1), np.float32), np.full(shape, 0.5, np.float32)
+
+
+class Shades:
+    """A scene of two seconds, each of another shade."""
+
+    loop = 2.0
+
+    def __init__(self, time_range: tuple[float, float] | None) -> None:
+        self.time_range = time_range
+
+    def moment(self, time: float | None) -> int:
+        return int(time or 0.0)
+
+    def at(self, time: float | None) -> Mapping[str, Any]:
+        return {"default": (0.25, 0.75)[self.moment(time)]}
+
+
+@contextmanager
+def shown(scene: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    torch: Any = types.ModuleType("torch")
+    torch.cuda = types.SimpleNamespace(Event=Event)
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    monkeypatch.setattr(on_gpu, "Renderer", Painter)
+    stop = threading.Event()
+    options = {"time_range": scene.time_range, "semantics": on_gpu.SEMANTICS}
+    with serve(64, 48, ipc_port=0, message_port=0, **options) as bus:
+        thread = threading.Thread(target=on_gpu.render_until, args=(stop, bus, scene))
+        thread.start()
+        try:
+            with connect("127.0.0.1", *bus.address[1:]) as session:
+                yield session
+        finally:
+            stop.set()
+            thread.join()
+
+
+def test_a_scene_in_time_plays_by_itself_until_a_client_sets_the_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with shown(Shades((0.0, 1.5)), monkeypatch) as session:
+        shades = set()
+        while len(shades) < 2:
+            with session.next_frame(60.0) as frame:
+                assert 0.0 <= frame.time <= 1.5
+                assert frame.color[0, 0, 0] == (0.25, 0.75)[int(frame.time)]
+                shades.add(frame.color[0, 0, 0])
+        for number, seconds in enumerate((1.25, 0.25, 1.0)):
+            picture = looked(session, Pose((number, 0, 0), (0, 0, 0, 1)), seconds)
+            assert picture.color[0, 0].tolist() == [(0.25, 0.75)[int(seconds)]] * 3 + [1.0]
+            assert picture.depth[0, 0] == 2.0
+            picture = looked(session, Pose((number, 1, 0), (0, 0, 0, 1)))
+            assert picture.time == seconds, "it plays on although a client has set the time"
+        with pytest.raises(TimeoutError):
+            session.next_frame(1.2)  # in which it would have become another one
+
+
+def test_a_scene_without_time_is_drawn_for_each_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    with shown(Shades(None), monkeypatch) as session:
+        for number in range(3):
+            picture = looked(session, Pose((number, 0, 0), (0, 0, 0, 1)))
+            assert picture.time == 0.0
+            assert picture.color[0, 0, 0] == 0.25
 
 
 @pytest.fixture

@@ -1,8 +1,4 @@
-"""Stands for the module of this name in the code of the 3DGS paper, over that code's rasteriser.
-
-Harmonics are evaluated before it, as there by `convert_SHs_python`: built by nvcc 13.0 with what a
-registry has of its sources, the rasteriser leaves the colours of harmonics unwritten.
-"""
+"""Stands for the module of this name in the code of the 3DGS paper, over that code's rasteriser."""
 
 from __future__ import annotations
 
@@ -11,7 +7,6 @@ from typing import Any
 
 import torch
 from diff_gaussian_rasterization import GaussianRasterizationSettings, GaussianRasterizer
-from gsplat import spherical_harmonics
 
 
 def render(
@@ -40,15 +35,12 @@ def render(
         debug=pipe.debug,
         antialiasing=pipe.antialiasing,
     )
-    colors = override_color
-    if colors is None:
-        offsets = pc.get_xyz - camera.camera_center
-        colors = spherical_harmonics(pc.active_sh_degree, offsets, pc.get_features) + 0.5
     color, _, inverse = GaussianRasterizer(settings)(
         means3D=pc.get_xyz,
         means2D=torch.zeros_like(pc.get_xyz),
         opacities=pc.get_opacity,
-        colors_precomp=colors.clamp(min=0.0),
+        shs=pc.get_features if override_color is None else None,
+        colors_precomp=override_color,
         scales=pc.get_scaling,
         rotations=pc.get_rotation,
     )
