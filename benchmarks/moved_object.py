@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.control import Poses
 from splatbus_server.view import View, field_of_view
-from splatbus_splats import harmonics
+from splatbus_splats.drawing import harmonics
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 

@@ -98,14 +98,15 @@ def images_per_s(work: Call, views: list[Any]) -> float:
 
 def measure(count: int, width: int, height: int, rounds: int) -> dict[str, Any]:
     import splatbus_server
-    from splatbus_splats import on_gpu
+    from splatbus_splats.drawing import gpu
     from splatbus_splats.made import made
+    from splatbus_splats.serving import SEMANTICS
 
     scene = made(count)
-    draw, floor = on_gpu.Renderer(), alone(scene)
+    draw, floor = gpu.Renderer(), alone(scene)
     options = {"memory": "cuda_ipc", "ipc_port": 0, "message_port": 0, "readers": 1}
     with (
-        splatbus_server.serve(width, height, semantics=on_gpu.SEMANTICS, **options) as bus,
+        splatbus_server.serve(width, height, semantics=SEMANTICS, **options) as bus,
         watched(bus.address.ipc_port),
     ):
         view = bus.next_view(10.0)

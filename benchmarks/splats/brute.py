@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from splatbus_server.view import Intrinsics
-from splatbus_splats.definition import Image, Placed
-from splatbus_splats.kernels import blend, listing
-from splatbus_splats.kernels.compiled import TILE
-from splatbus_splats.renderer import Renderer
-from splatbus_splats.skips import NOTHING
+from splatbus_splats.drawing.definition import Image, Placed
+from splatbus_splats.drawing.kernels import blend, listing
+from splatbus_splats.drawing.kernels.compiled import TILE
+from splatbus_splats.drawing.renderer import Renderer
+from splatbus_splats.drawing.skips import NOTHING
 
 
 def brute(objects: list[Placed], intrinsics: Intrinsics, width: int, height: int) -> Image:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_splats import harmonics
+from splatbus_splats.drawing import harmonics
 from splatbus_wire.rotations import rotation_matrix
 
 Floats = NDArray[Any]

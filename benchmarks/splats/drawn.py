@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from splatbus_splats.definition import Image
-from splatbus_splats.renderer import Renderer
-from splatbus_splats.skips import Skip
-from splatbus_splats.truth import at_pixels
+from splatbus_splats.drawing.definition import Image
+from splatbus_splats.drawing.renderer import Renderer
+from splatbus_splats.drawing.skips import Skip
+from splatbus_splats.drawing.truth import at_pixels
 
 from benchmarks.splats.scenes import Shot
 

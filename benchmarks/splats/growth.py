@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from splatbus_splats.skips import EXACT, NOTHING
+from splatbus_splats.drawing.skips import EXACT, NOTHING
 
 from benchmarks.splats import drawn, scenes
 from benchmarks.splats.brute import brute

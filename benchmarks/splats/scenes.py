@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.control import Poses
 from splatbus_server.view import Intrinsics, View, field_of_view
-from splatbus_splats.definition import Placed, placed
+from splatbus_splats.drawing.definition import Placed, placed
+from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.gaussians import Gaussians, along_curve
-from splatbus_splats.harmonics import CONSTANT
 from splatbus_splats.made import made
 from splatbus_wire.messages import DEFAULT_OBJECT, Placement
 from splatbus_wire.poses import IDENTITY, Pose

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from splatbus_splats.drawing.skips import EXACT, NOTHING, Skip
 from splatbus_splats.gaussians import halved
-from splatbus_splats.skips import EXACT, NOTHING, Skip
 
 from benchmarks.splats import drawn, scenes
 from benchmarks.splats.scenes import Shot

@@ -11,7 +11,7 @@ from splatbus_wire.lens import as_high
 from splatbus_wire.messages import Box
 from splatbus_wire.poses import Pose
 
-from splatbus_splats.definition import NEAR
+from splatbus_splats.drawing.definition import NEAR
 from splatbus_splats.files.cameras import Camera
 from splatbus_splats.scene import Scene
 

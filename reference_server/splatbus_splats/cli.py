@@ -8,22 +8,25 @@ import os
 import signal
 import sys
 import threading
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from splatbus_renderer import cli as spheres
 from splatbus_schemas import LIMITS
-from splatbus_server.api import serve
+from splatbus_server.api import Bus, serve
 from splatbus_server.view import Intrinsics
 from splatbus_wire.messages import SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
 from splatbus_splats.beginning import before, lens_for, lens_of
+from splatbus_splats.drawing import gpu
+from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
 from splatbus_splats.loading import Loaded, Source, cameras_near, loaded, scene_of, source, told
 from splatbus_splats.scene import Frames, Scene
-from splatbus_splats.skips import MEANINGS, USUAL, Skip, named
+from splatbus_splats.serving import SEMANTICS, Drawing, render_until
 
 NAME = "splatbus-server"
 SIZE = (640, 480)
@@ -53,6 +56,9 @@ files (needs pip install 'splatbus-protocol[splats]'):
   Images are 640x480 unless --size is given; those of the spheres, 320x240.
   The view begins at the first camera of --cameras, or of a cameras.json beside the first file or
   in one of the three folders above it; without one, where the middle of the scene is in view.
+
+drawn by gsplat on a GPU where that is installed (the first time it compiles itself, for a minute),
+or else on the processor, where much need not be done.
 
 skips (--skips hidden,faint; none, exact, usual and all are names for several):
 {SKIPS}
@@ -126,6 +132,9 @@ def parser() -> argparse.ArgumentParser:
         "--rate", type=spheres._rate, help=f"files a second, of a folder ({RATE:g})"
     )
     parser.add_argument(
+        "--cpu", action="store_true", help="draw on the processor, also where gsplat could"
+    )
+    parser.add_argument(
         "--skips",
         type=_skips,
         metavar="NAMES",
@@ -148,8 +157,8 @@ def _serve(options: argparse.Namespace) -> int:
         ImportError: the extra is not installed.
         KeyboardInterrupt: it is stopped before it is ready.
     """
-    from splatbus_splats import serving  # needs the extra; before a long time of reading
-
+    if gpu.why_not():  # the processor draws, which needs an extra: better said before reading
+        import_module("splatbus_splats.drawing.processor")
     if options.skips is None:
         options.skips = USUAL
 
@@ -167,11 +176,12 @@ def _serve(options: argparse.Namespace) -> int:
         signal.signal(number, lambda *_: stop.set())
     try:
         token = None if options.token_file is None else read_token(options.token_file)
-        bus = serve(
+        bus, drawing = _served(
+            options,
             *size,
             intrinsics=lens,
             cameras=cameras,
-            semantics=serving.SEMANTICS,
+            semantics=SEMANTICS,
             objects=[
                 SceneObject(name, told(each.label), each.part.most, each.part.bounds)
                 for name, each in objects.items()
@@ -192,10 +202,30 @@ def _serve(options: argparse.Namespace) -> int:
             f" message port {address.message_port}, {size[0]}x{size[1]}",
             flush=True,
         )
-        threads = os.cpu_count() or 1
-        serving.render_until(stop, bus, scene, threads, options.fps, options.skips)
+        render_until(stop, bus, scene, drawing, options.fps)
     logging.getLogger("splatbus_server").info("stopped: %s", bus.statistics)
     return 0
+
+
+def _served(options: argparse.Namespace, *size: int, **given: Any) -> tuple[Bus, Drawing]:
+    """A bus and what draws for it: gsplat on a GPU where it can, or else the processor."""
+    why_not: str | None = "--cpu" if options.cpu else gpu.why_not()
+    if why_not is None:
+        try:
+            bus = serve(*size, memory="cuda_ipc", **given)
+            _say(options, "drawn by gsplat, and shared on the GPU")
+            return bus, gpu.Renderer()
+        except (ImportError, OSError) as error:  # a platform that shares no memory of a GPU
+            why_not = str(error)
+    from splatbus_splats.drawing.processor import Processor  # needs the extra
+
+    _say(options, f"drawn on the processor ({why_not})")
+    return serve(*size, **given), Processor(os.cpu_count() or 1, options.skips)
+
+
+def _say(options: argparse.Namespace, text: str) -> None:
+    if not options.quiet:
+        print(text, file=sys.stderr, flush=True)
 
 
 def _load(sources: list[Source], options: argparse.Namespace) -> dict[str, Loaded]:

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.files import ply, splat
 from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
-from splatbus_splats.harmonics import CONSTANT
 
 Floats = NDArray[np.float64]
 

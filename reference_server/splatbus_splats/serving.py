@@ -1,37 +1,68 @@
-"""Serves Gaussians: what an author of a renderer writes."""
+"""Serves Gaussians: what an author of a renderer writes, whatever draws."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
+from collections.abc import Hashable, Mapping
+from typing import Protocol
 
 from splatbus_server.api import Bus
+from splatbus_server.view import View
 from splatbus_wire.semantics import Semantics
 
-from splatbus_splats.definition import placed
-from splatbus_splats.renderer import Renderer
-from splatbus_splats.scene import Scene
-from splatbus_splats.skips import USUAL, Skip
+from splatbus_splats.gaussians import Gaussians
 
 SEMANTICS = Semantics(alpha="premultiplied", depth_estimator="harmonic")
-"""What the numbers of `render_until` mean."""
+"""What the numbers of images mean, whatever draws them."""
 FPS = 120.0
 """Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
 IDLE_SECONDS, PLAYING_SECONDS = 0.1, 0.005
 """How long to wait for a client to want something, and for the next moment of what plays."""
-
 REST_SECONDS = 0.1
 """After how long a camera rests, and its image is drawn with all pixels."""
 
 
+class Scene(Protocol):
+    """Objects by their ids, which may be others from time to time."""
+
+    @property
+    def time_range(self) -> tuple[float, float] | None:
+        """First and last second; None where nothing changes."""
+
+    @property
+    def loop(self) -> float:
+        """After how many seconds it begins anew where it is played."""
+
+    def moment(self, time: float | None) -> Hashable:
+        """What is the same wherever all looks the same."""
+
+    def at(self, time: float | None) -> Mapping[str, Gaussians]:
+        """The objects at a second; each the same as before where it has not changed."""
+
+
+class Drawing(Protocol):
+    """How images are made, and where."""
+
+    @property
+    def milliseconds(self) -> float:
+        """That an image took of late."""
+
+    def show(
+        self,
+        bus: Bus,
+        view: View,
+        objects: Mapping[str, Gaussians],
+        time: float | None,
+        *,
+        is_moving: bool,
+    ) -> bool:
+        """Draws and publishes a view; whether it had fewer pixels, as while the camera moves."""
+
+
 def render_until(
-    stop: threading.Event,
-    bus: Bus,
-    scene: Scene,
-    threads: int = 1,
-    fps: float = FPS,
-    skips: Skip = USUAL,
+    stop: threading.Event, bus: Bus, scene: Scene, drawing: Drawing, fps: float = FPS
 ) -> None:
     """Renders what is asked for.
 
@@ -39,23 +70,10 @@ def render_until(
         stop: ends it.
         bus: to serve with, that was told `SEMANTICS`, and the ids and the time range of the scene.
         scene: plays by itself, over and over, until a client sets the time.
-        threads: that draw.
+        drawing: draws.
         fps: most images a second.
-        skips: what is not done.
     """
-    with Renderer(threads, skips) as renderer:
-        _render_until(stop, bus, scene, fps, renderer, Skip.MOVING in skips)
-
-
-def _render_until(
-    stop: threading.Event,
-    bus: Bus,
-    scene: Scene,
-    fps: float,
-    renderer: Renderer,
-    may_be_rough: bool,
-) -> None:
-    start, took, shown = time.monotonic(), 0.0, scene.moment(None)
+    start, shown = time.monotonic(), scene.moment(None)
     plays, is_rough = scene.time_range is not None, False
     camera, moved = None, -math.inf
     while not stop.is_set():
@@ -69,21 +87,13 @@ def _render_until(
             plays = scene.time_range is not None and view.time is None
             now = shown_at(scene, view.time, began - start)
             is_other = view.poses.camera != camera
-            is_rough = may_be_rough and is_other and began - moved < REST_SECONDS
-            image = renderer.draw(
-                placed(view, scene.at(now)),
-                view.intrinsics,
-                view.width,
-                view.height,
-                view.wants,
-                is_moving=is_rough,
-            )
-            depth = image.inverse if view.wants_depth else None
-            bus.publish(view, image.color, depth, depth_kind="inverse", time=now)
-            took, shown = (time.monotonic() - began) * 1e3, scene.moment(now)
+            is_moving = is_other and began - moved < REST_SECONDS
+            is_rough = drawing.show(bus, view, scene.at(now), now, is_moving=is_moving)
+            shown = scene.moment(now)
             if is_other:
                 camera, moved = view.poses.camera, time.monotonic()
-        bus.telemetry(stage="idle" if view is None else "rendering", render_ms=(took, "ms"))
+        stage = "idle" if view is None else "rendering"
+        bus.telemetry(stage=stage, render_ms=(drawing.milliseconds, "ms"))
         stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from splatbus_splats import harmonics
+from splatbus_splats.drawing import harmonics
 from splatbus_wire.poses import Pose
 
 from benchmarks import moved_object

@@ -9,9 +9,10 @@ import threading
 from collections.abc import Mapping
 
 import splatbus_server
-from splatbus_splats import on_gpu
+from splatbus_splats.drawing import gpu
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
+from splatbus_splats.serving import SEMANTICS, render_until
 from splatbus_wire.poses import Pose
 
 SIZE = (640, 480)
@@ -36,13 +37,13 @@ def main() -> None:
     with splatbus_server.serve(
         *SIZE,
         memory="cuda_ipc",
-        semantics=on_gpu.SEMANTICS,
+        semantics=SEMANTICS,
         time_range=Sequence.time_range,
         ipc_port=0,
         message_port=0,
     ) as bus:
         print(*bus.address[1:], flush=True)
-        on_gpu.render_until(threading.Event(), bus, Sequence())
+        render_until(threading.Event(), bus, Sequence(), gpu.Renderer())
 
 
 if __name__ == "__main__":

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from splatbus_client import Session, connect
 from splatbus_conformance.wire.ports import free_port
-from splatbus_splats import on_gpu
-from splatbus_splats.definition import Image, placed
+from splatbus_splats.drawing import gpu
+from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.renderer import rendered
 from splatbus_splats.files import ply
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
-from splatbus_splats.renderer import rendered
 from splatbus_wire.poses import Pose
 
 from tests.gpu import require_gpu
@@ -28,7 +28,7 @@ from tests.gpu.looking import looked
 from tests.splats.shots import view_of
 
 require_gpu()
-if reason := on_gpu.why_not():
+if reason := gpu.why_not():
     pytest.skip(reason, allow_module_level=True)
 
 ROOT = Path(__file__).parents[2]

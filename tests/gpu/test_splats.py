@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from splatbus_client import Session, connect
 from splatbus_server.view import Intrinsics, View
-from splatbus_splats import on_gpu
-from splatbus_splats.definition import Image, placed
+from splatbus_splats.drawing import gpu
+from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.renderer import rendered
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
-from splatbus_splats.renderer import rendered
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
@@ -26,7 +26,7 @@ from tests.gpu.looking import looked
 from tests.splats.shots import some, view_of
 
 require_gpu()
-if reason := on_gpu.why_not():
+if reason := gpu.why_not():
     pytest.skip(reason, allow_module_level=True)
 
 from tests.gpu.splats_server import FAR_AWAY, SCENES, SIZE  # noqa: E402
@@ -59,7 +59,7 @@ def agree(color: np.ndarray, inverse: np.ndarray, right: Image, within: float = 
 
 
 def compare(view: View, objects: Mapping[str, Gaussians], within: float = DEPTH) -> None:
-    image = on_gpu.Renderer()(view, objects)
+    image = gpu.Renderer()(view, objects)
     rgb, alpha, inverse = (each.cpu().numpy() for each in image)
     agree(np.concatenate((rgb, alpha), axis=-1), inverse, by_processor(view, objects), within)
 
@@ -114,7 +114,7 @@ def test_a_lens_whose_middle_is_elsewhere_between_planes() -> None:
 
 
 def test_an_image_of_nothing_is_empty() -> None:
-    draw, away = on_gpu.Renderer(), Pose((0, 0, 0), (0, 1, 0, 0))
+    draw, away = gpu.Renderer(), Pose((0, 0, 0), (0, 1, 0, 0))
     for view, scene in (view_of(), {}), (view_of(away), {"default": some((0, 0, 4))}):
         image = draw(view, scene)
         assert image.color.shape == (view.height, view.width, 3)
@@ -124,8 +124,8 @@ def test_an_image_of_nothing_is_empty() -> None:
 def test_gaussians_are_brought_to_the_gpu_once_and_make_room_for_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(on_gpu, "MOST_KEPT", 3 * 1000 * 59 * 4)
-    draw, scenes = on_gpu.Renderer(), [made(1000, seed=seed) for seed in range(5)]
+    monkeypatch.setattr(gpu, "MOST_KEPT", 3 * 1000 * 59 * 4)
+    draw, scenes = gpu.Renderer(), [made(1000, seed=seed) for seed in range(5)]
     draw(view_of(), {"default": scenes[0]})
     kept = draw._kept[scenes[0]]
     for each in scenes[1:3]:

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 from splatbus_client import Session, connect
 from splatbus_server import serve
+from splatbus_server.api import Bus
 from splatbus_server.view import Intrinsics, View
-from splatbus_splats import on_gpu
+from splatbus_splats.drawing import gpu
+from splatbus_splats.serving import SEMANTICS, render_until
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import quaternion_from_matrix, rotation_matrix
@@ -40,17 +42,17 @@ VIEW = view_of(
 )
 
 
-@pytest.mark.parametrize("missing", on_gpu.NEEDS)
+@pytest.mark.parametrize("missing", gpu.NEEDS)
 def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(on_gpu, "_is_installed", lambda module: module != missing)
-    assert on_gpu.why_not() == on_gpu.NEEDS[missing]
-    assert "is not installed" in on_gpu.NEEDS[missing]
+    monkeypatch.setattr(gpu, "_is_installed", lambda module: module != missing)
+    assert gpu.why_not() == gpu.NEEDS[missing]
+    assert "is not installed" in gpu.NEEDS[missing]
 
 
 @pytest.mark.parametrize("module", ["nothing", "nothing.at.all", "splatbus_splats.nothing"])
 def test_what_is_not_there_is_not_installed(module: str) -> None:
-    assert on_gpu._is_installed("splatbus_splats.on_gpu")
-    assert not on_gpu._is_installed(module)
+    assert gpu._is_installed("splatbus_splats.drawing.gpu")
+    assert not gpu._is_installed(module)
 
 
 @pytest.mark.parametrize(
@@ -72,42 +74,38 @@ def test_what_does_not_work_is_told(
     torch: Any = types.ModuleType("torch")
     torch.cuda = types.SimpleNamespace(is_available=lambda: there)
     monkeypatch.setitem(sys.modules, "torch", torch)
-    monkeypatch.setattr(on_gpu, "_is_installed", lambda module: True)
-    monkeypatch.setattr(on_gpu, "_try", attempt)
-    assert on_gpu.why_not() == reason
+    monkeypatch.setattr(gpu, "_is_installed", lambda module: True)
+    monkeypatch.setattr(gpu, "_try", attempt)
+    assert gpu.why_not() == reason
 
 
 def test_quaternions_turn_into_the_cameras_axes() -> None:
     x, y, z, w = own = unit()
-    w, x, y, z = np.array(on_gpu._turning(VIEW)).reshape(4, 4) @ (w, x, y, z)
+    w, x, y, z = np.array(gpu._turning(VIEW)).reshape(4, 4) @ (w, x, y, z)
     turn = VIEW.object_to_camera[:3, :3] / VIEW.placement.scale
     right = quaternion_from_matrix(tuple((turn @ np.reshape(rotation_matrix(own), (3, 3))).flat))
     found = np.array((x, y, z, w)) / np.linalg.norm((x, y, z, w))
     np.testing.assert_allclose(abs(found @ right), 1.0, atol=1e-12)
 
 
-class Event:
-    """Of a GPU that has done all it was given."""
-
-    def __init__(self, enable_timing: bool) -> None:
-        assert enable_timing
-
-    def record(self) -> None: ...
-
-    def query(self) -> bool:
-        return True
-
-    def elapsed_time(self, last: Event) -> float:
-        return 1.0
-
-
 class Painter:
     """Stands for what draws: each scene has a shade of its own."""
 
-    def __call__(self, view: View, objects: Mapping[str, Any]) -> tuple[np.ndarray, ...]:
+    milliseconds = 0.0
+
+    def show(
+        self,
+        bus: Bus,
+        view: View,
+        objects: Mapping[str, Any],
+        time: float | None,
+        *,
+        is_moving: bool,
+    ) -> bool:
         shape = view.height, view.width
         shade = np.full((*shape, 3), objects["default"], np.float32)
-        return shade, np.ones((*shape, 1), np.float32), np.full(shape, 0.5, np.float32)
+        bus.publish(view, shade, np.full(shape, 2.0, np.float32), time=time)
+        return False
 
 
 class Shades:
@@ -126,15 +124,11 @@ class Shades:
 
 
 @contextmanager
-def shown(scene: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
-    torch: Any = types.ModuleType("torch")
-    torch.cuda = types.SimpleNamespace(Event=Event)
-    monkeypatch.setitem(sys.modules, "torch", torch)
-    monkeypatch.setattr(on_gpu, "Renderer", Painter)
+def shown(scene: Any) -> Iterator[Session]:
     stop = threading.Event()
-    options = {"time_range": scene.time_range, "semantics": on_gpu.SEMANTICS}
+    options = {"time_range": scene.time_range, "semantics": SEMANTICS}
     with serve(64, 48, ipc_port=0, message_port=0, **options) as bus:
-        thread = threading.Thread(target=on_gpu.render_until, args=(stop, bus, scene))
+        thread = threading.Thread(target=render_until, args=(stop, bus, scene, Painter()))
         thread.start()
         try:
             with connect("127.0.0.1", *bus.address[1:]) as session:
@@ -144,10 +138,8 @@ def shown(scene: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
             thread.join()
 
 
-def test_a_scene_in_time_plays_by_itself_until_a_client_sets_the_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    with shown(Shades((0.0, 1.5)), monkeypatch) as session:
+def test_a_scene_in_time_plays_by_itself_until_a_client_sets_the_time() -> None:
+    with shown(Shades((0.0, 1.5))) as session:
         shades = set()
         while len(shades) < 2:
             with session.next_frame(60.0) as frame:
@@ -164,8 +156,8 @@ def test_a_scene_in_time_plays_by_itself_until_a_client_sets_the_time(
             session.next_frame(1.2)  # in which it would have become another one
 
 
-def test_a_scene_without_time_is_drawn_for_each_camera(monkeypatch: pytest.MonkeyPatch) -> None:
-    with shown(Shades(None), monkeypatch) as session:
+def test_a_scene_without_time_is_drawn_for_each_camera() -> None:
+    with shown(Shades(None)) as session:
         for number in range(3):
             picture = looked(session, Pose((number, 0, 0), (0, 0, 0, 1)))
             assert picture.time == 0.0

@@ -15,12 +15,12 @@ import numpy as np
 import splatbus_client
 from splatbus_client import FrameLease, Session
 from splatbus_server.view import View
-from splatbus_splats.definition import Image, placed
+from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.renderer import rendered
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
-from splatbus_splats.renderer import rendered
 from splatbus_splats.scene import Frames, Scene
 
 SECONDS = 60

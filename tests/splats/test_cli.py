@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from splatbus_splats.cli import _Progress, main, parser
+from splatbus_splats.drawing.skips import EXACT, NOTHING, Skip
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.made import made
-from splatbus_splats.skips import EXACT, NOTHING, Skip
 
 from tests.splats.served import COMMAND, ENVIRONMENT, FREE, SECONDS, serving, two_files
 
@@ -114,7 +114,9 @@ def test_on_a_terminal_one_line_says_how_far_it_is(files: list[Path]) -> None:
     os.close(theirs)
     assert process.stdout is not None
     assert process.stdout.readline().startswith(b"splatbus-server ready on ")
-    said = os.read(ours, 1 << 16).decode()
+    said = ""
+    while "drawn on" not in said:
+        said += os.read(ours, 1 << 16).decode()
     process.kill()
     process.communicate()
     os.close(ours)

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from splatbus_server.view import View
 from splatbus_splats import serving
-from splatbus_splats.definition import placed
+from splatbus_splats.drawing.definition import placed
+from splatbus_splats.drawing.processor import Processor
+from splatbus_splats.drawing.renderer import rendered
+from splatbus_splats.drawing.skips import EXACT, USUAL, Skip
 from splatbus_splats.made import made
-from splatbus_splats.renderer import rendered
 from splatbus_splats.scene import Frames, Scene
-from splatbus_splats.skips import EXACT, USUAL, Skip
 from splatbus_wire.poses import Pose
 
 from tests.splats.shots import HEIGHT, WIDTH, view_of
@@ -67,7 +68,8 @@ def served(
     bus = FakeBus(moments, max(moments) + 2.0)
     monkeypatch.setattr(serving.time, "monotonic", bus.monotonic)
     monkeypatch.setattr(bus.stop, "wait", lambda seconds: False)
-    serving.render_until(bus.stop, bus, Scene({"default": Frames((SCENE,))}), skips=skips)
+    with Processor(1, skips) as processor:
+        serving.render_until(bus.stop, bus, Scene({"default": Frames((SCENE,))}), processor)
     for now, view, color in bus.images:
         objects = placed(view, {"default": SCENE})
         whole = rendered(objects, view.intrinsics, WIDTH, HEIGHT)

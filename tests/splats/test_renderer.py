@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from splatbus_server.view import Intrinsics, View
-from splatbus_splats import renderer
-from splatbus_splats.definition import Image, placed
+from splatbus_splats.drawing import renderer
+from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.renderer import rendered
+from splatbus_splats.drawing.truth import at_pixels, truth
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
-from splatbus_splats.renderer import rendered
-from splatbus_splats.truth import at_pixels, truth
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 

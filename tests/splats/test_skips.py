@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.strategies import DataObject, data, floats, integers, lists, tuples
 from splatbus_server.view import Intrinsics, View
-from splatbus_splats import renderer, runs
-from splatbus_splats.definition import Image, placed
+from splatbus_splats.drawing import renderer, runs
+from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.renderer import Renderer, rendered
+from splatbus_splats.drawing.skips import EXACT, MEANINGS, NOTHING, USUAL, Skip, named
+from splatbus_splats.drawing.truth import truth
 from splatbus_splats.gaussians import Gaussians, halved
 from splatbus_splats.made import made
-from splatbus_splats.renderer import Renderer, rendered
-from splatbus_splats.skips import EXACT, MEANINGS, NOTHING, USUAL, Skip, named
-from splatbus_splats.truth import truth
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 

@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from splatbus_splats.drawing.harmonics import CONSTANT as CONSTANT_HARMONIC
 from splatbus_splats.files import container, spacetime
 from splatbus_splats.files.header import Element, Header, read_header
 from splatbus_splats.files.spacetime import Members, Motion
 from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
-from splatbus_splats.harmonics import CONSTANT as CONSTANT_HARMONIC
 
 PLACE = ("x", "y", "z")
 CONSTANT = ("f_dc_0", "f_dc_1", "f_dc_2")

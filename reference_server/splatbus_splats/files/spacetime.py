@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.messages import Box
 
-from splatbus_splats.definition import LEAST_ALPHA
+from splatbus_splats.drawing.definition import LEAST_ALPHA
 from splatbus_splats.gaussians import Floats, Gaussians
 
 TIME = ("trbf_center", "trbf_scale")

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.files import container
 from splatbus_splats.gaussians import Gaussians
-from splatbus_splats.harmonics import CONSTANT
 
 RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("turn", "u1", 4)])
 

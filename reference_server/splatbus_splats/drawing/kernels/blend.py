@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from splatbus_splats.kernels.compiled import (
+from splatbus_splats.drawing.kernels.compiled import (
     ACROSS,
     ALONG,
     BLOCK,

@@ -5,29 +5,20 @@ By the same definition, but for what gsplat has of its own, which `SPLATS.md` te
 
 from __future__ import annotations
 
-import threading
-import time
 import warnings
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from splatbus_server.api import Bus
 from splatbus_server.view import View
 from splatbus_wire.rotations import Quaternion
-from splatbus_wire.semantics import Semantics
 
-from splatbus_splats.definition import LOW_PASS, depths
+from splatbus_splats.drawing.definition import LOW_PASS, depths
 from splatbus_splats.gaussians import Gaussians
 
-SEMANTICS = Semantics(alpha="premultiplied", depth_estimator="harmonic")
-"""What the numbers of `render_until` mean: what those of the processor do."""
-FPS = 120.0
-"""Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
-IDLE_SECONDS, PLAYING_SECONDS = 0.1, 0.005
-"""How long to wait for a client to want something, and for the next moment of what plays."""
 MOST_KEPT = 4 << 30
 """Bytes on the GPU of Gaussians that were drawn before, some 18 million of degree 3."""
 NEEDS = {
@@ -35,24 +26,6 @@ NEEDS = {
     "gsplat": "gsplat is not installed: pip install gsplat",
     "cuda.bindings": "cuda-bindings is not installed: pip install 'splatbus-protocol[cuda]'",
 }
-
-
-class Scene(Protocol):
-    """Objects by their ids, which may be others from time to time."""
-
-    @property
-    def time_range(self) -> tuple[float, float] | None:
-        """First and last second; None where nothing changes."""
-
-    @property
-    def loop(self) -> float:
-        """After how many seconds it begins anew where it is played."""
-
-    def moment(self, time: float | None) -> Hashable:
-        """What is the same wherever all looks the same."""
-
-    def at(self, time: float | None) -> Mapping[str, Gaussians]:
-        """The objects at a second; each the same as before where it has not changed."""
 
 
 class Drawn(NamedTuple):
@@ -125,6 +98,36 @@ class Renderer:
         self._torch, self._gsplat = import_module("torch"), import_module("gsplat")
         self._identity = self._torch.eye(4, device="cuda")[None]
         self._kept: WeakKeyDictionary[Gaussians, _Kept] = WeakKeyDictionary()
+        event = self._torch.cuda.Event
+        self._first, self._last = event(enable_timing=True), event(enable_timing=True)
+        self._first.record()
+        self._last.record()
+        self.milliseconds = 0.0
+
+    def show(
+        self,
+        bus: Bus,
+        view: View,
+        objects: Mapping[str, Gaussians],
+        time: float | None,
+        *,
+        is_moving: bool,
+    ) -> bool:
+        """Draws and publishes a view, see `serving.Drawing`; the GPU is not waited for.
+
+        Always with all pixels, and without a copy through the host, where the bus is one of
+        `memory="cuda_ipc"`.
+        """
+        del is_moving
+        is_timed = self._last.query()  # else the GPU draws yet
+        if is_timed:
+            self.milliseconds = self._first.elapsed_time(self._last)
+            self._first.record()
+        color, alpha, inverse = self(view, objects)
+        bus.publish(view, color, inverse, alpha=alpha, depth_kind="inverse", time=time)
+        if is_timed:
+            self._last.record()
+        return False
 
     def __call__(self, view: View, objects: Mapping[str, Gaussians]) -> Drawn:
         """The picture of a view, by the ids of its objects.
@@ -226,45 +229,3 @@ def _product(p: Quaternion, q: Quaternion) -> Quaternion:
         d * z + a * y - b * x + c * w,
         d * w - a * x - b * y - c * z,
     )
-
-
-def render_until(stop: threading.Event, bus: Bus, scene: Scene, fps: float = FPS) -> None:
-    """Renders what is asked for, and hands it on without a copy through the host.
-
-    Args:
-        stop: ends it.
-        bus: to serve with, of `memory="cuda_ipc"`, that was told `SEMANTICS`, and the ids and the
-            time range of the scene.
-        scene: plays by itself, over and over, until a client sets the time.
-        fps: most images a second.
-    """
-    draw, event = Renderer(), import_module("torch").cuda.Event
-    start, shown, took = time.monotonic(), scene.moment(None), 0.0
-    plays = scene.time_range is not None
-    first, last = event(enable_timing=True), event(enable_timing=True)
-    first.record()
-    last.record()
-    while not stop.is_set():
-        began = time.monotonic()
-        is_new = plays and scene.moment(_shown_at(scene, None, began - start)) != shown
-        view = bus.next_view(PLAYING_SECONDS if plays else IDLE_SECONDS, contents_changed=is_new)
-        if last.query():  # else the GPU draws yet: it is not waited for
-            took = first.elapsed_time(last)
-        if view is not None:
-            began = time.monotonic()
-            plays = scene.time_range is not None and view.time is None
-            now = _shown_at(scene, view.time, began - start)
-            first.record()
-            color, alpha, inverse = draw(view, scene.at(now))
-            bus.publish(view, color, inverse, alpha=alpha, depth_kind="inverse", time=now)
-            last.record()
-            shown = scene.moment(now)
-        bus.telemetry(stage="idle" if view is None else "rendering", render_ms=(took, "ms"))
-        stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
-
-
-def _shown_at(scene: Scene, asked: float | None, playing: float) -> float | None:
-    """Which second is shown: the one that is asked for, or that after so many of playing."""
-    if scene.time_range is None or asked is not None:
-        return asked
-    return min(playing % scene.loop, scene.time_range[1])

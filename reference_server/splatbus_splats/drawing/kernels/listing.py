@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from splatbus_splats.kernels.compiled import BOTTOM, LEFT, RIGHT, TILE, TOP, compiled
+from splatbus_splats.drawing.kernels.compiled import BOTTOM, LEFT, RIGHT, TILE, TOP, compiled
 
 BITS = 11
 """Of a key, by which it is sorted at a time."""

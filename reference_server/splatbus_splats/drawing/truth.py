@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.view import Intrinsics
 
-from splatbus_splats import harmonics
-from splatbus_splats.definition import (
+from splatbus_splats.drawing import harmonics
+from splatbus_splats.drawing.definition import (
     LARGEST_ALPHA,
     LEAST_ALPHA,
     LEAST_LEFT,

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
-from splatbus_splats import definition
+from splatbus_splats.drawing import definition
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.view import Intrinsics
 
-from splatbus_splats import runs
-from splatbus_splats.definition import Image, Placed, depths, slopes
+from splatbus_splats.drawing import runs
+from splatbus_splats.drawing.definition import Image, Placed, depths, slopes
+from splatbus_splats.drawing.harmonics import used
+from splatbus_splats.drawing.kernels import blend, listing, project
+from splatbus_splats.drawing.kernels.compiled import TILE
+from splatbus_splats.drawing.skips import EXACT, Skip
 from splatbus_splats.gaussians import Gaussians
-from splatbus_splats.harmonics import used
-from splatbus_splats.kernels import blend, listing, project
-from splatbus_splats.kernels.compiled import TILE
-from splatbus_splats.skips import EXACT, Skip
 
 MOST_LISTED = 1 << 25
 """Gaussians in the lists of tiles that a thread makes at a time, each for every tile that it is in:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_server.view import Intrinsics
 
-from splatbus_splats.definition import LEAST_ALPHA, LOW_PASS, Placed, depths, slopes
+from splatbus_splats.drawing.definition import LEAST_ALPHA, LOW_PASS, Placed, depths, slopes
 from splatbus_splats.gaussians import Gaussians
 
 Floats = NDArray[np.float64]

@@ -19,8 +19,8 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from splatbus_splats import definition
-from splatbus_splats.kernels.compiled import (
+from splatbus_splats.drawing import definition
+from splatbus_splats.drawing.kernels.compiled import (
     ACROSS,
     ALONG,
     BLUE,
