@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis.strategies import DataObject, data, floats, integers, lists, tuples
+from hypothesis.strategies import DataObject, booleans, data, floats, integers, lists, tuples
 from splatbus_server.view import Intrinsics, View
 from splatbus_splats.drawing import renderer, runs
 from splatbus_splats.drawing.definition import Image, placed
@@ -301,3 +301,22 @@ def test_skips_have_names() -> None:
     assert set(MEANINGS) == {str(each.name).lower() for each in Skip}
     with pytest.raises(ValueError, match=r"'dim' is none of none, exact, usual, all, outside, f"):
         named("hidden,dim")
+
+
+@settings(deadline=None)
+@given(data())
+def test_runs_reach_the_tiles_that_their_boxes_hold(draw: DataObject) -> None:
+    down, across = 5, 7
+    is_due = np.array(draw.draw(lists(booleans(), min_size=35, max_size=35))).reshape(down, across)
+    numbers = floats(-40, 160)
+    boxes = np.array(draw.draw(lists(tuples(*[numbers] * 4), min_size=1, max_size=5)))
+    tiles = runs.tiles_of(boxes, 16, across, down)
+    expected = []
+    for left, right, top, bottom in boxes:
+        columns = [x for x in range(across) if 16 * x <= right and 16 * (x + 1) > left]
+        rows = [y for y in range(down) if 16 * y <= bottom and 16 * (y + 1) > top]
+        is_box = left <= right and top <= bottom
+        expected.append(is_box and any(is_due[y, x] for y in rows for x in columns))
+    found = runs.reaching(tiles, is_due)
+    for box, here, there in zip(boxes, expected, found, strict=True):
+        assert here == there or (there and (box[0] > box[1] or box[2] > box[3])), box
