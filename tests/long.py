@@ -58,6 +58,7 @@ NO_PART = (
     ":(exclude)reference_client/cpp",
     ":(exclude)reference_client/csharp",
     ":(exclude)reference_client/splatbus_viewer/window",
+    ":(exclude)reference_server/examples",
     ":(exclude)reference_server/splatbus_splats",
     ":(exclude)schemas/splatbus_schemas/types",
     ":(exclude)tests/foreign/clients",
