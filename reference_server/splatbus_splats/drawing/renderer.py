@@ -150,17 +150,15 @@ class Renderer:
 
     def _drawn(self, objects: Sequence[Placed], shown: _Shown) -> Image:
         """The image at its full size; of the one before, what is the same is kept."""
-        is_kept = (
-            Skip.TILES in self._skips
-            and shown == self._shown
-            and _sizes(objects) == _sizes(self._objects)
-        )
+        has_room = _sizes(objects) == _sizes(self._objects)
+        is_kept = Skip.TILES in self._skips and shown == self._shown and has_room
         before = self._objects if is_kept else objects
         is_changed = np.array(
             [not (is_kept and _are_alike(*both)) for both in zip(objects, before)], np.bool_
         )
-        if not is_kept:
+        if not has_room:
             self._places = _places(_sizes(objects))
+        if self._image.inverse.shape != (shown.height, shown.width):
             self._pixels = _pixels(shown.across * shown.down)
             self._image = _image(shown.width, shown.height)
         changed = is_changed[self._places.owners]
