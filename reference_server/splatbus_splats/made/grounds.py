@@ -82,14 +82,14 @@ def _apart(places: Floats, least: float) -> Floats:
 
 def lawn(count: int, random: np.random.Generator) -> Part:
     """Soil below, and blades that stand in tufts, finer near the middle."""
-    below = round(0.18 * count)
+    below = round(0.22 * count)
     radius = random.uniform(PAVED - 0.1, LAWN + 0.6, below)  # the finer the nearer
     angle = random.uniform(0.0, 2.0 * np.pi, below)
     places = radius[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=1)
     patch = noise(places, 0.6, random)
     albedos = mixed((0.030, 0.045, 0.013), (0.065, 0.08, 0.026), 0.5 + 0.3 * patch)
     albedos *= np.exp(random.normal(0.0, 0.3, (below, 1)))
-    fine = 0.7 * np.sqrt(2.0 * np.pi * radius * (LAWN + 0.7 - PAVED) / below)
+    fine = 0.85 * np.sqrt(2.0 * np.pi * radius * (LAWN + 0.7 - PAVED) / below)
     scales = fine[:, None] * np.exp(random.normal(0.0, 0.3, (below, 3)))
     soil = part(
         flat(places, GROUND + 0.03 + 0.02 * patch),
@@ -140,8 +140,8 @@ def flowers(count: int, random: np.random.Generator) -> Part:
     green = mixed((0.05, 0.10, 0.025), (0.13, 0.18, 0.05), random.random(count))
     albedos = np.where(is_blossom[:, None], colors[which], green)
     albedos *= np.exp(random.normal(0.0, 0.2, (count, 1)))
-    normals = out + (0.0, -0.4, 0.0) + 0.5 * directions(count, random)
-    scales = 0.026 * np.exp(random.normal(0.0, 0.3, (count, 3))) * (1.1, 0.8, 0.25)
+    normals = out + (0.0, -0.6, 0.0) + 0.4 * directions(count, random)
+    scales = 0.021 * np.exp(random.normal(0.0, 0.3, (count, 3))) * (1.0, 0.9, 0.5)
     return part(means, normals, directions(count, random), scales, albedos, 0.0, 0.4)
 
 

@@ -31,7 +31,7 @@ POT = (
 
 def table(count: int, random: np.random.Generator) -> Part:
     """Its top, its edge, and a foot."""
-    edge, foot, below = round(0.08 * count), round(0.06 * count), round(0.05 * count)
+    edge, foot, below = round(0.13 * count), round(0.05 * count), round(0.05 * count)
     return joined(
         (
             _top(count - edge - foot - below, random),
@@ -74,7 +74,8 @@ def _top(count: int, random: np.random.Generator) -> Part:
     scales = fine * np.exp(random.normal(0.0, 0.35, (count, 3))) * (1.9, 0.62, 0.12)
     scales[in_gap] = GAP * np.array((4.0, 0.42, 0.2))
     inside = np.sqrt(np.maximum(RADIUS**2 - places[:, 1] ** 2, 0.0)) - np.abs(places[:, 0])
-    scales[:, 0] = np.minimum(scales[:, 0], 0.4 * inside + 0.3 * fine)
+    inside = np.maximum(inside, 0.0)  # of the edge, over which no plank stands
+    scales[:, 0] = np.minimum(scales[:, 0], 0.4 * inside + 0.5 * fine)
     return part(means, normals, (1.0, 0.0, 0.0), scales, albedos, gloss=0.10)
 
 
@@ -85,7 +86,7 @@ def _edge(count: int, random: np.random.Generator) -> Part:
     round_off = 0.012 * np.exp(-height / 0.010)
     means = outward * (RADIUS - round_off)[:, None] + np.c_[0 * height, height, 0 * height]
     albedos = _wood(means, np.floor(means[:, 2] / PLANK), random) * 0.9
-    normals = outward - np.exp(-height / 0.008)[:, None] * (0.0, 1.0, 0.0)
+    normals = outward - 0.7 * np.exp(-height / 0.006)[:, None] * (0.0, 1.0, 0.0)
     scales = spread(2 * np.pi * THICKNESS, count) * np.exp(random.normal(0.0, 0.3, (count, 3)))
     along = np.cross(outward, (0.0, 1.0, 0.0))
     return part(means, normals, along, scales * (1.4, 0.8, 0.15), albedos, gloss=0.05)
@@ -93,7 +94,7 @@ def _edge(count: int, random: np.random.Generator) -> Part:
 
 def _below(count: int, random: np.random.Generator) -> Part:
     """Its dark underside, which also closes what the top leaves open."""
-    places = disc(count, 0.0, RADIUS - 0.03, random)
+    places = disc(count, 0.0, RADIUS - 0.08, random)
     height = np.where(random.random(count) < 0.5, 0.02, THICKNESS)
     scales = spread(np.pi * RADIUS**2, count // 2, 0.9) * np.array((1.0, 1.0, 0.05))
     normals = np.where(height > 0.03, 1.0, -1.0)[:, None] * (0.0, 1.0, 0.0)
@@ -181,7 +182,7 @@ def pebbles(count: int, stones: int, random: np.random.Generator) -> Part:
         tint[which]
         * np.exp(0.22 * noise(means, 0.01, random) + random.normal(0, 0.1, count))[:, None]
     )
-    sizes = 1.7 * radius[which] * np.sqrt(stones / count)
+    sizes = 1.7 * radius[which] * np.sqrt(stones / max(count, 1))
     scales = sizes[:, None] * np.exp(random.normal(0.0, 0.25, (count, 3))) * (1.1, 0.9, 0.2)
     return part(means, normals / shape[which], directions(count, random), scales, albedos, 0.06)
 

@@ -145,7 +145,7 @@ def _bark(limbs: list[Limb], count: int, random: np.random.Generator) -> Part:
     roots = np.maximum(0.0, np.cos(5.0 * angle + 1.0)) * np.minimum(flare, 1.0) ** 2
     means += outward * (0.10 * roots * (radius > 0.07))[:, None] * (1.0, 0.0, 1.0)
     normals = outward + 0.35 * random.normal(size=(count, 3))
-    fine = spread(float(areas.sum()), count, 0.6)
+    fine = spread(float(areas.sum()), count, 0.75)
     sizes = np.minimum(fine, 0.5 * radius)
     scales = sizes[:, None] * (1.9, 0.8, 0.2) * np.exp(random.normal(0.0, 0.4, (count, 3)))
     albedos = mixed((0.060, 0.042, 0.030), (0.29, 0.235, 0.18), 0.45 + 0.33 * ridge)
