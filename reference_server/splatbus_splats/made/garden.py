@@ -18,12 +18,12 @@ from splatbus_splats.made.parts import joined, larger, turns_of
 from splatbus_splats.made.views import Seen
 
 SHARES = {
-    "wood": 0.07,
-    "leaves": 0.33,
+    "wood": 0.06,
+    "leaves": 0.32,
     "table": 0.15,
     "pot": 0.06,
     "pebbles": 0.02,
-    "paving": 0.09,
+    "paving": 0.11,
     "lawn": 0.14,
     "flowers": 0.01,
     "hedge": 0.06,

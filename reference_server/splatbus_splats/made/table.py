@@ -96,7 +96,9 @@ def _below(count: int, random: np.random.Generator) -> Part:
     """Its dark underside, which also closes what the top leaves open."""
     places = disc(count, 0.0, RADIUS - 0.08, random)
     height = np.where(random.random(count) < 0.5, 0.02, THICKNESS)
-    scales = spread(np.pi * RADIUS**2, count // 2, 0.9) * np.array((1.0, 1.0, 0.05))
+    fine = spread(np.pi * RADIUS**2, count // 2, 0.9)
+    inside = np.minimum(fine, 0.4 * (RADIUS - np.hypot(*places.T)))
+    scales = inside[:, None] * (1.0, 1.0, 0.05)
     normals = np.where(height > 0.03, 1.0, -1.0)[:, None] * (0.0, 1.0, 0.0)
     return part(flat(places, height), normals, (1.0, 0.0, 0.0), scales, (0.075, 0.06, 0.045))
 
