@@ -57,6 +57,7 @@ def lit(part: Part, opacities: Floats, cell: Floats, random: np.random.Generator
 def encoded(linear: Floats) -> Floats:
     """sRGB of linear light, the brightest rolled off as a camera does it."""
     x = np.maximum(linear, 0.0) * EXPOSURE
+    # Narkowicz's fit to the tone curve of ACES; it makes colours stronger, hence the grey.
     rolled = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
     grey = rolled.mean(axis=1, keepdims=True)
     return np.asarray(np.clip(0.86 * rolled + 0.14 * grey, 0.0, 1.0) ** (1.0 / 2.2))
@@ -111,9 +112,8 @@ class Shades(NamedTuple):
             random: where columns begin.
         """
         aside = unit(np.cross(toward, (0.31, 0.0, 0.95)))
-        columns = (
-            np.stack((self.means @ aside, self.means @ np.cross(toward, aside)), axis=1) / cell
-        )
+        across = np.stack((aside, np.cross(toward, aside)), axis=1)
+        columns = self.means @ across / cell
         places = np.floor(columns - columns.min(axis=0) + random.random(2)).astype(np.int64)
         column = places[:, 0] * (places[:, 1].max() + 1) + places[:, 1]
         away = -(self.means @ toward)
