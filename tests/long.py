@@ -47,6 +47,7 @@ ASKS_FOR_IT = "--stand-in-cuda"
 NO_PART = (
     *(f":(exclude){each}" for each in STAND_IN),
     ":(exclude)*.md",
+    ":(exclude)*.jpg",
     ":(exclude)*.png",
     ":(exclude)conformance/guides",
     ":(exclude)conformance/site",

@@ -1,6 +1,4 @@
-"""Scenes that are made, with the statistics of trained ones, the same for the same seed.
-
-    python -m splatbus_splats.made 100000 scene.ply
+"""Three balls and a ring: simple shapes, to measure with.
 
 Three balls, a ring and a floor in front of a camera at the origin that looks along +z (y is down),
 and far things all around. Gaussians are flat and lie on the surfaces, the more of them the smaller;
@@ -10,15 +8,10 @@ are fainter, as in what 3DGS trains.
 
 from __future__ import annotations
 
-import argparse
-import sys
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_splats.drawing.harmonics import CONSTANT
-from splatbus_splats.files import ply, splat
 from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
 
 Floats = NDArray[np.float64]
@@ -119,39 +112,3 @@ def _facing(normals: Floats, spins: Floats) -> Floats:
     s, c = np.sin(spins / 2.0), np.cos(spins / 2.0)
     turns = np.stack((a * c + b * s, b * c - a * s, w * s, w * c), axis=1)
     return np.asarray(turns / np.linalg.norm(turns, axis=1, keepdims=True))
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Writes a scene; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m splatbus_splats.made",
-        description="Make a scene of Gaussians, the same one for the same seed.",
-    )
-    parser.add_argument("count", type=int, help="how many Gaussians")
-    parser.add_argument("file", type=Path, help="to write: .ply, or .splat (degree 0, 8 bits)")
-    parser.add_argument("--degree", type=int, choices=range(4), default=3, help="of harmonics (3)")
-    parser.add_argument("--seed", type=int, default=1, help="another one, another scene (1)")
-    options = parser.parse_args(argv)
-    if options.count < 1 or options.seed < 0:
-        parser.error("a scene has 1 Gaussian or more, and a seed of 0 or more")
-    scene = made(options.count, options.degree, options.seed)
-    try:
-        _write(options.file, scene)
-    except (OSError, ValueError) as error:
-        print(f"{parser.prog}: {error}", file=sys.stderr)
-        return 1
-    return 0
-
-
-def _write(path: Path, scene: Gaussians) -> None:
-    suffix = path.suffix.lower()
-    if suffix == ".splat":
-        splat.write(path, scene)
-    elif suffix == ".ply":
-        ply.write(path, scene)
-    else:
-        raise ValueError(f"{path}: its name ends in neither .ply nor .splat")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
