@@ -65,6 +65,8 @@ class ServedConnection:
     """Those that were not lent yet since all were."""
     drawn: Random = field(default_factory=Random)
     """What numbers and slots are drawn from."""
+    seen_through: Json = field(default_factory=dict)
+    """The lens that the last frame said: the harness's own, or one that a client steers with."""
     lent_of: int = 0
     """Its generation."""
     shown: Viewpoint | None = None
@@ -308,6 +310,7 @@ class ScriptedServer:
         frame["camera"] |= self.lens
         if self.viewpoint:
             frame["camera"] |= self.viewpoint.camera(self.width, self.height)
+        dealings.seen_through = {name: frame["camera"][name] for name in self.lens}
         if self.viewpoint and self.viewpoint.tag and self.viewpoint is not dealings.shown:
             frame["camera"]["tag"] = self.viewpoint.tag
         dealings.shown = self.viewpoint

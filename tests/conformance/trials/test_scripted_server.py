@@ -214,6 +214,18 @@ def test_intrinsics_are_scaled_and_stay(stage):
         assert (camera["width"], camera["height"], camera["near"]) == (64, 48, 0.01)
 
 
+def test_who_lends_knows_the_lens_that_was_said_and_not_the_one_that_was_meant(stage):
+    steering, reader = stage.steering(), stage.reading()
+    reader.give_back()
+    own = stage.role.with_(reader).seen_through
+    assert own == stage.role.lens
+    steering.hear(LENS)  # as a viewer does at any moment
+    reader.give_back()
+    said = stage.role.with_(reader).seen_through
+    assert said["fx"] == pytest.approx(1500 * 64 / 1920) != own["fx"]
+    assert said == {name: reader.said[-1]["camera"][name] for name in said}
+
+
 @pytest.mark.parametrize(
     "pose", [POSE, changed(LENS, "/intrinsics/fx", 0), changed(TAGGED, "/rotation/w"), OBJECT_POSE]
 )

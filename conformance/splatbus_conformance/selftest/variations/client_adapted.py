@@ -8,8 +8,8 @@ from splatbus_client.outgoing import Told
 from splatbus_client.steering import Steering
 from splatbus_viewer.adapter import Adapter
 from splatbus_wire.conventions import Engine
-from splatbus_wire.messages import CameraPose, ObjectPose, encode
-from splatbus_wire.poses import Pose
+from splatbus_wire.messages import CameraPose, Intrinsics, ObjectPose, encode
+from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.superseding import subject
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -40,6 +40,18 @@ def says_its_last_camera_again(patch: Patch) -> None:
 
     client.BEGINS_TO_STEER.wrap(patch, begin)
     Seam(Steering, "tell").wrap(patch, tell)
+
+
+@variation(axes="opengl")
+def steers_through_a_lens_of_its_own(patch: Patch) -> None:
+    """Says where it looks from, and through which lens, as soon as it may."""
+    first = CameraPose(IDENTITY, intrinsics=Intrinsics(300.0, 310.0, 30.0, 25.0, 64, 48, 0.1, 50.0))
+
+    def begin(original: Any, self: Steering) -> Any:
+        self.newest.setdefault(subject(first), first)
+        return original(self)
+
+    client.BEGINS_TO_STEER.wrap(patch, begin)
 
 
 @variation(axes="unity")

@@ -45,8 +45,8 @@ class FrameLender:
 
     @property
     def lens(self) -> Json:
-        """What each image is said to be seen through."""
-        return self._role.lens
+        """What the last image was said to be seen through, which a client may have decided."""
+        return self._role.with_(self.connection).seen_through
 
     def lend(self, image: Painting) -> int:
         """Lend an image once none is lent, and do not wait until it has been read; its number."""
