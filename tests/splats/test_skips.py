@@ -108,6 +108,23 @@ def test_one_whose_centre_is_outside_is_seen_if_it_reaches_the_image(
     assert off_by(drawn(view, scene, EXACT), exact(view, scene)) <= LIMIT
 
 
+def test_an_object_of_a_scale_reaches_as_far_as_it_is_large() -> None:
+    scene = {"default": some((0.47, 0, 0), 0.2)}  # 2.35 to the side, and as large as 1
+    view = view_of(
+        Pose((0, 0, 0), (0, 0, 0, 1)),
+        Placement("default", Pose((2.4, 0, 4), (0, 0, 0, 1)), 5.0),
+    )
+    assert drawn(view, scene, EXACT).color.max() > 0.1
+    assert off_by(drawn(view, scene, EXACT), exact(view, scene)) <= LIMIT
+
+
+def test_a_needle_is_not_far() -> None:
+    one = some((0.3, 0.2, 4), (0.5, 1e-4, 1e-4))
+    needle = replace(one, coefficients=made(1, 3).coefficients)
+    image = drawn(view_of(), {"default": needle}, Skip.FAR)
+    np.testing.assert_array_equal(image.color, drawn(view_of(), {"default": needle}, NOTHING).color)
+
+
 def test_bands_of_zero_are_not_looked_at() -> None:
     full = made(1000, 3)
     full.coefficients[:, 4:] = 0
