@@ -157,7 +157,8 @@ def _serve(options: argparse.Namespace) -> int:
         ImportError: the extra is not installed.
         KeyboardInterrupt: it is stopped before it is ready.
     """
-    if gpu.why_not():  # the processor draws, which needs an extra: better said before reading
+    why_not = "--cpu" if options.cpu else gpu.why_not()
+    if why_not:  # the processor draws, which needs an extra: better said before reading
         import_module("splatbus_splats.drawing.processor")
     if options.skips is None:
         options.skips = USUAL
@@ -178,6 +179,7 @@ def _serve(options: argparse.Namespace) -> int:
         token = None if options.token_file is None else read_token(options.token_file)
         bus, drawing = _served(
             options,
+            why_not,
             *size,
             intrinsics=lens,
             cameras=cameras,
@@ -207,9 +209,10 @@ def _serve(options: argparse.Namespace) -> int:
     return 0
 
 
-def _served(options: argparse.Namespace, *size: int, **given: Any) -> tuple[Bus, Drawing]:
-    """A bus and what draws for it: gsplat on a GPU where it can, or else the processor."""
-    why_not: str | None = "--cpu" if options.cpu else gpu.why_not()
+def _served(
+    options: argparse.Namespace, why_not: str | None, *size: int, **given: Any
+) -> tuple[Bus, Drawing]:
+    """A bus and what draws for it: gsplat on a GPU, or the processor for a reason."""
     if why_not is None:
         try:
             bus = serve(*size, memory="cuda_ipc", **given)

@@ -41,8 +41,6 @@ class Outlines(NamedTuple):
 
     nearest: Floats
     """(R,), depths that none of theirs is nearer than."""
-    farthest: Floats
-    """(R,)"""
     boxes: Floats
     """(R, 4), the first column that they can reach, pixels, the last, and rows likewise."""
 
@@ -85,7 +83,7 @@ def outlines(
         sides.append(middle + edge + focal * high / np.where(high > 0.0, least, most))
     boxes = np.stack(sides, axis=1)
     boxes[(farthest <= near) | (nearest > far)] = -1.0  # none of it is drawn
-    return Outlines(nearest, farthest, boxes)
+    return Outlines(nearest, boxes)
 
 
 def tiles_of(boxes: Floats, tile: int, across: int, down: int) -> NDArray[np.int64]:
