@@ -233,6 +233,27 @@ def test_a_view_that_is_as_before_costs_nothing(seen: list[int], due: list[int])
         assert not due
 
 
+def test_where_nothing_is_hidden_it_is_not_looked_for(due: list[int]) -> None:
+    around = some(np.random.default_rng(1).normal(0, 1, (4 * runs.LENGTH, 3)) + (0, 0, 4), 0.01)
+    x, y = np.meshgrid(np.linspace(-3, 3, 25), np.linspace(-3, 3, 25))
+    wall = np.stack((x, y, np.full_like(x, 2.0)), axis=-1).reshape(-1, 3)
+    scene = {"default": around, "wall": some(np.repeat(wall, 9, axis=0), 0.4, opacities=0.95)}
+    slices = len(renderer.SLICES) + 1
+    with Renderer(2, EXACT) as one:
+        for number, (z, expected) in enumerate(
+            ((-9.0, slices), (-9.0, 1), (0.0, 1), (0.0, slices), (-9.0, slices), (-9.0, 1))
+        ):
+            view = view_of(
+                Pose((0.01 * number, 0, 0), (0, 0, 0, 1)),
+                Placement("default", Pose((0, 0, 0), (0, 0, 0, 1))),
+                Placement("wall", Pose((0, 0, z), (0, 0, 0, 1))),
+            )
+            due.clear()
+            image = one.draw(placed(view, scene), view.intrinsics, WIDTH, HEIGHT)
+            assert len(due) == expected
+            assert off_by(image, drawn(view, scene, NOTHING)) <= ROUNDING
+
+
 @pytest.mark.parametrize("what", ["lens", "size", "channels", "gaussians", "fewer", "more"])
 def test_whatever_changes_is_seen(what: str) -> None:
     view, other, scene = view_of(), view_of(), dict(SCENE)

@@ -32,6 +32,8 @@ PARTS = 3
 """Of the work for each thread, so that none waits long for another."""
 SLICES = (0.125, 0.25, 0.5)
 """Shares of the Gaussians that are drawn before what is behind them is looked at."""
+HIDING = 1.0 / 16.0
+"""Share of an image's tiles in which all has to be opaque for the next to look for what is hidden."""
 CHANNELS = frozenset({"color", "depth"})
 
 
@@ -101,6 +103,7 @@ class Renderer:
         self._threads, self._skips = threads, skips
         self._pool = ThreadPoolExecutor(threads)
         self._known: WeakKeyDictionary[Gaussians, _Known] = WeakKeyDictionary()
+        self._hides = Skip.HIDDEN in skips
         self._shown: _Shown | None = None
         self._objects: tuple[Placed, ...] = ()
         self._tiles = np.empty((0, 4), np.int64)
@@ -201,12 +204,14 @@ class Renderer:
             is_near = runs.reaching(self._tiles, is_open) & (nearest < span[1])
             self._project(shown, is_near & ~self._places.is_done)
             self._draw(shown, is_near, span, is_open.reshape(-1))
+        is_enough = np.count_nonzero(is_due & ~is_open) >= HIDING * np.count_nonzero(is_due)
+        self._hides = Skip.HIDDEN in self._skips and bool(is_enough)
         put = partial(blend.put, shown.across, is_due.reshape(-1), self._pixels.sums, *self._image)
         self._in_parts(tiles, put)
 
     def _spans(self, nearest: NDArray[np.float64]) -> Iterator[tuple[float, float]]:
         """Depths from one on and before another, near ones first, that are drawn at a time."""
-        if Skip.HIDDEN not in self._skips or len(nearest) < len(SLICES):
+        if not self._hides or len(nearest) < len(SLICES):
             return iter([(-np.inf, np.inf)])
         edges = np.quantile(nearest, SLICES)
         return zip((-np.inf, *edges), (*edges, np.inf))
@@ -286,7 +291,7 @@ class Renderer:
             first,
             last,
             across,
-            Skip.HIDDEN in self._skips,
+            self._hides,
             "depth" in shown.channels or Skip.CHANNELS not in self._skips,
             *self._pixels,
         )

@@ -70,7 +70,7 @@ def blend(
     begin: int,
     end: int,
     across: int,
-    skips_hidden: bool,
+    looks: bool,
     adds_inverse: bool,
     sums_of: Any,
     is_open_of: Any,
@@ -87,7 +87,7 @@ def blend(
         begin: of the tiles.
         end: …
         across: tiles in a row.
-        skips_hidden: whether blocks in which all is opaque are finished.
+        looks: whether blocks in which all is opaque are finished, not only whole tiles in the end.
         adds_inverse: whether depth is wanted.
         sums_of: (tiles, blocks, `SUMS`, pixels) float32.
         is_open_of: (tiles, blocks).
@@ -139,10 +139,9 @@ def blend(
                         sums[i + np.uint64(4 * PIXELS)] += weight
                         if adds_inverse:
                             sums[i + np.uint64(5 * PIXELS)] += weight * near
-            if skips_hidden and place % LOOK == 0 and not _look(sums, is_open):
+            if looks and place % LOOK == 0 and not _look(sums, is_open):
                 break
-        if skips_hidden:
-            is_due[tile] = _look(sums, is_open)
+        is_due[tile] = _look(sums, is_open)
 
 
 @compiled
