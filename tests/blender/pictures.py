@@ -11,7 +11,8 @@ from pathlib import Path
 from PIL import Image
 
 from tests.blender.running import ROOT, ran
-from tests.blender.window import SHOWN, demo, screenshots
+from tests.blender.window import SHOWN, garden, screenshots
+from tests.window.pictures import QUALITY
 
 GUIDE = ROOT / "reference_client" / "blender" / "guide"
 
@@ -21,15 +22,15 @@ def main() -> None:
         window = screenshots(Path(home))
         for look in SHOWN:
             _keep(window / f"{look}.png", f"viewport-{look.lower()}")
-        with demo() as where:
+        with garden() as where:
             ran("picture.py", Path(home), str(place := Path(home) / "render.png"), **where)
         _keep(place, "render")
 
 
 def _keep(place: Path, name: str) -> None:
     """Without what tells when it was made, and small."""
-    GUIDE.mkdir(exist_ok=True)
-    Image.open(place).convert("RGB").save(GUIDE / f"{name}.png", optimize=True)
+    picture = Image.open(place).convert("RGB")
+    picture.save(GUIDE / f"{name}.jpg", optimize=True, quality=QUALITY, subsampling=0)
 
 
 if __name__ == "__main__":

@@ -38,8 +38,11 @@ def picture(place: Path) -> Any:
 def test_splats_are_before_and_behind_meshes(noted: dict[str, Any]) -> None:
     nearer = noted["depth"] < noted["far"]
     meshes = np.isfinite(noted["far"])
-    assert min((meshes & nearer).sum(), (meshes & ~nearer).sum()) > 100
-    expected = np.where(nearer[:, None], 255 * noted["color"][:, :3], noted["MESHES"])
+    assert min((meshes & nearer).sum(), (meshes & ~nearer).sum()) > 50
+    color, alpha = noted["color"][:, :3], noted["color"][:, 3:]
+    light = np.maximum(color, 0) ** 2.2 + (1 - alpha) * (noted["MESHES"] / 255) ** 2.2
+    over = 255 * light ** (1 / 2.2)
+    expected = np.where(nearer[:, None], over, noted["MESHES"])
     wrong = np.abs(noted["COMPOSITE"] - expected).max(axis=-1) > 2
     # A ray and a triangle may disagree about a pixel on an edge.
     assert wrong.mean() < 0.005
@@ -53,6 +56,6 @@ def test_the_colour_alone_is_that_of_the_image(noted: dict[str, Any]) -> None:
 @pytest.mark.parametrize("look", SHOWN)
 def test_it_looks_as_it_did_when_somebody_looked(look: str, folder: Path) -> None:
     """Fonts and all: the guide shows these pictures."""
-    new, stored = picture(folder / f"{look}.png"), picture(STORED / f"viewport-{look.lower()}.png")
+    new, stored = picture(folder / f"{look}.png"), picture(STORED / f"viewport-{look.lower()}.jpg")
     assert new.shape == stored.shape
     assert (np.abs(new - stored).max(axis=-1) > 24).mean() < 0.01

@@ -1,13 +1,11 @@
-"""The extension in the window of Debian's Blender 3.4, on a virtual display, beside our server."""
+"""The extension in the window of Debian's Blender 3.4, on a virtual display, in a garden."""
 
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -16,8 +14,10 @@ from pathlib import Path
 import pytest
 
 from tests.blender.running import PROGRAMS, environment
+from tests.splats.served import serving_garden
 
 WIDTH, HEIGHT = 1120, 700
+GAUSSIANS = 100_000
 SHOWN = ("COMPOSITE", "DEPTH")
 """The looks whose screenshots the guide shows."""
 NEEDS = "needs Blender 3.4 and a display: apt-get install blender xvfb python3-numpy"
@@ -35,17 +35,11 @@ def is_there() -> bool:
 
 
 @contextmanager
-def demo() -> Iterator[dict[str, str]]:
-    """`splatbus-server`, and where it is."""
-    line = [sys.executable, "-m", "splatbus_renderer", "--quiet", "--ipc-port=0", "--msg-port=0"]
-    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout
-        found = re.search(r"IPC port (\d+), message port (\d+)", server.stdout.readline())
-        assert found
-        try:
-            yield {"SPLATBUS_IPC_PORT": found[1], "SPLATBUS_MSG_PORT": found[2]}
-        finally:
-            server.terminate()
+def garden() -> Iterator[dict[str, str]]:
+    """`splatbus-server garden.ply`, and where it is."""
+    with serving_garden(GAUSSIANS) as server:
+        ipc, message = server.ports
+        yield {"SPLATBUS_IPC_PORT": f"{ipc}", "SPLATBUS_MSG_PORT": f"{message}"}
 
 
 def screenshots(home: Path) -> Path:
@@ -57,7 +51,7 @@ def screenshots(home: Path) -> Path:
     line += ["blender", "--factory-startup", "--window-geometry", "0", "0", f"{WIDTH}", f"{HEIGHT}"]
     line += ["--python-use-system-env", "--python-exit-code", "1"]
     line += ["--python", str(PROGRAMS / "window.py"), "--", str(folder)]
-    with demo() as where:
+    with garden() as where:
         ours = environment(home, **where, LIBGL_ALWAYS_SOFTWARE="1")
         pipe = subprocess.PIPE
         with subprocess.Popen(

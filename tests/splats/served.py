@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +22,7 @@ from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
+from splatbus_splats.made import main as make
 from splatbus_splats.scene import Frames, Scene
 
 SECONDS = 60
@@ -58,6 +60,17 @@ def serving(*arguments: str | Path, command: list[str] = COMMAND) -> Iterator[Se
         finally:
             process.kill()
             process.communicate()
+
+
+@contextmanager
+def serving_garden(count: int) -> Iterator[Server]:
+    """The made garden, of so many Gaussians, as people see it who follow README."""
+    with tempfile.TemporaryDirectory() as place:
+        file, cameras = Path(place, "garden.ply"), Path(place, "cameras.json")
+        words = [f"{count}", f"{file}", "--scene", "garden", "--cameras", f"{cameras}"]
+        assert make(words) == 0
+        with serving(file) as server:
+            yield server
 
 
 def connected(server: Server) -> Session:

@@ -234,7 +234,7 @@ def test_a_view_that_is_as_before_costs_nothing(seen: list[int], due: list[int])
 
 
 def test_where_nothing_is_hidden_it_is_not_looked_for(due: list[int]) -> None:
-    around = some(np.random.default_rng(1).normal(0, 1, (4 * runs.LENGTH, 3)) + (0, 0, 4), 0.01)
+    around = some(np.random.default_rng(1).normal((0, 0, 4), 1, (4 * runs.LENGTH, 3)), 0.01)
     x, y = np.meshgrid(np.linspace(-3, 3, 25), np.linspace(-3, 3, 25))
     wall = np.stack((x, y, np.full_like(x, 2.0)), axis=-1).reshape(-1, 3)
     scene = {"default": around, "wall": some(np.repeat(wall, 9, axis=0), 0.4, opacities=0.95)}

@@ -6,14 +6,10 @@ python -m tests.window.pictures [FOLDER]
 import itertools
 import math
 import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from imgui_bundle import imgui
 from splatbus_client.loop import clock
-from splatbus_splats.made import main as make
 from splatbus_viewer.poses import look_at
 from splatbus_viewer.window.cameras import Eye
 from splatbus_viewer.window.choices import RING
@@ -21,7 +17,7 @@ from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.settings import Settings
 
-from tests.splats.served import serving
+from tests.splats.served import serving_garden
 from tests.window.stage import Staged, demo, display, opened
 
 FOLDER = Path(__file__).parents[2] / "reference_client" / "pictures"
@@ -42,8 +38,8 @@ PLOTTED_SECONDS = 31.0
 def main(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     with display():
-        with garden() as where:
-            of_the_garden(where, folder)
+        with serving_garden(GAUSSIANS) as server:
+            of_the_garden(Settings("127.0.0.1", *server.ports, None), folder)
         with demo() as where:
             of_the_spheres(where, folder)
 
@@ -93,18 +89,6 @@ def of_the_spheres(where: Settings, folder: Path) -> None:
     with opened(where, SIZE, mode="normals", shows_panels=False) as staged:
         staged.rests()
         save(staged, folder / "window-normals.png")
-
-
-@contextmanager
-def garden() -> Iterator[Settings]:
-    """The made garden, served by the command."""
-    with tempfile.TemporaryDirectory() as place:
-        file, cameras = Path(place, "garden.ply"), Path(place, "cameras.json")
-        assert (
-            make([f"{GAUSSIANS}", f"{file}", "--scene", "garden", "--cameras", f"{cameras}"]) == 0
-        )
-        with serving(file) as server:
-            yield Settings("127.0.0.1", *server.ports, None)
 
 
 def walk(staged: Staged) -> None:

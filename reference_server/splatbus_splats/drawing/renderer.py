@@ -33,7 +33,7 @@ PARTS = 3
 SLICES = (0.125, 0.25, 0.5)
 """Shares of the Gaussians that are drawn before what is behind them is looked at."""
 HIDING = 1.0 / 16.0
-"""Share of an image's tiles in which all has to be opaque for the next to look for what is hidden."""
+"""Share of tiles in which all has to be opaque for the next image to look for what is hidden."""
 CHANNELS = frozenset({"color", "depth"})
 
 

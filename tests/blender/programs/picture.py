@@ -3,18 +3,17 @@
 picture.py WHERE.png
 """
 
-import math
 import sys
 import time
 
 import bpy
-from scenery import around_the_red_sphere
+from scenery import EYE, in_the_garden, looking
 from splatbus_blender import compositing, engine, nodes, properties, service
 
 scene = bpy.context.scene
 properties.register()
 engine.register()
-around_the_red_sphere()
+in_the_garden()
 paint = bpy.data.materials.new("paint")
 paint.use_nodes = True
 paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.27, 0.03, 1)
@@ -25,8 +24,8 @@ for each in scene.objects:
 sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
 sun.data.energy, sun.rotation_euler = 3, (0.8, 0.2, 0.6)
 camera = scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-camera.location, camera.rotation_euler = (0, -2.6, 1.3), (math.radians(79), 0, 0)
-camera.data.lens = 40
+camera.location, camera.rotation_euler = EYE, looking().to_euler()
+camera.data.lens = 30
 for each in (sun, camera):
     scene.collection.objects.link(each)
 scene.render.engine, scene.cycles.device = "CYCLES", "CPU"

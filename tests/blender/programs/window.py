@@ -7,7 +7,6 @@ none. What needs later nodes is left out: this is an add-on of the old style aro
 screenshots, what was drawn, and how far meshes are.
 """
 
-import math
 import os
 import sys
 import time
@@ -18,7 +17,7 @@ import bpy
 import gpu
 import numpy as np
 from mathutils import Vector
-from scenery import around_the_red_sphere
+from scenery import EYE, MIDDLE, in_the_garden, looking
 from splatbus_blender import operators, overlay, panels, properties, service
 from splatbus_blender.core.wanted import said, shows
 from splatbus_blender.drawing import LOOKS
@@ -46,18 +45,17 @@ def unregister():
 
 
 def stage():
-    around_the_red_sphere()
+    in_the_garden()
     _, space = service.viewport()
     space.shading.light, space.shading.color_type = "STUDIO", "SINGLE"
     space.shading.single_color = (0.9, 0.55, 0.2)
-    space.clip_start, space.clip_end = 1, 20
+    space.clip_start = 1
     space.overlay.show_overlays = space.show_gizmo = space.show_region_toolbar = False
     space.show_region_ui = True
     view = space.region_3d
     view.view_perspective = "PERSP"
-    view.view_location, view.view_distance = (0.0, 4.0, -0.1), 5.0
-    angle = math.radians(78) / 2
-    view.view_rotation = (math.cos(angle), math.sin(angle), 0, 0)
+    view.view_location, view.view_distance = MIDDLE, (MIDDLE - EYE).length
+    view.view_rotation = looking()
 
 
 def is_shown():
@@ -123,6 +121,8 @@ def work():
     service.connect(bpy.context.scene)
     for look in LOOKS:
         bpy.context.scene.splatbus.show = look
+        # The sky is far behind all else.
+        service.viewport()[1].clip_end = 9 if look == "DEPTH" else 100
         yield is_shown
         screenshot(look)
         if look == "COMPOSITE":
