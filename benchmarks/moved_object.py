@@ -33,7 +33,7 @@ from splatbus_splats.drawing import harmonics
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 
-from benchmarks.splats import drawing
+from benchmarks.splats import drawing, turning
 from benchmarks.splats.drawing import Gaussians
 
 RESULTS = Path(__file__).parent / "results"
@@ -110,7 +110,7 @@ def times(count: int, rounds: int) -> list[dict[str, Any]]:
 
         def everything() -> None:
             transform()
-            harmonics.turned(coefficients, R)
+            turning.turned(coefficients, R)
 
         ways[ALL_AND_HARMONICS] = everything
     for work in ways.values():
@@ -151,7 +151,7 @@ def colour_errors(count: int, degree: int, pose: Pose) -> dict[str, Floats]:
     found = {
         ALL: drawing.shown_colours(single.coefficients, from_camera),
         ALL_AND_HARMONICS: drawing.shown_colours(
-            harmonics.turned(single.coefficients, R), from_camera
+            turning.turned(single.coefficients, R), from_camera
         ),
         ONE: drawing.shown_colours(single.coefficients, points),
     }
@@ -203,7 +203,7 @@ def pictures(count: int) -> dict[str, Floats]:
 
     world = drawing.moved(torus, np.array(after.position), np.array(after.rotation))
     R = drawing.matrix(np.array(after.rotation))
-    turned = world._replace(coefficients=harmonics.turned(torus.coefficients, R))
+    turned = world._replace(coefficients=turning.turned(torus.coefficients, R))
     return {
         "before": by_camera(tilted),
         "moved: the camera moved against it": by_camera(after),

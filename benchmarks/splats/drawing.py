@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from splatbus_splats.drawing import harmonics
 from splatbus_wire.rotations import rotation_matrix
 
+from benchmarks.splats import turning
+
 Floats = NDArray[Any]
 
 LOW_PASS = 0.3
@@ -132,4 +134,4 @@ def shiny_torus(count: int, seed: int = 1) -> Gaussians:
     gleam = np.clip(-mirrored @ directions.T, 0, 1) ** 6 * (normal @ light > 0)[:, None]
     diffuse = 0.45 + 0.4 * np.clip(normal @ light, 0, 1)
     values = (albedo * diffuse[:, None])[:, None] + 0.6 * gleam[..., None]
-    return Gaussians(means, q, scales, np.full(count, 0.9), harmonics.fitted(values, directions))
+    return Gaussians(means, q, scales, np.full(count, 0.9), turning.fitted(values, directions))

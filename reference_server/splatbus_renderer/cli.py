@@ -10,12 +10,15 @@ import sys
 import threading
 from pathlib import Path
 
+from splatbus_schemas import LIMITS
 from splatbus_schemas.version import ShowVersion
 from splatbus_server.api import serve
 from splatbus_wire.settings import read_token
 
 from splatbus_renderer.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 
+LARGEST = LIMITS["max_image_size"]
+"""Pixels."""
 EPILOG = """\
 examples:
   splatbus-server                             serve on 127.0.0.1, ports 6001 and 6000
@@ -38,7 +41,7 @@ exit codes: 0 stopped by SIGINT or SIGTERM, 1 an address is taken or memory is f
 
 def main(argv: list[str] | None = None) -> int:
     """Serves until SIGINT or SIGTERM; returns the exit code."""
-    options = _parser().parse_args(argv)
+    options = parser().parse_args(argv)
     logging.basicConfig(
         format="%(asctime)s %(levelname)-7s %(message)s",
         level=logging.WARNING if options.quiet else logging.INFO,
@@ -78,7 +81,8 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
+    """Its options."""
     parser = argparse.ArgumentParser(
         prog="splatbus-server",
         description="Serve a small scene over SplatBus 1.0 and 1.1, to try viewers with.",
@@ -89,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--size", type=_size, default=(320, 240), metavar="WxH", help="of the image"
     )
-    parser.add_argument("--fps", type=_rate, default=FPS, help=f"most images a second ({FPS:g})")
+    parser.add_argument("--fps", type=rate, default=FPS, help=f"most images a second ({FPS:g})")
     parser.add_argument(
         "--turntable",
         type=_degrees,
@@ -111,7 +115,10 @@ def _size(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d+)[x×](\d+)", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 320x240")
-    return int(match[1]), int(match[2])
+    width, height = int(match[1]), int(match[2])
+    if not (1 <= width <= LARGEST and 1 <= height <= LARGEST):
+        raise argparse.ArgumentTypeError(f"{text!r} is not from 1 to {LARGEST} pixels either way")
+    return width, height
 
 
 def _degrees(text: str) -> float:
@@ -121,11 +128,12 @@ def _degrees(text: str) -> float:
     return degrees
 
 
-def _rate(text: str) -> float:
-    rate = float(text)
-    if not 0.0 < rate < float("inf"):
+def rate(text: str) -> float:
+    """A positive number. Raises ArgumentTypeError."""
+    number = float(text)
+    if not 0.0 < number < float("inf"):
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
-    return rate
+    return number
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ class Exchange:
         poses: what the next image is to show.
         newest: the image published last in that memory.
         replaced: memory that was published in before and is not freed yet, oldest first.
-        shown: what the image published last shows.
+        shown: what the image published last shows; None if its scene has changed unseen.
         lock: guards all of these.
         changed: notified when there may be something to render.
     """
@@ -78,6 +78,8 @@ class Exchange:
     def next_view(self, timeout: float | None, contents_changed: bool) -> View | None:
         """What to render now; None if nothing needs it within `timeout` seconds [IMG-10]."""
         with self.lock:
+            if contents_changed and not self._wanted:
+                self.newest = self.shown = None  # who comes next is not shown what is no more
             if not self.changed.wait_for(lambda: self._is_due(contents_changed), timeout):
                 return None
             self._statistics.views += 1

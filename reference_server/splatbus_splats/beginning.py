@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -43,6 +43,14 @@ def lens_of(camera: Camera, width: int, height: int, far: float) -> Intrinsics:
     return Intrinsics(fx, fy, cx, cy, camera.lens.near, far)
 
 
+def reaching(lens: Intrinsics, position: Sequence[float], bounds: Box | None) -> Intrinsics:
+    """A lens that sees as far as a scene goes, and twice that, from where it is."""
+    if bounds is None:
+        return lens
+    corner = np.abs(np.subtract((bounds.min, bounds.max), position)).max(axis=0)
+    return lens._replace(far=max(lens.far, 2.0 * float(np.linalg.norm(corner))))
+
+
 def before(scene: Scene, lens: Intrinsics, width: int, height: int) -> tuple[Pose, Intrinsics]:
     """From where, looking along +z, the middle of a scene is in full view, and with which lens.
 
@@ -64,6 +72,4 @@ def before(scene: Scene, lens: Intrinsics, width: int, height: int) -> tuple[Pos
     slopes = width / (2.0 * lens.fx), height / (2.0 * lens.fy)
     away = max(extents[0] / slopes[0], extents[1] / slopes[1], 2.0 * NEAR)
     position = (x, y, z - float(extents[2]) - away)
-    far = np.abs(np.subtract((bounds.min, bounds.max), position)).max(axis=0)
-    reaching = lens._replace(far=max(lens.far, 2.0 * float(np.linalg.norm(far))))
-    return Pose(position, (0.0, 0.0, 0.0, 1.0)), reaching
+    return Pose(position, (0.0, 0.0, 0.0, 1.0)), reaching(lens, position, bounds)

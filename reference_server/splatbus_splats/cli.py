@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import logging
 import os
 import signal
@@ -20,7 +21,7 @@ from splatbus_wire.messages import SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
-from splatbus_splats.beginning import before, lens_for, lens_of
+from splatbus_splats.beginning import before, lens_for, lens_of, reaching
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
@@ -34,6 +35,8 @@ RATE = 30.0
 SECONDS = 50.0 / 30.0
 """Of a clip, whose file does not say: those that Spacetime Gaussians were published with have 50
 pictures, 30 a second."""
+NOT_TO_LISTEN_ON = (errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EACCES)
+"""What is wrong with an address, whatever memory is shared."""
 SKIPS = "\n".join(f"  {each:9} {why}" for each, why in MEANINGS.items())
 EPILOG = f"""\
 examples:
@@ -60,7 +63,7 @@ files (needs pip install 'splatbus-protocol[splats]'):
 drawn by gsplat on a GPU where that is installed (the first time it compiles itself, for a minute),
 or else on the processor, where much need not be done.
 
-skips (--skips hidden,faint; none, exact, usual and all are names for several):
+skips, what is not done (--skips hidden,faint; none, exact, usual and all name several):
 {SKIPS}
   What each saves and costs is in benchmarks/SPLATS.md.
 
@@ -70,7 +73,7 @@ environment (an option wins over it):
 
 what next:
   Wait for the line that begins with "splatbus-server ready", then look, in another terminal:
-      splatbus-client snapshot out.png
+      splatbus-client snapshot out.png            (the extra [client] writes pictures)
   Stop with Ctrl-C. What is read, and what the picture is: reference_server/SPLATS.md. To serve
   your own renderer: reference_server/README.md.
 
@@ -84,7 +87,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_intermixed_args(argv)
     if not options.files:
-        for name in ("cameras", "rate", "seconds", "skips"):
+        for name in ("cameras", "rate", "seconds", "skips", "cpu"):
             if getattr(options, name) is not None:
                 arguments.error(f"--{name} is for files of Gaussians, and none is given")
         return spheres.main(argv)
@@ -96,6 +99,7 @@ def main(argv: list[str] | None = None) -> int:
         format="%(asctime)s %(levelname)-7s %(message)s",
         level=logging.WARNING if options.quiet else logging.INFO,
     )
+    sys.setswitchinterval(0.0005)  # reading and moving hold the interpreter's lock: replies wait
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     try:
@@ -117,22 +121,25 @@ def main(argv: list[str] | None = None) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """The options of the spheres, and those of files."""
-    parser = spheres._parser()
+    parser = spheres.parser()
     parser.description = (
-        "Serve trained scenes of Gaussians over SplatBus 1.0 and 1.1, drawn on the processor; or"
-        " without files, a small scene to try viewers with."
+        "Serve trained scenes of Gaussians over SplatBus 1.0 and 1.1; or without files, a small"
+        " scene to try viewers with."
     )
     parser.epilog = EPILOG
     parser.set_defaults(size=None)
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="see below")
+    parser.add_argument(
+        "files", nargs="*", type=_path, metavar="FILE", help="or a folder of files: see below"
+    )
     parser.add_argument(
         "--cameras", type=Path, metavar="JSON", help="of 3DGS; the view begins there"
     )
+    parser.add_argument("--rate", type=spheres.rate, help=f"files a second, of a folder ({RATE:g})")
     parser.add_argument(
-        "--rate", type=spheres._rate, help=f"files a second, of a folder ({RATE:g})"
-    )
-    parser.add_argument(
-        "--cpu", action="store_true", help="draw on the processor, also where gsplat could"
+        "--cpu",
+        action="store_true",
+        default=None,
+        help="draw on the processor, also where gsplat could",
     )
     parser.add_argument(
         "--skips",
@@ -142,7 +149,7 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--seconds",
-        type=spheres._rate,
+        type=spheres.rate,
         help=f"length of what lives in time ({SECONDS:.3g}: 50 pictures, 30 a second)",
     )
     return parser
@@ -163,23 +170,29 @@ def _serve(options: argparse.Namespace) -> int:
     if options.skips is None:
         options.skips = USUAL
 
+    # What can be wrong without it is looked at before what takes long.
     size = options.size or SIZE
+    token = None if options.token_file is None else read_token(options.token_file)
     sources = [source(each) for each in options.files]
+    taken, where = _cameras(sources[0], options.cameras)
     objects = _load(sources, options)
+    summary = [_summary(name, each) for name, each in objects.items()]
+    if not any(each.part.most for each in objects.values()):
+        raise ValueError(f"there is nothing to show: {', '.join(summary)}")
     scene = scene_of(objects)
-    cameras, lens, why = _beginning(sources[0], scene, size, options.cameras)
+    cameras, lens, why = _beginning(taken, where, scene, size)
     if not options.quiet:
-        for name, each in objects.items():
-            print(_summary(name, each), file=sys.stderr)
+        for each in summary:
+            print(each, file=sys.stderr)
         print(f"the view begins {why}", file=sys.stderr, flush=True)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     try:
-        token = None if options.token_file is None else read_token(options.token_file)
         bus, drawing = _served(
             options,
             why_not,
+            scene,
             *size,
             intrinsics=lens,
             cameras=cameras,
@@ -210,7 +223,7 @@ def _serve(options: argparse.Namespace) -> int:
 
 
 def _served(
-    options: argparse.Namespace, why_not: str | None, *size: int, **given: Any
+    options: argparse.Namespace, why_not: str | None, scene: Scene, *size: int, **given: Any
 ) -> tuple[Bus, Drawing]:
     """A bus and what draws for it: gsplat on a GPU, or the processor for a reason."""
     if why_not is None:
@@ -219,11 +232,15 @@ def _served(
             _say(options, "drawn by gsplat, and shared on the GPU")
             return bus, gpu.Renderer()
         except (ImportError, OSError) as error:  # a platform that shares no memory of a GPU
+            if getattr(error, "errno", None) in NOT_TO_LISTEN_ON:
+                raise
             why_not = str(error)
     from splatbus_splats.drawing.processor import Processor  # needs the extra
 
     _say(options, f"drawn on the processor ({why_not})")
-    return serve(*size, **given), Processor(os.cpu_count() or 1, options.skips)
+    processor = Processor(os.cpu_count() or 1, options.skips)
+    processor.prepare(scene.at(None).values())
+    return serve(*size, **given), processor
 
 
 def _say(options: argparse.Namespace, text: str) -> None:
@@ -266,32 +283,37 @@ class _Progress:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
+def _cameras(first: Source, given: Path | None) -> tuple[list[Camera], str]:
+    """The cameras, and which file they are of; or none, and why."""
+    path = given or cameras_near(first.files[0])
+    if path is None:
+        return [], "no cameras.json is given or near the file"
+    try:
+        return read_cameras(path), str(path)
+    except (OSError, ValueError) as error:
+        if given is not None:
+            raise
+        return [], f"the one near the file is not used ({error})"
+
+
 def _beginning(
-    first: Source, scene: Scene, size: tuple[int, int], given: Path | None
+    taken: list[Camera], where: str, scene: Scene, size: tuple[int, int]
 ) -> tuple[list[Pose], Intrinsics, str]:
     """Where cameras are, the lens of the first, and where that is and why, in words."""
     lens = lens_for(*size, scene.parts.values())
-    path, cameras = given or cameras_near(first.files[0]), list[Camera]()
-    problem = "no cameras.json is given or near the file"
-    if path is not None:
-        try:
-            cameras = read_cameras(path)
-            problem = f"{path} has no cameras"
-        except (OSError, ValueError) as error:
-            if given is not None:
-                raise
-            problem = f"what is near the file is none of 3DGS ({error})"
-    if cameras:
-        camera = cameras[0]
+    if taken:
+        camera = taken[0]
         why = (
             f"at {_point(camera.pose.position)}, where {camera.name} was taken:"
-            f" the first of {len(cameras)} cameras of {path}"
+            f" the first of {len(taken)} cameras of {where}"
         )
-        return [each.pose for each in cameras], lens_of(camera, *size, lens.far), why
+        lens = lens_of(camera, *size, lens.far)
+        reached = reaching(lens, camera.pose.position, scene.bounds)
+        return [each.pose for each in taken], reached, why
     pose, lens = before(scene, lens, *size)
     why = (
         f"at {_point(pose.position)} and looks along +z, with the middle of the scene in view:"
-        f" {problem}"
+        f" {where}"
     )
     return [pose], lens, why
 
@@ -313,6 +335,12 @@ def _summary(name: str, object_: Loaded) -> str:
 
 def _point(point: Any) -> str:
     return f"({', '.join(f'{each:.4g}' for each in point)})"
+
+
+def _path(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("'' names no file")
+    return Path(text)
 
 
 def _skips(text: str) -> Skip:

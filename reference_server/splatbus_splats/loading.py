@@ -49,6 +49,7 @@ def source(path: Path) -> Source:
         OSError: it cannot be read.
     """
     if not path.is_dir():
+        path.stat()  # before others are read
         return Source(path.name, path.stem, [path])
     name = path.resolve().name
     if model := _model(path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,9 @@ from splatbus_wire.messages import Box
 
 from splatbus_splats.files.spacetime import Motion, moved, reached
 from splatbus_splats.gaussians import Gaussians
+
+SLACK = 1e-3
+"""Of the time for which a file of a sequence is shown."""
 
 
 class Part(Protocol):
@@ -39,6 +43,9 @@ class Part(Protocol):
 
     def moment(self, time: float) -> Hashable:
         """What is the same wherever it looks the same, by a second of the scene."""
+
+    def lasts(self, time: float) -> float:
+        """For how many seconds from one of the scene on it looks the same."""
 
     def at(self, time: float) -> Gaussians:
         """The Gaussians at a second of the scene; the same object while they do not change."""
@@ -87,8 +94,16 @@ class Frames:
         return len(self.files) / self.rate if len(self.files) > 1 else 0.0
 
     def moment(self, time: float) -> int:
-        """Which file is shown, counted from 0."""
-        return max(0, bisect_right(self.times, time) - 1)
+        """Which file is shown, counted from 0.
+
+        From a thousandth before its time on: clients count in float32, or add up their steps.
+        """
+        return max(0, bisect_right(self.times, time + SLACK / self.rate) - 1)
+
+    def lasts(self, time: float) -> float:
+        """Until the next file comes."""
+        following = self.moment(time) + 1
+        return self.times[following] - time if following < len(self.times) else math.inf
 
     def at(self, time: float) -> Gaussians:
         """The file whose time is the newest at or before it; the first before all."""
@@ -138,6 +153,10 @@ class Clip:
         """Of the clip, from 0 to 1."""
         return min(max(time / self.seconds, 0.0), 1.0)
 
+    def lasts(self, time: float) -> float:
+        """No time at all, until its end."""
+        return 0.0 if time < self.seconds else math.inf
+
     def at(self, time: float) -> Gaussians:
         """Those that can be seen then."""
         return self._moved(self.moment(time))
@@ -178,6 +197,13 @@ class Scene:
     def moment(self, time: float | None) -> Hashable:
         """What is the same wherever all looks the same; cheap, where `at` may not be."""
         return tuple(each.moment(time or 0.0) for each in self.parts.values())
+
+    def lasts(self, playing: float) -> float:
+        """For how many seconds all looks the same, where it has played for some."""
+        if self.time_range is None:
+            return math.inf
+        time = playing % self.loop
+        return min(self.loop - time, *(each.lasts(time) for each in self.parts.values()))
 
     def at(self, time: float | None) -> dict[str, Gaussians]:
         """The objects at a second of the scene, or at the first; those after it are as at the last.

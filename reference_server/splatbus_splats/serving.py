@@ -19,7 +19,7 @@ SEMANTICS = Semantics(alpha="premultiplied", depth_estimator="harmonic")
 FPS = 120.0
 """Twice what viewers steer with: a pose that comes at the limit's own rate would wait for it."""
 IDLE_SECONDS, PLAYING_SECONDS = 0.1, 0.005
-"""How long to wait for a client to want something, and for the next moment of what plays."""
+"""How long to wait for a client to want something at the most; and, of what plays, at the least."""
 REST_SECONDS = 0.1
 """After how long a camera rests, and its image is drawn with all pixels."""
 
@@ -37,6 +37,9 @@ class Scene(Protocol):
 
     def moment(self, time: float | None) -> Hashable:
         """What is the same wherever all looks the same."""
+
+    def lasts(self, playing: float) -> float:
+        """For how many seconds all looks the same, where it has played for some."""
 
     def at(self, time: float | None) -> Mapping[str, Gaussians]:
         """The objects at a second; each the same as before where it has not changed."""
@@ -74,13 +77,15 @@ def render_until(
         fps: most images a second.
     """
     start, shown = time.monotonic(), scene.moment(None)
-    plays, is_rough = scene.time_range is not None, False
-    camera, moved = None, -math.inf
+    plays, is_rough, found = scene.time_range is not None, False, 0.0
+    camera, moved, is_rendering = None, -math.inf, True
     while not stop.is_set():
         began = time.monotonic()
         changed = plays and scene.moment(shown_at(scene, None, began - start)) != shown
         rests = is_rough and began - moved >= REST_SECONDS
-        wait = PLAYING_SECONDS if plays else REST_SECONDS if is_rough else IDLE_SECONDS
+        wait = IDLE_SECONDS
+        if plays and not changed:  # else it is due at once, or nobody looks
+            wait = min(max(scene.lasts(began - start), PLAYING_SECONDS), IDLE_SECONDS)
         view = bus.next_view(wait, contents_changed=changed or rests)
         if view is not None:
             began = time.monotonic()
@@ -88,12 +93,15 @@ def render_until(
             now = shown_at(scene, view.time, began - start)
             is_other = view.poses.camera != camera
             is_moving = is_other and began - moved < REST_SECONDS
-            is_rough = drawing.show(bus, view, scene.at(now), now, is_moving=is_moving)
+            objects, found = scene.at(now), time.monotonic() - began
+            is_rough = drawing.show(bus, view, objects, now, is_moving=is_moving)
             shown = scene.moment(now)
             if is_other:
                 camera, moved = view.poses.camera, time.monotonic()
-        stage = "idle" if view is None else "rendering"
-        bus.telemetry(stage=stage, render_ms=(drawing.milliseconds, "ms"))
+        if view is not None or is_rendering:
+            stage = "idle" if view is None else "rendering"
+            bus.telemetry(stage=stage, render_ms=(drawing.milliseconds + 1e3 * found, "ms"))
+        is_rendering = view is not None
         stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
 
 

@@ -5,7 +5,7 @@ from splatbus_wire.poses import Pose
 
 from benchmarks import moved_object
 from benchmarks.moved_object import ALL, ALL_AND_HARMONICS, ONE
-from benchmarks.splats import drawing
+from benchmarks.splats import drawing, turning
 
 P, Q = (
     drawing.matrix(np.array(moved_object.quaternion(axis, angle)))
@@ -23,9 +23,9 @@ def test_the_harmonics_are_orthonormal():
 @pytest.mark.parametrize("degree", range(4))
 def test_a_degree_turns_within_itself(degree):
     """M is orthogonal, M(PQ) = M(P)·M(Q), and Y(P·d) = M(P)·Y(d) where it was not fitted."""
-    M, N = harmonics.band_rotation(P, degree), harmonics.band_rotation(Q, degree)
+    M, N = turning.band_rotation(P, degree), turning.band_rotation(Q, degree)
     np.testing.assert_allclose(M.T @ M, np.eye(2 * degree + 1), atol=1e-13)
-    np.testing.assert_allclose(harmonics.band_rotation(P @ Q, degree), M @ N, atol=1e-13)
+    np.testing.assert_allclose(turning.band_rotation(P @ Q, degree), M @ N, atol=1e-13)
     directions = harmonics.spread_directions(37)
     band = harmonics.BANDS[degree]
     np.testing.assert_allclose(

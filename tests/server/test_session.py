@@ -37,6 +37,20 @@ def test_an_image_that_is_there_is_sent_to_who_opens_later(stage: Stage) -> None
     assert stage.view() is None
 
 
+def test_what_has_changed_unseen_is_rendered_for_who_comes_next(stage: Stage) -> None:
+    """[IMG-3]: the image before it is not what there is any more."""
+    reader = stage.reader()
+    stage.publish()
+    seq = reader.frame()["seq"]
+    reader.leave()
+    assert stage.exchange.next_view(0, True) is None
+    late = stage.connect()
+    late.say({"type": "opened", "generation": 1})
+    assert [message.get("type") for message in late.hear()] == ["welcome", None]
+    stage.publish()
+    assert late.frame()["seq"] == seq + 1
+
+
 def test_nobody_reads_so_nothing_is_rendered(stage: Stage) -> None:
     """[IMG-10, IMG-21]"""
     assert stage.view() is None

@@ -23,10 +23,20 @@ def test_cameras_are_read(tmp_path: Path) -> None:
     assert first.lens == (500.5, 501, 320, 240, 640, 480, 0.2, 50)
 
 
+def test_what_is_only_a_label_may_be_missing(tmp_path: Path) -> None:
+    path = tmp_path / "cameras.json"
+    camera = {k: v for k, v in CAMERA.items() if k not in ("id", "img_name")}
+    path.write_text(json.dumps([camera | {"width": 640.0}]))
+    (found,) = read_cameras(path)
+    assert found.name == "its picture"
+    assert found.lens[4:6] == (640, 480)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"width": 0}, "camera 1: width is 0"),
+        ({"width": 640.5}, "camera 1: width is 640.5"),
         ({"fx": -1}, "camera 1: fx and fy"),
         ({"fy": "1"}, "camera 1: fy has '1'"),
         ({"position": [1, 2]}, "camera 1: position is no list of three"),
@@ -43,7 +53,9 @@ def test_a_camera_that_is_none_is_refused(tmp_path: Path, change: object, messag
         read_cameras(path)
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[1]", "[{}]", "[" * 100_000, '[{"a": 1}', "\xff"])
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[]", "[1]", "[{}]", "[" * 100_000, '[{"a": 1}', "\xff"]
+)
 def test_another_file_is_no_cameras(tmp_path: Path, text: str) -> None:
     path = tmp_path / "cameras.json"
     path.write_text(text, "latin-1")

@@ -6,16 +6,21 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
+import numpy as np
 import pytest
+from splatbus_splats import cli
 from splatbus_splats.cli import _Progress, main, parser
 from splatbus_splats.drawing.skips import EXACT, NOTHING, Skip
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
+from splatbus_splats.loading import scene_of
 from splatbus_splats.made import made
 
 from tests.splats.served import COMMAND, ENVIRONMENT, FREE, SECONDS, serving, two_files
@@ -75,7 +80,7 @@ def test_cameras_nearby_that_are_others_are_said_and_left(tmp_path: Path) -> Non
         assert server.size == (640, 480)
         server.process.send_signal(signal.SIGTERM)
         _, log = server.process.communicate(timeout=SECONDS)
-    assert f"near the file is none of 3DGS ({tmp_path / 'cameras.json'}: no list" in log
+    assert f"the one near the file is not used ({tmp_path / 'cameras.json'}: no list" in log
 
 
 def test_the_spheres_need_no_extra_and_files_say_which(files: list[Path]) -> None:
@@ -210,7 +215,7 @@ def test_cameras_that_are_none_are_said(tmp_path: Path, capsys: pytest.CaptureFi
     cameras = tmp_path / "other.json"
     cameras.write_text(json.dumps([{}]))
     assert main([str(tmp_path / "a.ply"), "--cameras", str(cameras), "--quiet"]) == 1
-    assert capsys.readouterr().err == f"splatbus-server: {cameras}: camera 0 has no img_name\n"
+    assert capsys.readouterr().err == f"splatbus-server: {cameras}: camera 0 has no width\n"
 
 
 @pytest.mark.parametrize(
@@ -223,6 +228,9 @@ def test_cameras_that_are_none_are_said(tmp_path: Path, capsys: pytest.CaptureFi
         (["--rate", "25"], "--rate is for files of Gaussians, and none is given"),
         (["--seconds", "2"], "--seconds is for files of Gaussians, and none is given"),
         (["--cameras", "c.json"], "--cameras is for files of Gaussians, and none is given"),
+        (["--cpu"], "--cpu is for files of Gaussians, and none is given"),
+        (["a.ply", "--size", "640x0"], "'640x0' is not from 1 to 32768 pixels"),
+        ([""], "'' names no file"),
         (["a.ply"] * 257, "257 files, where there are 256"),
     ],
 )
@@ -250,3 +258,37 @@ def test_skips_are_read_by_their_names(capsys: pytest.CaptureFixture[str]) -> No
     with pytest.raises(SystemExit, match="2"):
         main(["--skips", "none"])
     assert "--skips is for files of Gaussians" in capsys.readouterr().err
+
+
+def test_what_can_be_wrong_without_it_is_said_before_anything_is_read(tmp_path: Path) -> None:
+    ply.write(tmp_path / "a.ply", made(50, 0))
+    for wrong in (["--cameras", "no.json"], ["--token-file", "no.token"], [tmp_path / "no"]):
+        command = [*COMMAND, tmp_path / "a.ply", *wrong, *FREE]
+        done = subprocess.run(command, capture_output=True, text=True, env=ENVIRONMENT)
+        assert done.returncode == 1
+        assert re.fullmatch(r"splatbus-server: .*no\b.*: No such file or directory\n", done.stderr)
+
+
+def test_a_scene_of_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = made(50, 0)
+    scene.means[:] = np.nan
+    ply.write(tmp_path / "a.ply", scene)
+    assert main([str(tmp_path / "a.ply"), "--quiet", *FREE]) == 1
+    assert capsys.readouterr().err == (
+        "splatbus-server: there is nothing to show: default (a.ply): 0 Gaussians of degree 0;"
+        " 50 left out: position not finite\n"
+    )
+
+
+def test_an_address_that_is_taken_is_no_matter_of_the_gpu(
+    files: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cli.gpu, "why_not", lambda: None)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = f"{taken.getsockname()[1]}"
+        assert main([str(files[1]), "--quiet", "--ipc-port", port, "--msg-port", "0"]) == 1
+    assert "already in use" in capsys.readouterr().err
+    monkeypatch.setattr(cli, "serve", Mock(side_effect=[OSError("no such memory"), "a bus"]))
+    options = parser().parse_args([str(files[1]), "--skips", "usual"])
+    assert cli._served(options, None, scene_of({}), 32, 24)[0] == "a bus"
+    assert "drawn on the processor (no such memory)" in capsys.readouterr().err

@@ -48,5 +48,6 @@ def test_wrong_usage_ends_with_2(arguments: list[str]) -> None:
 def test_another_kind_of_file_is_not_made(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["5", str(tmp_path / "a.obj")]) == 1
+    with pytest.raises(SystemExit, match="2"):
+        main(["5", str(tmp_path / "a.obj")])
     assert "neither .ply nor .splat" in capsys.readouterr().err

@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 import plyfile
 import pytest
+from splatbus_splats.drawing.definition import placed
+from splatbus_splats.drawing.renderer import rendered
 from splatbus_splats.files import ply, splat
-from splatbus_splats.files.read import STEP, read, sequence
+from splatbus_splats.files.read import BRIGHTEST, STEP, read, sequence
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
+
+from tests.splats.shots import view_of
 
 PROPERTIES = ("x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 {} opacity scale_0 scale_1 scale_2 "
               "rot_0 rot_1 rot_2 rot_3")  # fmt: skip
@@ -101,6 +105,7 @@ BAD = {
     "scale not finite": {"scale_1": 1000.0},
     "opacity not a number": {"opacity": math.nan},
     "harmonics not finite": {"f_rest_3": -math.inf},
+    "harmonics too large": {"f_rest_3": -3e38},
     "quaternion not finite": {"rot_2": math.inf},
     "quaternion zero": {"rot_0": 0.0},
 }
@@ -141,6 +146,19 @@ def test_a_negative_scale_of_a_splat_is_left_out(tmp_path: Path) -> None:
     assert left_out == {"scale negative": 1, "quaternion zero": 1}
 
 
+def test_the_largest_harmonics_are_drawn_as_numbers(tmp_path: Path) -> None:
+    table = rows(3, 45)
+    for name in table.dtype.names or ():
+        if name.startswith("f_"):
+            table[name] = [1e35, -1e35, math.nextafter(BRIGHTEST, 0.0)]
+    table["z"] = 3.0
+    found = read(saved(tmp_path / "a.ply", table)).gaussians
+    assert len(found) == 3
+    view = view_of()
+    drawn = rendered(placed(view, {"default": found}), view.intrinsics, view.width, view.height)
+    assert np.isfinite(drawn.color).all()
+
+
 @pytest.mark.parametrize("factor", [1e-30, 1e-3, 1e30])
 def test_a_quaternion_of_any_norm_is_a_rotation(tmp_path: Path, factor: float) -> None:
     table = rows(1, 0, rot_0=3 * factor, rot_1=4 * factor)
@@ -157,6 +175,34 @@ def test_a_mesh_is_no_splat_file(tmp_path: Path) -> None:
 def test_a_compressed_file_is_said_to_be_one(tmp_path: Path) -> None:
     points = np.zeros(3, [("packed_position", "u4")])
     assert "compressed" in refusal(saved(tmp_path / "a.ply", points))
+
+
+@pytest.mark.parametrize(
+    ("lacks", "hint"),
+    [
+        ("scale_2", "flat ones (2DGS), which are not drawn"),
+        ("opacity", "it is no plain file of 3DGS"),
+        ("f_dc_0", "it is a mesh or a cloud of points"),
+    ],
+)
+def test_what_a_file_lacks_says_what_it_may_be(tmp_path: Path, lacks: str, hint: str) -> None:
+    whole = rows(3, 0)
+    table = np.zeros(3, [each for each in whole.dtype.descr if each[0] != lacks])
+    assert hint in refusal(saved(tmp_path / "a.ply", table))
+
+
+def test_gaussians_whose_filter_is_beside_them_are_refused(tmp_path: Path) -> None:
+    table = rows(3, 0)
+    filtered = np.zeros(3, [*table.dtype.descr, ("filter_3D", "f4")])
+    assert "filter_3D" in refusal(saved(tmp_path / "a.ply", filtered))
+
+
+@pytest.mark.parametrize(
+    ("begins", "what"), [(b"ply\n", "a .ply"), (b"\x89PNG", "a PNG"), (b"PK\x03\x04", "an archive")]
+)
+def test_a_file_of_others_is_no_splat(tmp_path: Path, begins: bytes, what: str) -> None:
+    (tmp_path / "a.splat").write_bytes(begins + bytes(60))
+    assert what in refusal(tmp_path / "a.splat")
 
 
 def test_a_mesh_with_faces_is_no_splat_file(tmp_path: Path) -> None:
@@ -319,7 +365,14 @@ def test_a_folder_is_in_the_order_of_its_numbers(tmp_path: Path) -> None:
         sequence(tmp_path)
 
 
-@pytest.mark.parametrize("names", [[], ["scene.ply"]])
+def test_a_folder_of_one_file_is_that_file(tmp_path: Path) -> None:
+    (tmp_path / "scene.ply").touch()
+    (tmp_path / "._scene.ply").touch()  # as macOS leaves beside what it copies
+    (tmp_path / "mesh3.ply").mkdir()
+    assert sequence(tmp_path) == [tmp_path / "scene.ply"]
+
+
+@pytest.mark.parametrize("names", [[], ["1.ply", "scene.ply"]])
 def test_a_folder_that_is_no_sequence_is_refused(tmp_path: Path, names: list[str]) -> None:
     for name in names:
         (tmp_path / name).touch()

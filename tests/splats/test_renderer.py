@@ -230,6 +230,12 @@ def test_depths_that_float32_cannot_tell_apart_are_in_their_order() -> None:
     assert color[2] > 5 * color[0]
 
 
+def test_two_that_leave_no_light_leave_none_to_a_third() -> None:
+    """By rounding, two of 0.99 in float64 would leave just as much as is gone on with."""
+    walls = some([(0, 0, 2), (0, 0, 4), (0, 0, 6)], 50.0, 1.0, [(0, 0, 0), (1, 1, 1), (1, 1, 1)])
+    compare(view_of(), {"default": walls})
+
+
 @pytest.mark.parametrize("objects", [{}, {"default": made(5)[:0]}, {"default": some((0, 0, -3))}])
 def test_nothing_is_drawn_where_nothing_is(objects: dict[str, Gaussians]) -> None:
     image = rendered(placed(view_of(), objects), view_of().intrinsics, WIDTH, HEIGHT, 2)

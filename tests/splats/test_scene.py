@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_splats.beginning import before, lens_for
+from splatbus_splats.beginning import before, lens_for, reaching
 from splatbus_splats.files import ply
 from splatbus_splats.files.read import read
 from splatbus_splats.gaussians import Gaussians
@@ -158,6 +158,28 @@ def test_the_time_of_each_file_shows_it(count: int, rate: float) -> None:
     assert [frames.moment(i / rate) for i in range(count)] == list(range(count))
 
 
+def test_a_time_that_is_rounded_shows_the_same_file() -> None:
+    frames = Frames(FILES[:1] * 600, 30.0)
+    summed = np.cumsum([0.0, *[1.0 / 30.0] * 599])
+    for times in (summed, np.float32(summed), np.arange(600) * (1.0 / 30.0)):
+        assert [frames.moment(float(time)) for time in times] == list(range(600))
+    assert frames.moment(1.0 / 30.0 - 1e-4) == 0
+
+
+def test_how_long_all_looks_the_same(tmp_path: Path) -> None:
+    gaussians, _, motion = read(written(tmp_path / "a.ply", drawn(50)))
+    assert motion is not None
+    walk, still = Frames(FILES, 10.0), Frames(FILES[:1])
+    scene = Scene({"default": walk, "still": still})
+    for playing, seconds in ((0.0, 0.1), (0.05, 0.05), (0.35, 0.05), (0.41, 0.09)):
+        assert scene.lasts(playing) == pytest.approx(seconds)
+    assert Scene({"default": still}).lasts(3.0) == math.inf
+    clip = Clip(gaussians, motion, 0.2)
+    both = Scene({"default": walk, "clip": clip})
+    assert both.lasts(0.15) == 0.0
+    assert both.lasts(0.25) == pytest.approx(0.05)  # the clip has ended, and waits for the walk
+
+
 def test_what_does_not_change_has_no_time() -> None:
     scene = Scene({"default": Frames(FILES[:1]), "other": Frames(FILES[1:2])})
     assert scene.time_range is None
@@ -293,6 +315,14 @@ def test_a_narrow_image_of_a_wide_scene_sees_as_far_as_it_stands_away() -> None:
     given_lens = lens_for(10, 1000, scene.parts.values())
     pose, lens = before(scene, given_lens, 10, 1000)
     assert given_lens.far < -pose.position[2] < lens.far
+
+
+def test_a_camera_that_stands_far_away_sees_the_scene() -> None:
+    box_of = some([(0, 0, 0), (1, 1, 1)]).bounds
+    lens = lens_for(64, 48, [])
+    assert reaching(lens, (0.0, 0.0, -1000.0), box_of).far > 1001.0
+    assert reaching(lens, (0.0, 0.0, 0.0), box_of) == lens
+    assert reaching(lens, (0.0, 0.0, -1000.0), None) == lens
 
 
 def test_a_view_of_nothing_begins_at_the_origin() -> None:

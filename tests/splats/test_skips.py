@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from splatbus_splats.drawing.truth import truth
 from splatbus_splats.gaussians import Gaussians, halved
 from splatbus_splats.made import made
 from splatbus_wire.messages import Placement
-from splatbus_wire.poses import Pose
+from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.splats.shots import HEIGHT, WIDTH, some, view_of
 
@@ -160,6 +161,16 @@ def test_a_run_behind_what_is_opaque_is_not_projected(seen: list[int]) -> None:
     assert off_by(image, drawn(view, scene, NOTHING)) <= ROUNDING
 
 
+def test_what_is_not_in_view_does_not_spoil_the_slices(seen: list[int]) -> None:
+    x, y = np.meshgrid(np.linspace(-4, 4, 64), np.linspace(-3, 3, 64))
+    walls = [np.stack((x, y, np.full_like(x, z)), -1).reshape(-1, 3) for z in range(2, 12)]
+    behind = np.repeat(np.array([(0.0, 0.0, -5.0)]), 3 * 10 * 64 * 64, axis=0)
+    scene = {"default": some(np.concatenate(walls), 0.2, opacities=0.95), "behind": some(behind)}
+    view = view_of(IDENTITY, Placement("default", IDENTITY), Placement("behind", IDENTITY))
+    drawn(view, scene, EXACT)
+    assert sum(seen) <= 3 * 64 * 64
+
+
 def test_a_run_beside_the_image_is_not_looked_at(seen: list[int]) -> None:
     two = np.repeat([(0, 0, 4), (30, 0, 4)], runs.LENGTH, axis=0)
     drawn(view_of(), {"default": some(two, 0.01)}, Skip.OUTSIDE)
@@ -219,6 +230,36 @@ def test_tiles_without_a_change_are_kept(due: list[int]) -> None:
             np.testing.assert_array_equal(image.inverse, afresh.inverse)
             assert tiles == 24 if x == -1.0 else 0 < tiles < 16
             due.clear()
+
+
+def test_an_object_whose_count_changes_leaves_the_others_as_they_are(seen: list[int]) -> None:
+    room, clip = made(3000), some(np.random.default_rng(1).normal(0, 0.1, (900, 3)), 0.03)
+    with Renderer(2, EXACT) as kept:
+        for number, count in enumerate((900, 700, 880, 0, 3, 900, 1)):
+            view = view_of(
+                IDENTITY,
+                Placement("default", IDENTITY),
+                Placement("clip", Pose((0, 0, 3), (0, 0, 0, 1))),
+            )
+            scene = {"default": room, "clip": clip[:count]}
+            seen.clear()
+            image = kept.draw(placed(view, scene), view.intrinsics, WIDTH, HEIGHT)
+            assert (sum(seen) <= count) == (number > 0)
+            afresh = drawn(view, scene, EXACT)
+            np.testing.assert_array_equal(image.color, afresh.color)
+            np.testing.assert_array_equal(image.inverse, afresh.inverse)
+
+
+def test_after_an_image_that_failed_the_next_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = view_of()
+    right = drawn(view, SCENE, EXACT)
+    with Renderer(1, EXACT) as one:
+        with monkeypatch.context() as broken:
+            broken.setattr(renderer.listing, "in_tiles", Mock(side_effect=MemoryError))
+            with pytest.raises(MemoryError):
+                one.draw(placed(view, SCENE), view.intrinsics, WIDTH, HEIGHT)
+        image = one.draw(placed(view, SCENE), view.intrinsics, WIDTH, HEIGHT)
+    np.testing.assert_array_equal(image.color, right.color)
 
 
 def test_a_view_that_is_as_before_costs_nothing(seen: list[int], due: list[int]) -> None:

@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from splatbus_server.view import Intrinsics, View
-from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.definition import LARGEST_ALPHA, Image, placed
 from splatbus_splats.drawing.truth import at_pixels, truth
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
@@ -51,7 +51,7 @@ def test_it_ends_where_alpha_is_less_than_a_255th() -> None:
 
 
 def test_opacity_is_at_most_99_percent() -> None:
-    assert seen(some((0, 0, 2), 5, 1.0)).color[MIDDLE][3] == 0.99
+    assert seen(some((0, 0, 2), 5, 1.0)).color[MIDDLE][3] == LARGEST_ALPHA
 
 
 def test_the_nearer_one_covers_the_farther_whatever_their_order() -> None:
@@ -160,7 +160,9 @@ def alpha_in_digits(g: Gaussians, lens: Intrinsics, column: int, row: int) -> fl
             row + mpmath.mpf("0.5") - (lens.fy * y / z + lens.cy),
         ])  # fmt: skip
         power = (d.T * mpmath.inverse(sigma) * d)[0] / 2
-        alpha = min(mpmath.mpf("0.99"), mpmath.mpf(float(g.opacities[0])) * mpmath.exp(-power))
+        alpha = min(
+            mpmath.mpf(LARGEST_ALPHA), mpmath.mpf(float(g.opacities[0])) * mpmath.exp(-power)
+        )
         return float(alpha) if alpha >= 1 / mpmath.mpf(255) else 0.0
 
 

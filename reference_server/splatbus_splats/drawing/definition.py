@@ -13,7 +13,8 @@ from splatbus_splats.gaussians import Gaussians
 
 LOW_PASS = 0.3
 """Added to a projected variance, pixels²: no Gaussian is thinner than a pixel."""
-LARGEST_ALPHA = 0.99
+LARGEST_ALPHA = float(np.float32(0.99))
+"""In float32, as 3DGS has it: two of them leave less than 10⁻⁴, and two of 0.99 just that."""
 LEAST_ALPHA = 1.0 / 255.0
 """What is fainter in a pixel is not in it."""
 LEAST_LEFT = 1e-4

@@ -191,7 +191,7 @@ class Renderer:
                 gaussians.rotations[:, [3, 0, 1, 2]],
                 gaussians.scales,
                 gaussians.opacities,
-                gaussians.coefficients,
+                gaussians.coefficients.astype("float32", copy=False),
             )
             self._make_room(_bytes(arrays))
             kept = _Kept(*(self._torch.tensor(each, device="cuda") for each in arrays))

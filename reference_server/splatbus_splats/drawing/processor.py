@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from time import monotonic
 
+import numpy as np
 from splatbus_server.api import Bus
-from splatbus_server.view import View
+from splatbus_server.view import Intrinsics, View
 
-from splatbus_splats.drawing.definition import placed
+from splatbus_splats.drawing.definition import Placed, placed
 from splatbus_splats.drawing.renderer import Renderer
 from splatbus_splats.drawing.skips import USUAL, Skip
 from splatbus_splats.gaussians import Gaussians
+
+ONE_PIXEL = Intrinsics(1.0, 1.0, 0.5, 0.5, 0.1, 10.0)
 
 
 class Processor(Renderer):
@@ -21,6 +24,13 @@ class Processor(Renderer):
         super().__init__(threads, skips)
         self.milliseconds = 0.0
         self._may_be_rough = Skip.MOVING in skips
+
+    def prepare(self, objects: Iterable[Gaussians]) -> None:
+        """Loads or compiles the loops for such objects, so that nobody waits for that later."""
+        for each in objects:
+            before = Placed(each[:1], np.eye(3), np.array((0.0, 0.0, -1.0)))
+            for is_moving in (True, False):
+                self.draw([before], ONE_PIXEL, 1, 1, is_moving=is_moving)
 
     def show(
         self,

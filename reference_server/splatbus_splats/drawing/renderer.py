@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from functools import partial
+from itertools import accumulate
+from operator import le
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -31,7 +33,7 @@ MOST_LISTED = 1 << 25
 PARTS = 3
 """Of the work for each thread, so that none waits long for another."""
 SLICES = (0.125, 0.25, 0.5)
-"""Shares of the Gaussians that are drawn before what is behind them is looked at."""
+"""Shares of the runs in view that are drawn before what is behind them is looked at."""
 HIDING = 1.0 / 16.0
 """Share of tiles in which all has to be opaque for the next image to look for what is hidden."""
 CHANNELS = frozenset({"color", "depth"})
@@ -64,8 +66,8 @@ class _Known(NamedTuple):
     bounds: runs.Bounds
 
 
-class _Places(NamedTuple):
-    """Where runs are, and room for as many Gaussians as there are; see `kernels.compiled`."""
+class _Runs(NamedTuple):
+    """All runs of all objects."""
 
     table: NDArray[np.int64]
     """(R, 4): which run it is, its first Gaussian, the one after its last, its first place."""
@@ -75,6 +77,11 @@ class _Places(NamedTuple):
     """(R,), whether it was projected."""
     counts: NDArray[np.int64]
     """(R,), how many of it may be seen then."""
+
+
+class _Places(NamedTuple):
+    """Room for Gaussians that may be seen; see `kernels.compiled`."""
+
     z: NDArray[np.float64]
     shape: NDArray[np.float64]
     box: NDArray[np.int32]
@@ -92,7 +99,8 @@ class Renderer:
     """Draws one view after the other, and keeps what the next can use.
 
     Use it in a `with`, from one thread. Memory is 100 bytes a Gaussian, 4 for each tile that it is
-    in, and 44 a pixel. The first image loads or compiles the loops, which takes some seconds.
+    in, and 44 a pixel, or 69 where the camera moves. The first image loads or compiles the loops,
+    which takes some seconds.
 
     Args:
         threads: that draw; the bits do not depend on it.
@@ -107,7 +115,9 @@ class Renderer:
         self._shown: _Shown | None = None
         self._objects: tuple[Placed, ...] = ()
         self._tiles = np.empty((0, 4), np.int64)
-        self._places, self._pixels, self._image = _places(()), _pixels(0), _image(0, 0)
+        self._rooms: list[int] = []
+        self._runs, self._places = _runs((), ()), _places(0)
+        self._pixels, self._image = _pixels(0), _image(0, 0)
 
     def __enter__(self) -> Renderer:
         return self
@@ -153,27 +163,31 @@ class Renderer:
 
     def _drawn(self, objects: Sequence[Placed], shown: _Shown) -> Image:
         """The image at its full size; of the one before, what is the same is kept."""
-        has_room = _sizes(objects) == _sizes(self._objects)
+        sizes = [len(each.gaussians) for each in objects]
+        has_room = len(sizes) == len(self._rooms) and all(map(le, sizes, self._rooms))
         is_kept = Skip.TILES in self._skips and shown == self._shown and has_room
-        before = self._objects if is_kept else objects
-        is_changed = np.array(
-            [not (is_kept and _are_alike(*both)) for both in zip(objects, before)], np.bool_
-        )
+        self._shown = None  # whatever fails from here on, nothing of it is kept
         if not has_room:
-            self._places = _places(_sizes(objects))
+            is_as_many = len(sizes) == len(self._rooms)
+            self._rooms = list(map(max, sizes, self._rooms)) if is_as_many else sizes
+            self._places = _places(sum(self._rooms))
         if self._image.inverse.shape != (shown.height, shown.width):
             self._pixels = _pixels(shown.across * shown.down)
             self._image = _image(shown.width, shown.height)
-        changed = is_changed[self._places.owners]
-        self._places.is_done[changed] = False
-        former, self._shown, self._objects = self._tiles, shown, tuple(objects)
+        former, tiles, before = self._runs, self._tiles, self._objects
+        self._runs, self._objects = _runs(sizes, self._rooms), tuple(objects)
         nearest, self._tiles = self._outlined(shown)
         is_due = np.full((shown.down, shown.across), not is_kept)
         if is_kept:
-            for left, right, top, bottom in (*former[changed], *self._tiles[changed]):
+            is_same = np.array([_are_alike(*both) for both in zip(objects, before)], np.bool_)
+            stay, stayed = is_same[self._runs.owners], is_same[former.owners]
+            self._runs.is_done[stay] = former.is_done[stayed]
+            self._runs.counts[stay] = former.counts[stayed]
+            for left, right, top, bottom in (*tiles[~stayed], *self._tiles[~stay]):
                 is_due[top:bottom, left:right] = True
         if is_due.any():
             self._blend(shown, is_due, nearest)
+        self._shown = shown
         return self._image
 
     def _outlined(self, shown: _Shown) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -199,10 +213,11 @@ class Renderer:
     ) -> None:
         """The tiles that are due, anew."""
         tiles, is_open = is_due.size, is_due.copy()
+        spans = self._spans(nearest[runs.reaching(self._tiles, is_due)])
         self._in_parts(tiles, partial(blend.clear, is_due.reshape(-1), *self._pixels))
-        for span in self._spans(nearest):
+        for span in spans:
             is_near = runs.reaching(self._tiles, is_open) & (nearest < span[1])
-            self._project(shown, is_near & ~self._places.is_done)
+            self._project(shown, is_near & ~self._runs.is_done)
             self._draw(shown, is_near, span, is_open.reshape(-1))
         is_enough = np.count_nonzero(is_due & ~is_open) >= HIDING * np.count_nonzero(is_due)
         self._hides = Skip.HIDDEN in self._skips and bool(is_enough)
@@ -218,7 +233,7 @@ class Renderer:
 
     def _project(self, shown: _Shown, which: NDArray[np.bool_]) -> None:
         """Those of some runs that may be seen."""
-        *_, counts, z, shape, box, paint = self._places
+        table, owners, is_done, counts = self._runs
         skips = [each in self._skips for each in (Skip.OUTSIDE, Skip.FAINT, Skip.FAR, Skip.SMALL)]
         fx, fy, cx, cy = (float(each) for each in shown.intrinsics[:4])
         lens = (
@@ -231,14 +246,13 @@ class Renderer:
         for owner, placed in enumerate(self._objects):
             harmonics = self._of(placed).harmonics if is_colored else 0
             scene = (_arrays(placed.gaussians), np.ascontiguousarray(placed.turn), placed.eye)
-            table = self._places.table[which & (self._places.owners == owner)]
             work = partial(project.project, *scene, *lens, (*skips, harmonics))
             self._each(
-                partial(work, part, counts, z, shape, box, paint)
-                for part in np.array_split(table, PARTS * self._threads)
+                partial(work, part, counts, *self._places)
+                for part in np.array_split(table[which & (owners == owner)], PARTS * self._threads)
                 if len(part)
             )
-        self._places.is_done[which] = True
+        is_done[which] = True
 
     def _draw(
         self,
@@ -248,13 +262,11 @@ class Renderer:
         is_open: NDArray[np.bool_],
     ) -> None:
         """Those of some runs that are in a span of depths, over what is in the tiles."""
-        table, _, _, counts, z, _, box, _ = self._places
-        room = int(counts[which].sum())
+        begins, counts = self._runs.table[which, 3], self._runs.counts[which]
+        z, _, box, _ = self._places
+        room = int(counts.sum())
         places, keys = np.empty(room, np.int32), np.empty(room)
-        begins = table[which, 3]
-        found = listing.gathered(
-            begins, counts[which], z, box, span, shown.across, is_open, places, keys
-        )
+        found = listing.gathered(begins, counts, z, box, span, shown.across, is_open, places, keys)
         places = listing.sorted_places(places[:found], keys[:found])
         tiles = np.empty((found, 4), np.int16)
         listing.in_tiles(places, box, tiles)
@@ -280,7 +292,7 @@ class Renderer:
         begins = starts[first : last + 1] - starts[first]
         lists, ends = np.empty(begins[-1], np.int32), begins[:-1].copy()
         listing.list_tiles(places, tiles, across, is_open, first_row, last_row, ends, lists)
-        *_, shape, box, paint = self._places
+        _, shape, box, paint = self._places
         blend.blend(
             begins,
             lists,
@@ -329,29 +341,25 @@ def _pixels(tiles: int) -> _Pixels:
     return _Pixels(np.empty(shape, np.float32), np.empty(shape[:2], np.bool_))
 
 
-def _places(sizes: Sequence[int]) -> _Places:
-    rows: list[tuple[int, int, int, int]] = []
-    owners: list[int] = []
-    place = 0
-    for owner, size in enumerate(sizes):
-        for first in range(0, size, runs.LENGTH):
-            rows.append((len(rows), first, min(first + runs.LENGTH, size), place + first))
-            owners.append(owner)
-        place += size
+def _places(room: int) -> _Places:
     return _Places(
-        np.array(rows, np.int64).reshape(-1, 4),
-        np.array(owners, np.int64),
-        np.zeros(len(rows), np.bool_),
-        np.zeros(len(rows), np.int64),
-        np.empty(place),
-        np.empty((place, 5)),
-        np.empty((place, 4), np.int32),
-        np.empty((place, 5), np.float32),
+        np.empty(room),
+        np.empty((room, 5)),
+        np.empty((room, 4), np.int32),
+        np.empty((room, 5), np.float32),
     )
 
 
-def _sizes(objects: Sequence[Placed]) -> list[int]:
-    return [len(each.gaussians) for each in objects]
+def _runs(sizes: Sequence[int], rooms: Sequence[int]) -> _Runs:
+    """Of objects that have so many Gaussians, each with room for some more, none projected."""
+    rows = [
+        (first, min(first + runs.LENGTH, size), begin + first, owner)
+        for owner, (size, begin) in enumerate(zip(sizes, accumulate((0, *rooms))))
+        for first in range(0, size, runs.LENGTH)
+    ]
+    firsts, lasts, begins, owners = np.array(rows, np.int64).reshape(-1, 4).T
+    table = np.stack((np.arange(len(rows)), firsts, lasts, begins), axis=1)
+    return _Runs(table, owners, np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int64))
 
 
 def _are_alike(one: Placed, other: Placed) -> bool:

@@ -41,18 +41,20 @@ def read_cameras(path: Path, near: float = 0.01, far: float = 100.0) -> list[Cam
         raise ValueError(f"{path}: byte {error.start} is none of a text") from error
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
-        raise ValueError(f"{path}: no JSON: {error.msg} at {where}") from error
+        raise ValueError(f"{path}: no cameras.json of 3DGS: {error.msg} at {where}") from error
     except RecursionError as error:
         raise ValueError(f"{path}: no list of cameras: it is nested too deeply") from error
     if not isinstance(entries, list):
-        raise ValueError(f"{path}: no list of cameras")
+        raise ValueError(f"{path}: no list of cameras, which cameras.json of 3DGS is")
+    if not entries:
+        raise ValueError(f"{path}: no cameras are in it")
     return [_camera(each, f"{path}: camera {i}", near, far) for i, each in enumerate(entries)]
 
 
 def _camera(entry: Any, where: str, near: float, far: float) -> Camera:
     if not isinstance(entry, dict):
         raise ValueError(f"{where} is no object")
-    for name in ("img_name", "width", "height", "position", "rotation", "fx", "fy"):
+    for name in ("width", "height", "position", "rotation", "fx", "fy"):
         if name not in entry:
             raise ValueError(f"{where} has no {name}")
     width, height = (_size(entry[name], f"{where}: {name}") for name in ("width", "height"))
@@ -69,7 +71,7 @@ def _camera(entry: Any, where: str, near: float, far: float) -> Camera:
     except ValueError as error:
         raise ValueError(f"{where}: rotation {error}") from error
     lens = Lens(fx, fy, width / 2.0, height / 2.0, width, height, near, far)
-    return Camera(str(entry["img_name"]), Pose((x, y, z), rotation), lens)
+    return Camera(str(entry.get("img_name", "its picture")), Pose((x, y, z), rotation), lens)
 
 
 def _numbers(value: Any, where: str) -> tuple[float, float, float]:
@@ -92,6 +94,7 @@ def _number(value: Any, where: str) -> float:
 
 
 def _size(value: Any, where: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+    number = _number(value, where)
+    if number < 1.0 or not number.is_integer():
         raise ValueError(f"{where} is {value!r}, and no number of pixels")
-    return value
+    return int(number)

@@ -56,8 +56,6 @@ class Header(NamedTuple):
     """Of the bytes of a number, "<" or ">"; nothing where numbers are text."""
     elements: list[Element]
     lines: int
-    size: int
-    """Bytes, after which the first element begins."""
 
 
 def read_header(file: BinaryIO, path: Path) -> Header:
@@ -99,7 +97,7 @@ def read_header(file: BinaryIO, path: Path) -> Header:
             raise ValueError(f"{where}: {shown!r} is no line of a header")
     if order is None:
         raise ValueError(f"{where}: the header ends without a format")
-    return Header(order, elements, number, file.tell())
+    return Header(order, elements, number)
 
 
 def _order(words: list[str], where: str) -> str:

@@ -57,13 +57,20 @@ def vertices(file: BufferedReader, path: Path) -> Vertices:
         raise ValueError(f"{path}: no splat file: it has no element vertex")
     properties = {each.name: each for each in element.properties}
     if missing := [name for name in NEEDED if name not in properties]:
-        hint = (
-            "it is a compressed one, to be exported as a plain .ply first"
-            if "packed_position" in properties
-            else "it is a mesh or a cloud of points, and what 3DGS trains is point_cloud.ply"
-        )
+        hint = "it is a mesh or a cloud of points, and what 3DGS trains is point_cloud.ply"
+        if "packed_position" in properties:
+            hint = "it is a compressed one, to be exported as a plain .ply first"
+        elif missing == ["scale_2"]:
+            hint = "its Gaussians are flat ones (2DGS), which are not drawn"
+        elif CONSTANT[0] in properties:
+            hint = "it is no plain file of 3DGS"
         raise ValueError(
             f"{path}: no splat file: its vertices have no property {', '.join(missing)}: {hint}"
+        )
+    if "filter_3D" in properties:
+        raise ValueError(
+            f"{path}: it has the property filter_3D, without which Mip-Splatting's Gaussians look"
+            " otherwise: fuse it first, by create_fused_ply.py of that code"
         )
     rest = sum(name.startswith("f_rest_") for name in properties)
     if rest % 3 or 1 + rest // 3 not in COEFFICIENTS:

@@ -22,6 +22,9 @@ SUFFIXES = (".ply", ".splat")
 OTHERS = (".spz", ".ksplat", ".sog", ".splatv")
 """Formats of others, which are told apart from what is no splat file at all."""
 
+BRIGHTEST = np.float32(1e36)
+"""Of a harmonic: the sum of 16 is finite in float32 then."""
+
 Progress = Callable[[int, int], None]
 
 
@@ -50,17 +53,16 @@ def read(path: Path, progress: Progress | None = None) -> Found:
         ValueError: it is no such file; the message names it, and what is wrong where.
         OSError: it cannot be read.
     """
-    suffix = path.suffix.lower()
+    suffix, size = path.suffix.lower(), path.stat().st_size
     if suffix in OTHERS:
         raise ValueError(f"{path}: {suffix} is not read: export the scene as a plain .ply first")
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: no splat file: its name ends in neither .ply nor .splat")
-    size = path.stat().st_size
     with path.open("rb") as file:
         if not size:
             raise ValueError(f"{path}: the file is empty")
         if suffix == ".splat":
-            count = splat.count(path, size)
+            count = splat.count(file, path, size)
             return _gathered(splat.parts(file, path, count, STEP), count, 1, False, progress)
         vertices = ply.vertices(file, path)
         parts = ply.parts(file, vertices, STEP)
@@ -69,23 +71,29 @@ def read(path: Path, progress: Progress | None = None) -> Found:
 
 
 def sequence(folder: Path) -> list[Path]:
-    """The splat files of a folder in the order of the last number in their names.
+    """The splat files of a folder in the order of the last number in their names; or its only one.
 
     Raises:
-        ValueError: there is none, one has no number, or two have the same.
+        ValueError: there is none, one of several has no number, or two have the same.
         OSError: the folder cannot be read.
     """
-    by_number: dict[int, Path] = {}
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() in SUFFIXES:
-            numbers = re.findall(r"[0-9]+", path.stem)
-            if not numbers:
-                raise ValueError(f"{path}: no number in its name says when it is")
-            other = by_number.setdefault(int(numbers[-1]), path)
-            if other is not path:
-                raise ValueError(f"{path}: has the number of {other.name}")
-    if not by_number:
+    found = [
+        each
+        for each in sorted(folder.iterdir())
+        if each.suffix.lower() in SUFFIXES and not each.name.startswith(".") and each.is_file()
+    ]
+    if not found:
         raise ValueError(f"{folder}: no files {' or '.join(SUFFIXES)} are in it")
+    if len(found) == 1:
+        return found
+    by_number: dict[int, Path] = {}
+    for path in found:
+        numbers = re.findall(r"[0-9]+", path.stem)
+        if not numbers:
+            raise ValueError(f"{path}: no number in its name says when it is")
+        other = by_number.setdefault(int(numbers[-1]), path)
+        if other is not path:
+            raise ValueError(f"{path}: has the number of {other.name}")
     return [by_number[number] for number in sorted(by_number)]
 
 
@@ -122,12 +130,14 @@ def _sound(part: Gaussians, motion: Motion | None, left_out: Counter[str]) -> ND
     """Which of them are Gaussians; counts the others, each by the first thing that is wrong."""
     good = np.ones(len(part), np.bool_)
     norms = np.linalg.norm(part.rotations.astype(np.float64), axis=1)
+    brightest = np.abs(part.coefficients).max(axis=(1, 2), initial=0.0)
     checks = [
         ("position not finite", np.isfinite(part.means).all(axis=1)),
         ("scale not finite", np.isfinite(part.scales).all(axis=1)),
         ("scale negative", (part.scales >= 0.0).all(axis=1)),
         ("opacity not a number", ~np.isnan(part.opacities)),
-        ("harmonics not finite", np.isfinite(part.coefficients).all(axis=(1, 2))),
+        ("harmonics not finite", np.isfinite(brightest)),
+        ("harmonics too large", brightest <= BRIGHTEST),
         ("quaternion not finite", np.isfinite(norms)),
         ("quaternion zero", norms > 0.0),
     ]

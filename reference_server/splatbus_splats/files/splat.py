@@ -21,12 +21,23 @@ from splatbus_splats.gaussians import Gaussians
 RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("turn", "u1", 4)])
 
 
-def count(path: Path, size: int) -> int:
+OTHERS = {
+    b"ply": "a .ply",
+    b"\x89PN": "a PNG",
+    b"PK\x03": "an archive",
+    b"\x1f\x8b\x08": "a packed file, as .spz is",
+}
+"""What other files begin with; where a Gaussian is, is hardly ever such a number."""
+
+
+def count(file: BufferedReader, path: Path, size: int) -> int:
     """How many Gaussians are in a file of so many bytes.
 
     Raises:
-        ValueError: no file of these has that length.
+        ValueError: no file of these has that length, or it begins as those of others do.
     """
+    if other := OTHERS.get(file.peek(3)[:3]):
+        raise ValueError(f"{path}: no .splat, whatever its name says: it is {other}")
     if size % RECORD.itemsize:
         whole = size - size % RECORD.itemsize
         raise ValueError(

@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 
 from splatbus_splats.files import ply, splat
-from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made.balls import made
 from splatbus_splats.made.garden import VIEWS, garden
 from splatbus_splats.made.views import cameras
 
 SCENES = {"balls": made, "garden": garden}
+FORMATS = {".ply": ply.write, ".splat": splat.write}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -40,22 +40,19 @@ def main(argv: list[str] | None = None) -> int:
         parser.error("a scene has 1 Gaussian or more, and a seed of 0 or more")
     if options.cameras is not None and options.scene != "garden":
         parser.error("--cameras is for the garden")
-    scene = SCENES[options.scene](options.count, options.degree, options.seed)
+    if options.file.suffix.lower() not in FORMATS:
+        parser.error(f"{options.file}: its name ends in neither {' nor '.join(FORMATS)}")
     try:
-        _write(options.file, scene)
         if options.cameras is not None:
             options.cameras.write_text(json.dumps(cameras(VIEWS), indent=1) + "\n", "utf-8")
-    except (OSError, ValueError) as error:
+        scene = SCENES[options.scene](options.count, options.degree, options.seed)
+        FORMATS[options.file.suffix.lower()](options.file, scene)
+    except KeyboardInterrupt:
+        return 130
+    except OSError as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
         return 1
+    except MemoryError as error:
+        print(f"{parser.prog}: memory is full: {error}", file=sys.stderr)
+        return 1
     return 0
-
-
-def _write(path: Path, scene: Gaussians) -> None:
-    suffix = path.suffix.lower()
-    if suffix == ".splat":
-        splat.write(path, scene)
-    elif suffix == ".ply":
-        ply.write(path, scene)
-    else:
-        raise ValueError(f"{path}: its name ends in neither .ply nor .splat")

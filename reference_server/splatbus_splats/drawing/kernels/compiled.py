@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -30,6 +32,21 @@ def compiled(function: Function) -> Function:
     """Compiled when it is called, without the interpreter's lock."""
     options = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     try:
-        return cast(Function, numba.njit(cache=True, **options)(function))
+        found = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # there is no folder that it may keep it in
         return cast(Function, numba.njit(**options)(function))
+    _drop_older(Path(found.stats.cache_path))
+    return cast(Function, found)
+
+
+@cache
+def _drop_older(folder: Path) -> None:
+    """Has Numba forget what it compiled with other numbers than those of this module.
+
+    It asks whether the file of a function is as it was, and not whether those are whose numbers are
+    compiled into it.
+    """
+    changed = max(Path(each).stat().st_mtime for each in (__file__, definition.__file__))
+    for index in folder.glob("*.nbi"):
+        if index.stat().st_mtime < changed:
+            index.unlink(missing_ok=True)
