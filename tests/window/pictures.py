@@ -52,13 +52,13 @@ def of_the_garden(where: Settings, folder: Path) -> None:
         staged.window.choices.depths = NEAREST, FARTHEST
         staged.rests()
         save(staged, folder / "window-depth.png")
-    with opened(where, SIZE, grid=None, shows_panels=False) as staged:
+    with opened(where, SIZE, shows_panels=False) as staged:
         staged.rests()
         staged.window.choices.moved_to(Eye(look_at(FROM, TO), math.dist(FROM, TO)))
         staged.window.choices.ring = THREADED
         staged.rests()
         save(staged, folder / "garden-ring.jpg")
-    with opened(where, SIZE, grid=None) as staged:
+    with opened(where, SIZE) as staged:
         walk(staged)
         staged.window.choices.moved_to(Eye(look_at(FROM, TO), math.dist(FROM, TO)))
         staged.rests()

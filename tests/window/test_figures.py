@@ -37,6 +37,13 @@ def test_the_rate_is_of_the_last_second() -> None:
     for at in (0.0, 0.5, 0.9, 1.6):
         images.shown(1, 1, None, 0, at)
     assert images.rate.newest == 2
+    _, former = images.rate.points(0.0)
+    images.rests(2.5)
+    assert images.rate.newest == 2
+    images.rests(2.7)
+    images.rests(9.0)
+    assert images.rate.newest == 0
+    assert len(images.rate.points(0.0)[1]) == len(former) + 1
 
 
 def test_a_wait_ends_with_the_first_image_that_has_the_tag() -> None:

@@ -54,7 +54,7 @@ def compare(found: np.ndarray, name: str) -> None:
 
 @pytest.mark.parametrize("mode", ["color", "depth", "normals", "composite"])
 def test_each_mode_shows_what_is_stored_of_it(server: Settings, mode: str) -> None:
-    with opened(server, (480, 320), mode=mode, shows_panels=False) as staged:
+    with opened(server, (480, 320), mode=mode, grid=1.0, shows_panels=False) as staged:
         staged.rests()
         compare(pixels(staged), mode)
 

@@ -108,6 +108,7 @@ class Window:
             now,
             wants_telemetry="Figures" in self.look.own.get("visible", ()),
         )
+        self.conversation.images.rests(now)
         if is_seen and (has_image or now >= self._due()):
             self._draw(now)
             self.screen.show()

@@ -46,7 +46,7 @@ class Choices:
     field_of_view: float | None = None
     depths: tuple[float, float] = (0.0, 1.0)
     is_fitting: bool = True
-    grid: float | None = 1.0
+    grid: float | None = None
     ring: Placement | None = None
     objects: dict[str, Placement] = field(default_factory=dict)
     held: str | None = None

@@ -99,6 +99,12 @@ class Images:
         self.dropped.add(now, gap)
         self.copied.add(now, copied / 1e6)
 
+    def rests(self, now: float) -> None:
+        """Take note of the time, in seconds: a rate is none any more a second after its images."""
+        if self._times and self._times[-1] <= now - 1.0:
+            self._times.clear()
+            self.rate.add(now, 0)
+
 
 class Telemetries:
     """The server's own figures, by name, as they come.

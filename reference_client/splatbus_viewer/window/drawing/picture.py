@@ -171,12 +171,15 @@ def fitted(region: Region, size: tuple[int, int]) -> Region:
 
 
 def range_of(depths: NDArray[np.float32]) -> tuple[float, float]:
-    """Return the depths that false colours are to span: all but the outermost half per cent."""
+    """Return the depths that false colours are to span: all but the outermost half per cent.
+
+    They differ by a hundredth at the least, or one would see how depths were rounded.
+    """
     known = depths[depths > 0]
     if not known.size:
         return 0.0, 1.0
     near, far = (float(end) for end in np.percentile(known, [0.5, 99.5]))
-    return (near, far) if far > near else (near, near + 1.0)
+    return near, max(far, 1.01 * near)
 
 
 def _some(lease: FrameLease) -> tuple[OnDevice | Image, bool]:
