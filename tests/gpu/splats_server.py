@@ -29,6 +29,9 @@ class Sequence:
     def moment(self, time: float | None) -> int:
         return int(time or 0.0)
 
+    def lasts(self, playing: float) -> float:
+        return 1.0 - playing % 1.0
+
     def at(self, time: float | None) -> Mapping[str, Gaussians]:
         return {"default": SCENES[self.moment(time)]}
 

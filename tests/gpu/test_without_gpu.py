@@ -119,6 +119,9 @@ class Shades:
     def moment(self, time: float | None) -> int:
         return int(time or 0.0)
 
+    def lasts(self, playing: float) -> float:
+        return 1.0 - playing % 1.0
+
     def at(self, time: float | None) -> Mapping[str, Any]:
         return {"default": (0.25, 0.75)[self.moment(time)]}
 
