@@ -72,8 +72,10 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     project = renderer.project.project
 
     def counting(*given: Any) -> None:
+        tuples = [each for each in given if isinstance(each, tuple)]
+        assert all(np.isscalar(number) for each in tuples for number in each), "see `project`"
         project(*given)
-        table, counts = given[8:10]
+        table, counts = given[12:14]
         found.append(int(counts[table[:, 0]].sum()))
 
     monkeypatch.setattr(renderer.project, "project", counting)

@@ -48,7 +48,11 @@ FAR_PIXELS = 1.0
 
 @compiled
 def project(
-    gaussians: Any,
+    means: Any,
+    rotations: Any,
+    scales: Any,
+    opacities: Any,
+    coefficients: Any,
     turn: Any,
     eye: Any,
     lens: Any,
@@ -58,6 +62,7 @@ def project(
     skips: Any,
     runs: Any,
     counts: Any,
+    weights: Any,
     z_of: Any,
     shape_of: Any,
     box_of: Any,
@@ -66,7 +71,12 @@ def project(
     """Those Gaussians of some runs that may be seen.
 
     Args:
-        gaussians: the arrays of `Gaussians`; coefficients may be the bits of float16, uint16.
+        means: as all that follows, of `Gaussians`. By themselves: in a tuple of arrays, Numba 0.60
+            takes one layout for another.
+        rotations: …
+        scales: …
+        opacities: …
+        coefficients: or the bits of float16, uint16.
         turn: (3, 3) as in `Placed`.
         eye: (3,) as in `Placed`.
         lens: fx, fy, cx, cy.
@@ -78,18 +88,16 @@ def project(
         runs: (R, 4) int64: which it is, its first Gaussian, the one after its last, and the place
             from which on there is room for it.
         counts: of all runs: how many of each were found is written there.
+        weights: (16,) float32, to work with.
         z_of: (M,) float64, depths.
         shape_of: (M, 5) float64.
         box_of: (M, 4) int32.
         paint_of: (M, 5) float32.
     """
-    means, rotations, scales, opacities, coefficients = gaussians
     fx, fy, cx, cy = lens
     near, far = depths
     width, height = size
     skips_outside, skips_faint, skips_far, skips_small, harmonics = skips
-    A = np.empty((2, 3))
-    R = np.empty((3, 3))
     s = math.sqrt(turn[0, 0] * turn[0, 0] + turn[0, 1] * turn[0, 1] + turn[0, 2] * turn[0, 2])
     for run, first, last, start in runs:
         place = start
@@ -114,15 +122,15 @@ def project(
                 high = SLACK + math.sqrt(reach * (fyy * longest * longest + LOW_PASS))
                 if u + wide < 0.0 or u - wide > width or v + high < 0.0 or v - high > height:
                     continue
-            _matrix(rotations, i, R)
-            _rows(turn, fx / z, fy / z, x, y, R, scales, i, A)
-            rr = A[0, 0] * A[0, 0] + A[0, 1] * A[0, 1] + A[0, 2] * A[0, 2]
-            ss = A[1, 0] * A[1, 0] + A[1, 1] * A[1, 1] + A[1, 2] * A[1, 2]
-            rs = A[0, 0] * A[1, 0] + A[0, 1] * A[1, 1] + A[0, 2] * A[1, 2]
-            p = A[0, 1] * A[1, 2] - A[0, 2] * A[1, 1]
-            q = A[0, 2] * A[1, 0] - A[0, 0] * A[1, 2]
-            r = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-            area = p * p + q * q + r * r
+            R, J = _matrix(rotations, i), (fx / z, fy / z, x, y)
+            r0, s0 = _column(turn, R, J, scales, i, 0)
+            r1, s1 = _column(turn, R, J, scales, i, 1)
+            r2, s2 = _column(turn, R, J, scales, i, 2)
+            rr = r0 * r0 + r1 * r1 + r2 * r2
+            ss = s0 * s0 + s1 * s1 + s2 * s2
+            rs = r0 * s0 + r1 * s1 + r2 * s2
+            p0, p1, p2 = r1 * s2 - r2 * s1, r2 * s0 - r0 * s2, r0 * s1 - r1 * s0
+            area = p0 * p0 + p1 * p1 + p2 * p2
             det = area + LOW_PASS * (rr + ss) + LOW_PASS * LOW_PASS
             if skips_small and opacity * math.sqrt(area / det) < LEAST_OPACITY:
                 continue
@@ -145,7 +153,7 @@ def project(
             box_of[place, TOP], box_of[place, BOTTOM] = y0, max(y0, y1)
             is_far = skips_far and max(rr, ss) < FAR_PIXELS * FAR_PIXELS
             _shade(coefficients, i, min(harmonics, 1) if is_far else harmonics, ox, oy, oz,
-                   paint_of, place)  # fmt: skip
+                   weights, paint_of, place)  # fmt: skip
             paint_of[place, OPACITY] = opacities[i]
             paint_of[place, INVERSE] = 1.0 / z
             place += 1
@@ -153,25 +161,26 @@ def project(
 
 
 @compiled
-def _matrix(rotations: Any, i: int, R: Any) -> None:
-    """The rotation of a quaternion, which is made unit in float64."""
+def _matrix(rotations: Any, i: int) -> Any:
+    """The rotation of a quaternion, which is made unit in float64, by rows."""
     x, y = np.float64(rotations[i, 0]), np.float64(rotations[i, 1])
     z, w = np.float64(rotations[i, 2]), np.float64(rotations[i, 3])
     s = 2.0 / (x * x + y * y + z * z + w * w)
-    R[0, 0], R[0, 1], R[0, 2] = 1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)
-    R[1, 0], R[1, 1], R[1, 2] = s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)
-    R[2, 0], R[2, 1], R[2, 2] = s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)
+    return (
+        (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
+        (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)),
+        (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)),
+    )
 
 
 @compiled
-def _rows(turn: Any, fx: Any, fy: Any, x: Any, y: Any, R: Any, scales: Any, i: int, A: Any) -> None:
-    """A = J·W·R·S, whose covariance is A·Aᵀ; focal lengths are over z, and x, y slopes."""
-    for k in range(3):
-        first = turn[0, 0] * R[0, k] + turn[0, 1] * R[1, k] + turn[0, 2] * R[2, k]
-        second = turn[1, 0] * R[0, k] + turn[1, 1] * R[1, k] + turn[1, 2] * R[2, k]
-        third = turn[2, 0] * R[0, k] + turn[2, 1] * R[1, k] + turn[2, 2] * R[2, k]
-        A[0, k] = fx * (first - x * third) * scales[i, k]
-        A[1, k] = fy * (second - y * third) * scales[i, k]
+def _column(turn: Any, R: Any, J: Any, scales: Any, i: int, k: int) -> Any:
+    """Of A = J·W·R·S, whose covariance is A·Aᵀ; J is of focal lengths over z, and slopes."""
+    fx, fy, x, y = J
+    first = turn[0, 0] * R[0][k] + turn[0, 1] * R[1][k] + turn[0, 2] * R[2][k]
+    second = turn[1, 0] * R[0][k] + turn[1, 1] * R[1][k] + turn[1, 2] * R[2][k]
+    third = turn[2, 0] * R[0][k] + turn[2, 1] * R[1][k] + turn[2, 2] * R[2][k]
+    return fx * (first - x * third) * scales[i, k], fy * (second - y * third) * scales[i, k]
 
 
 def _number(bits: Any) -> Any:
@@ -202,10 +211,17 @@ def _number_of(bits: Any) -> Any:
 
 @compiled
 def _shade(
-    coefficients: Any, i: int, count: int, ox: Any, oy: Any, oz: Any, paint_of: Any, place: int
+    coefficients: Any,
+    i: int,
+    count: int,
+    ox: Any,
+    oy: Any,
+    oz: Any,
+    weights: Any,
+    paint_of: Any,
+    place: int,
 ) -> None:
     """The colour along (ox, oy, oz), of `count` harmonics a channel; black if that is 0."""
-    weights = np.empty(16, np.float32)
     _basis(count, ox, oy, oz, weights)
     half = np.float32(0.5 if count else 0.0)
     red, green, blue = half, half, half
