@@ -245,8 +245,9 @@ class Renderer:
         is_colored = "color" in shown.channels or Skip.CHANNELS not in self._skips
         for owner, placed in enumerate(self._objects):
             harmonics = self._of(placed).harmonics if is_colored else 0
-            scene = (*_arrays(placed.gaussians), np.ascontiguousarray(placed.turn), placed.eye)
-            work = partial(project.project, *scene, *lens, (*skips, harmonics))
+            turn, last = np.ascontiguousarray(placed.turn), (*skips, harmonics)
+            given = (*_arrays(placed.gaussians), turn, placed.eye, *lens, last)
+            work = partial(project.project, *given)
             self._each(
                 partial(work, part, counts, np.empty(16, np.float32), *self._places)
                 for part in np.array_split(table[which & (owners == owner)], PARTS * self._threads)
