@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +23,7 @@ from splatbus_wire.poses import Pose
 
 from tests.splats.shots import HEIGHT, WIDTH, view_of
 
+ROOT = Path(__file__).parents[2]
 SCENE = made(2000)
 FRAME = 1.0 / 60.0
 
@@ -103,3 +107,30 @@ def test_where_only_an_object_moves_all_pixels_are_drawn(monkeypatch: pytest.Mon
 
 def test_without_the_skip_all_pixels_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [whole for _, whole in served(monkeypatch, looks(5), EXACT)] == [True] * 5
+
+
+PREPARED = """
+from splatbus_splats.drawing.kernels import blend, listing, project
+from splatbus_splats.drawing.processor import Processor
+from tests.splats.shots import view_of
+from tests.splats.test_moving import SCENE, FakeBus
+
+loops = [each for module in (blend, listing, project) for each in vars(module).values()]
+def count():
+    return sum(len(getattr(each, "signatures", ())) for each in loops)
+
+with Processor(2) as drawing:
+    drawing.prepare([SCENE])
+    before = count()
+    for is_moving in (True, False):
+        drawing.show(FakeBus({}, 0.0), view_of(), {"default": SCENE}, None, is_moving=is_moving)
+print(before, count())
+"""
+
+
+def test_what_is_prepared_compiles_nothing_any_more() -> None:
+    """In a process of its own, where nothing else has compiled what it needs."""
+    command = [sys.executable, "-c", PREPARED]
+    told = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    before, after = map(int, told.split())
+    assert before == after > 0

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import tracemalloc
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from splatbus_server.view import Intrinsics, View
 from splatbus_splats.drawing import renderer
 from splatbus_splats.drawing.definition import Image, placed
+from splatbus_splats.drawing.kernels import compiled
 from splatbus_splats.drawing.renderer import rendered
 from splatbus_splats.drawing.truth import at_pixels, truth
 from splatbus_splats.gaussians import Gaussians
@@ -248,6 +251,16 @@ def test_a_gaussian_at_the_cameras_very_centre_is_not_seen() -> None:
     np.testing.assert_array_equal(
         drawn(view_of(), {"default": scene}).color, drawn(view_of(), {"default": scene[1:]}).color
     )
+
+
+def test_what_was_compiled_with_other_numbers_is_forgotten(tmp_path: Path) -> None:
+    former, newer = tmp_path / "blend.nbi", tmp_path / "project.nbi"
+    former.touch()
+    newer.touch()
+    os.utime(former, (0, 0))
+    compiled._drop_older(tmp_path)
+    assert not former.exists()
+    assert newer.exists()
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 50])
