@@ -18,8 +18,8 @@ def brute(objects: list[Placed], intrinsics: Intrinsics, width: int, height: int
     """
     with Renderer(1, NOTHING) as renderer:
         image = renderer.draw(objects, intrinsics, width, height)
-        _, _, _, counts, z, shape, box, paint = renderer._places
-        begins = renderer._places.table[:, 3]
+        counts, begins = renderer._runs.counts, renderer._runs.table[:, 3]
+        z, shape, box, paint = renderer._places
         sums, is_open = renderer._pixels
     across, tiles = -(-width // TILE), len(sums)
     is_due = np.ones(tiles, np.bool_)
@@ -30,8 +30,9 @@ def brute(objects: list[Placed], intrinsics: Intrinsics, width: int, height: int
     places = listing.sorted_places(places, keys)
     starts = np.array((0, len(places)))
     blend.clear(is_due, sums, is_open, 0, tiles)
+    is_open_tile = is_due.copy()
     for tile in range(tiles):
         to = (shape, box, paint, tile, tile + 1, across, False, True, sums, is_open)
-        blend.blend(starts, places, is_due, *to)
+        blend.blend(starts, places, is_open_tile, *to)
     blend.put(across, is_due, sums, *image, 0, tiles)
     return image
