@@ -172,7 +172,10 @@ def _serve(options: argparse.Namespace) -> int:
 
     # What can be wrong without it is looked at before what takes long.
     size = options.size or SIZE
-    token = None if options.token_file is None else read_token(options.token_file)
+    try:
+        token = None if options.token_file is None else read_token(options.token_file)
+    except ValueError as error:
+        return _misused(error)
     sources = [source(each) for each in options.files]
     taken, where = _cameras(sources[0], options.cameras)
     objects = _load(sources, options)
@@ -208,8 +211,7 @@ def _serve(options: argparse.Namespace) -> int:
             token=token,
         )
     except ValueError as error:
-        print(f"{NAME}: {error}", file=sys.stderr)
-        return 2
+        return _misused(error)
     with bus:
         address = bus.address
         print(
@@ -220,6 +222,11 @@ def _serve(options: argparse.Namespace) -> int:
         render_until(stop, bus, scene, drawing, options.fps)
     logging.getLogger("splatbus_server").info("stopped: %s", bus.statistics)
     return 0
+
+
+def _misused(error: ValueError) -> int:
+    print(f"{NAME}: {error}", file=sys.stderr)
+    return 2
 
 
 def _served(

@@ -78,7 +78,7 @@ def render_until(
     """
     start, shown = time.monotonic(), scene.moment(None)
     plays, is_rough, found = scene.time_range is not None, False, 0.0
-    camera, moved, is_rendering = None, -math.inf, True
+    camera, moved = None, -math.inf
     while not stop.is_set():
         began = time.monotonic()
         changed = plays and scene.moment(shown_at(scene, None, began - start)) != shown
@@ -98,10 +98,8 @@ def render_until(
             shown = scene.moment(now)
             if is_other:
                 camera, moved = view.poses.camera, time.monotonic()
-        if view is not None or is_rendering:
-            stage = "idle" if view is None else "rendering"
-            bus.telemetry(stage=stage, render_ms=(drawing.milliseconds + 1e3 * found, "ms"))
-        is_rendering = view is not None
+        stage = "idle" if view is None else "rendering"
+        bus.telemetry(stage=stage, render_ms=(drawing.milliseconds + 1e3 * found, "ms"))
         stop.wait(max(0.0, began + 1.0 / fps - time.monotonic()) if view else 0.0)
 
 
