@@ -113,6 +113,10 @@ def main(argv: list[str] | None = None) -> int:
         message = f"{where}{error.strerror or error}"
     except MemoryError as error:
         message = f"memory is full: {error}"
+    except RuntimeError as error:
+        if type(error).__name__ != "OutOfMemoryError":  # PyTorch's, which may not be here
+            raise
+        message = "memory of the GPU is full: --cpu draws on the processor"
     except ValueError as error:
         message = str(error)
     print(f"{NAME}: {message}", file=sys.stderr)

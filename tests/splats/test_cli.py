@@ -293,3 +293,12 @@ def test_an_address_that_is_taken_is_no_matter_of_the_gpu(
     options = parser().parse_args([str(files[1]), "--skips", "usual"])
     assert cli._served(options, None, scene_of({}), 32, 24)[0] == "a bus"
     assert "drawn on the processor (no such memory)" in capsys.readouterr().err
+
+
+def test_a_full_gpu_is_said(
+    files: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full = type("OutOfMemoryError", (RuntimeError,), {})
+    monkeypatch.setattr(cli, "_serve", Mock(side_effect=full("CUDA out of memory")))
+    assert main([str(files[1])]) == 1
+    assert "memory of the GPU is full: --cpu" in capsys.readouterr().err
