@@ -188,7 +188,8 @@ class Bus:
 
         Args:
             timeout: seconds to wait; 0 returns at once.
-            contents_changed: the scene itself is not as it was in the image published last.
+            contents_changed: the scene itself is not as it was in the image published last, which
+                nobody is shown any more then, if nobody looks.
         """
         view = self._exchange.next_view(timeout, contents_changed)
         return view and replace(view, origin=self._session.scene.origin)
