@@ -356,14 +356,15 @@ def sentences(state: dict[str, Any]) -> list[str]:
 
 
 def differing(tasks: dict[str, Outcome]) -> Iterator[str]:
-    """The verdicts on our pair that hang on the seed."""
-    for name in PAIR:
-        for profile in PROFILES:
-            found = [
-                outcome["others"]
-                for task, outcome in tasks.items()
-                if task.startswith(f"our {name}, {profile}, ") and "others" in outcome
-            ]
+    """The verdicts on our pair that hang on the seed; an adapter's, beyond those of its axes."""
+    for name, profile in itertools.product(PAIR, PROFILES):
+        alike: dict[int, list[dict[str, str]]] = {}
+        for seed in PAIR_SEEDS:
+            outcome = tasks.get(f"our {name}, {profile}, seed {seed}", {})
+            if "others" in outcome:
+                axes = seed % len(AXES) if "{}" in PAIR[name][2] else 0
+                alike.setdefault(axes, []).append(outcome["others"])
+        for found in alike.values():
             for requirement in sorted(set().union(*found)):
                 told = [each.get(requirement, "pass") for each in found]
                 if len(set(told)) > 1:
