@@ -168,12 +168,6 @@ def _serve(options: argparse.Namespace) -> int:
         ImportError: the extra is not installed.
         KeyboardInterrupt: it is stopped before it is ready.
     """
-    why_not = "--cpu" if options.cpu else gpu.why_not()
-    if why_not:  # the processor draws, which needs an extra: better said before reading
-        import_module("splatbus_splats.drawing.processor")
-    if options.skips is None:
-        options.skips = USUAL
-
     # What can be wrong without it is looked at before what takes long.
     size = options.size or SIZE
     try:
@@ -182,6 +176,11 @@ def _serve(options: argparse.Namespace) -> int:
         return _misused(error)
     sources = [source(each) for each in options.files]
     taken, where = _cameras(sources[0], options.cameras)
+    why_not = "--cpu" if options.cpu else gpu.why_not()
+    if why_not:  # the processor draws, which needs an extra: better said before reading
+        import_module("splatbus_splats.drawing.processor")
+    if options.skips is None:
+        options.skips = USUAL
     objects = _load(sources, options)
     summary = [_summary(name, each) for name, each in objects.items()]
     if not any(each.part.most for each in objects.values()):

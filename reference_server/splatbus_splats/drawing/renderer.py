@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from functools import partial
-from itertools import accumulate
 from operator import le
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -353,14 +352,14 @@ def _places(room: int) -> _Places:
 
 def _runs(sizes: Sequence[int], rooms: Sequence[int]) -> _Runs:
     """Of objects that have so many Gaussians, each with room for some more, none projected."""
-    rows = [
-        (first, min(first + runs.LENGTH, size), begin + first, owner)
-        for owner, (size, begin) in enumerate(zip(sizes, accumulate((0, *rooms))))
-        for first in range(0, size, runs.LENGTH)
-    ]
-    firsts, lasts, begins, owners = np.array(rows, np.int64).reshape(-1, 4).T
-    table = np.stack((np.arange(len(rows)), firsts, lasts, begins), axis=1)
-    return _Runs(table, owners, np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int64))
+    each = [np.arange(0, size, runs.LENGTH) for size in sizes]
+    owners = np.repeat(np.arange(len(sizes)), np.array([len(part) for part in each], np.int64))
+    firsts = np.concatenate([np.empty(0, np.int64), *each])
+    lasts = np.minimum(firsts + runs.LENGTH, np.array(sizes, np.int64)[owners])
+    begins = np.cumsum((0, *rooms))[owners] + firsts
+    count = len(owners)
+    table = np.stack((np.arange(count), firsts, lasts, begins), axis=1)
+    return _Runs(table, owners, np.zeros(count, np.bool_), np.zeros(count, np.int64))
 
 
 def _are_alike(one: Placed, other: Placed) -> bool:
