@@ -50,7 +50,7 @@ class Exchange:
         poses: what the next image is to show.
         newest: the image published last in that memory.
         replaced: memory that was published in before and is not freed yet, oldest first.
-        shown: what the image published last shows; None if its scene has changed unseen.
+        shown: what the image published last shows; None if another is due, whatever it shows.
         lock: guards all of these.
         changed: notified when there may be something to render.
     """
@@ -194,6 +194,13 @@ class Exchange:
                 return image
             self._is_awaited = True
             return None
+
+    def renew(self, client: Hashable, memory: FrameMemory) -> None:
+        """Has a scene at rest rendered again for who was lent its newest image [IMG-25]."""
+        with self.lock:
+            if memory is self.memory and memory.ring.has_seen(client):
+                self.shown = None
+                self.changed.notify_all()
 
     def take_back(self, client: Hashable, image: Image) -> None:
         """Ends a lease."""

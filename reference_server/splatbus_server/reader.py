@@ -25,6 +25,7 @@ class Reader:
         told_at: when.
         wants: channels, from the newest `subscribe`.
         due: channels that it wanted when it began to wait for the next image, and may read of that.
+        readable: channels that it may read of the image that it was lent last [IMG-22].
         lease: the image that it holds.
         shown: serial of the newest camera pose whose image it was sent.
     """
@@ -36,6 +37,7 @@ class Reader:
     told_at: float = 0.0
     wants: frozenset[str] = BOTH
     due: frozenset[str] = BOTH
+    readable: frozenset[str] = BOTH
     lease: Image | None = None
     shown: int = 0
 
@@ -50,6 +52,11 @@ class Reader:
             self.opened.add(generation)
             self.due = self.wants
 
+    def take(self, image: Image) -> None:
+        """Notes that it holds an image."""
+        self.lease = image
+        self.readable = self.due
+
     def give_back(self) -> None:
         """Notes that it holds no image any more, and waits for the next."""
         self.lease = None
@@ -59,6 +66,11 @@ class Reader:
     def needs(self) -> frozenset[str]:
         """The channels that the next image for it has to hold [IMG-20]."""
         return self.wants if self.lease is not None else self.wants | self.due
+
+    @property
+    def lacks(self) -> bool:
+        """Whether it waits, and the image before lacked a channel for it [IMG-25]."""
+        return self.lease is None and not self.wants <= self.readable
 
     @property
     def late_at(self) -> float | None:

@@ -74,12 +74,16 @@ class Ring:
         """
         if client not in self.seen and len(self.seen) == self.clients:
             raise ValueError(f"the ring has slots for {self.clients} clients only [IMG-18]")
-        seen = self.seen.setdefault(client, -1)
-        if self.newest is None or client in self.held or seen == self.newest.seq:
+        self.seen.setdefault(client, -1)
+        if self.newest is None or client in self.held or self.has_seen(client):
             return None
         self.seen[client] = self.newest.seq
         self.held[client] = self.newest
         return self.newest
+
+    def has_seen(self, client: Hashable) -> bool:
+        """Whether it was lent the newest image."""
+        return self.newest is not None and self.seen.get(client) == self.newest.seq
 
     def release(self, client: Hashable, seq: int) -> None:
         """Ends the client's lease of that image.

@@ -175,6 +175,9 @@ class Session:
                 self.lend(connection, reader, memory)
         wanted: frozenset[str] = frozenset().union(*(r.needs for r in ready.values()))
         self.exchange.want(WITH_LEGACY if self._is_legacy_slot_seen(memory) else wanted, memory)
+        for connection, reader in ready.items():
+            if reader.lacks and connection.is_open:
+                self.exchange.renew(connection, memory)
         self.deadline = math.inf
         if self.exchange.replaced:
             self.end_who_keeps(now)
@@ -319,7 +322,7 @@ class Session:
         """Sends the newest image, if it is new for the client [IMG-3]."""
         image = self.exchange.lend(connection, memory, reader.needs)
         if image is not None:
-            reader.lease = image
+            reader.take(image)
             connection.send(reader.frame(image))
             self._statistics.frames_sent += 1
 

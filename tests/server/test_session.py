@@ -80,6 +80,62 @@ def test_depth_is_wanted_only_where_somebody_subscribes(stage: Stage) -> None:
     assert reader.frame()["seq"] == 2
 
 
+@pytest.mark.parametrize("is_alone", [True, False])
+def test_who_waits_and_subscribes_to_more_is_sent_two_images(stage: Stage, is_alone: bool) -> None:
+    """[IMG-25]: of the first, which was on its way already, it may not read what is new."""
+    reader = stage.connect()
+    reader.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
+    reader.hear()
+    if not is_alone:
+        stage.reader()  # so that the image that there is has depth
+    stage.publish()
+    reader.release(reader.frame())
+    assert stage.view() is None
+    reader.say({"type": "subscribe", "channels": ["color", "depth"]})
+    for seq in (2, 3):
+        stage.publish()
+        frame = reader.frame()
+        assert frame["seq"] == seq
+        assert stage.view() is None
+        reader.release(frame)
+    assert stage.view() is None
+
+
+@pytest.mark.parametrize("is_alone", [True, False])
+def test_who_subscribes_to_more_while_it_reads_is_sent_one_image(
+    stage: Stage, is_alone: bool
+) -> None:
+    """[IMG-25]"""
+    reader = stage.connect()
+    reader.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
+    reader.hear()
+    if not is_alone:
+        stage.reader()
+    stage.publish()
+    reader.say({"type": "subscribe", "channels": ["color", "depth"]})
+    if is_alone:
+        stage.publish()
+    assert stage.view() is None
+    reader.release(reader.frame())
+    if not is_alone:
+        stage.publish()
+    frame = reader.frame()
+    assert frame["seq"] == 2
+    reader.release(frame)
+    assert stage.view() is None
+
+
+def test_who_wants_what_it_could_read_before_is_sent_nothing(stage: Stage) -> None:
+    """[IMG-10, IMG-25]"""
+    reader = stage.reader()
+    stage.publish()
+    frame = reader.frame()
+    reader.say({"type": "subscribe", "channels": ["color"]})
+    reader.release(frame)
+    reader.say({"type": "subscribe", "channels": ["depth"]})
+    assert stage.view() is None
+
+
 def test_an_image_without_depth_is_not_sent_to_who_wants_it(stage: Stage) -> None:
     """[IMG-20]"""
     flat = stage.connect()

@@ -66,6 +66,7 @@ QUOTATIONS = {
     ("max_shm_name_chars", "MEM-7"): "1 to {} from",
     ("max_slots", "MEM-8"): "| `slots` | integer, 1…{} |",
     ("frame_seconds", "IMG-11"): "within {}",
+    ("frame_seconds", "IMG-25"): "within {}",
     ("last_words_seconds", "NEG-34"): "for at most {}",
     ("max_tag_chars", "CAM-1"): "1 to {}",
     ("min_lens", "CAM-4"): "| `fx`, `fy` | numbers from {} to",

@@ -103,7 +103,6 @@ class Window:
         self.conversation.follow(
             self.choices,
             taken and taken.camera,
-            taken and taken.channels,
             self.region()[2:] if is_seen else (0, 0),  # minimised, it is of no size
             now,
             wants_telemetry="Figures" in self.look.own.get("visible", ()),

@@ -24,7 +24,7 @@ from splatbus_wire.messages import (
 )
 from splatbus_wire.poses import Pose
 
-from splatbus_viewer.window.cameras import Eye, moved
+from splatbus_viewer.window.cameras import Eye
 from splatbus_viewer.window.choices import Choices
 from splatbus_viewer.window.figures import Course, Images, Telemetries
 
@@ -33,7 +33,6 @@ PATIENCE_SECONDS = 0.25
 REST_SECONDS = 0.2
 """A window that is being drawn larger asks for its size once it rests."""
 BUSY_SECONDS = 0.25
-NUDGE = 1e-5
 PING_SECONDS = 1.0
 
 
@@ -63,7 +62,7 @@ class Conversation:
         self._awaited: str | Pose | None = None
         self._told_objects: dict[str, Placement] = {}
         self._told_time: float | None = None
-        self._channels, self._subscribed_at = frozenset(("color", "depth")), 0.0
+        self._channels = frozenset(("color", "depth"))
         self._names: frozenset[str] | None = frozenset()
         self._pinged = 0.0
         self._wanted, self._wanted_since = (0, 0), 0.0
@@ -73,7 +72,6 @@ class Conversation:
         self,
         choices: Choices,
         camera: FrameCamera | None,
-        channels: frozenset[str] | None,
         size: tuple[int, int],
         now: float,
         *,
@@ -84,7 +82,6 @@ class Conversation:
         Args:
             choices: of the user; what a server answers with goes there too.
             camera: of the image that is shown, where it is known.
-            channels: that it has; None while there is none.
             size: that images are wanted in, pixels; (0, 0) for none in particular.
             now: seconds on the client's clock.
             wants_telemetry: whether somebody looks at the server's figures.
@@ -97,7 +94,9 @@ class Conversation:
             self._awaited = None
         if camera is not None and not choices.is_steering:
             choices.eye = choices.eye._replace(pose=camera.pose)
-        self._ask_for_channels(choices, channels, now)
+        if choices.channels != self._channels:
+            self._channels = choices.channels
+            self._session.subscribe(*self._channels)
         self._tell_camera(choices, camera, now)
         for name, placement in choices.objects.items():
             if self._told_objects.get(name) != placement:
@@ -168,21 +167,6 @@ class Conversation:
                 choices.moved_to(eye)
             elif not choices.is_steering:
                 choices.eye = eye
-
-    def _ask_for_channels(
-        self, choices: Choices, channels: frozenset[str] | None, now: float
-    ) -> None:
-        """Subscribe to what is shown; where no image comes with it, ask for one from beside.
-
-        A scene that rests has no other image to send than the one that lacks it [IMG-20], and none
-        for a pose that is the same [IMG-10]. Nobody sees a hundred-thousandth of the distance.
-        """
-        if choices.channels != self._channels:
-            self._channels, self._subscribed_at = choices.channels, now
-            self._session.subscribe(*self._channels)
-        lacks = channels is not None and not self._channels <= channels
-        if lacks and now >= max(self._subscribed_at, self._told_at) + PATIENCE_SECONDS:
-            choices.moved_to(moved(choices.eye, "fly", 0.0, 0.0, NUDGE * choices.eye.distance))
 
     def _tell_camera(self, choices: Choices, camera: FrameCamera | None, now: float) -> None:
         if not choices.is_steering:

@@ -22,10 +22,6 @@ from .sizes import Sizes
 from .wanted import Said, Wanted, said, shows
 
 _TURN_SECONDS = 0.05
-_FARTHER = 1 + 1e-6
-"""A far plane that is another one, and shows the same."""
-_DEPTH_SECONDS = 0.1
-"""How long depth is waited for before another image is asked for."""
 _TAG_SECONDS = 1.0
 """How long the tag of a pose is waited for before images are looked at for what they show."""
 
@@ -56,7 +52,6 @@ class Connection:
         self._sizes = Sizes()
         self._told = Said()
         self._channels = Wanted().channels  # a session begins with both
-        self._farther = False
         self._tags = (f"{secrets.token_hex(8)}-{n}" for n in itertools.count())
         self._tag_seen: str | None = None
         self._told_at = 0.0
@@ -186,28 +181,16 @@ class Connection:
         self._sizes.turn(session, wanted.size, time.monotonic())
         new = said(wanted, session.images, last=not self._sizes.under_way)
         try:
-            return self._say(session, self._seen_deep(session, wanted, new))
+            self._subscribe(session, wanted)
+            return self._say(session, new)
         except RuntimeError:
             return None  # the session has ended meanwhile
 
-    def _seen_deep(self, session: Session, wanted: Wanted, new: Said) -> Said:
-        """Subscribe to what is looked at, and return what is to be said so that it comes.
-
-        The first image after that may have been let go before, and is read as before [IMG-22]; of
-        a scene that stands still it is the last [IMG-10], unless something in it changes.
-        """
-        lenses = "intrinsics" in session.status.message.capabilities
-        channels = wanted.channels if lenses else Wanted().channels
-        if channels != self._channels:
-            session.subscribe(*channels)
-            self._channels, self._told_at = channels, time.monotonic()
-        image, age = self.image, time.monotonic() - self._told_at
-        lacking = image is not None and image.depth is None and wanted.depth
-        if lacking and age > _DEPTH_SECONDS:
-            self._farther = not self._farther
-        if new.lens is None or not self._farther:
-            return new
-        return new._replace(lens=new.lens._replace(far=new.lens.far * _FARTHER))
+    def _subscribe(self, session: Session, wanted: Wanted) -> None:
+        """Ask for depth only where it is looked at."""
+        if wanted.channels != self._channels:
+            session.subscribe(*wanted.channels)
+            self._channels = wanted.channels
 
     def _say(self, session: Session, new: Said) -> str | None:
         told, problems, tag = self._told, list(new.problems), None

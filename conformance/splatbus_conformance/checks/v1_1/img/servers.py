@@ -14,8 +14,10 @@ from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,
     beside,
     expect_shown,
+    fell_silent,
     frames_of,
     holding,
+    joined,
     pause_for_an_image,
     pinning,
 )
@@ -287,6 +289,45 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
                 seen, "no-frame", f"no frame came when the camera had moved while {moment}"
             )
         trial.delivered += 1
+
+
+@check(
+    "IMG-25",
+    observable="a frame after each release of a scene at rest, until one can be read as subscribed",
+    needs=(*LENDS, "capability:subscribe"),
+    given=lambda trial: nullcontext(trial.reading()),
+    cases=Cases(("waiting", "holding", "waiting beside another", "holding beside another")),
+)
+def check_shows_what_is_newly_subscribed_to(
+    trial: ServerTrial, connection: Connection, how: str
+) -> None:
+    """A reader of colour subscribes to depth too, while it waits or holds a frame, and nothing else
+    happens; another may read both, so that the newest image has depth already.
+    """
+    frames = frames_of(trial, connection)
+    other = joined(trial) if how.endswith("another") else None
+    trial.viewer.say(connection, {"type": "subscribe", "channels": ["color"]})
+    for _ in range(2):  # the first may have been on its way
+        expect_shown(trial, connection, trial.move())
+    held = pinning(trial, connection) if how.startswith("holding") else None
+    if how.startswith("holding") and held is None:
+        fell_silent(trial, connection, "no frame came when the camera moved")
+    quiet(trial, frames)
+    before, owed = len(frames), 1 if held else 2
+    trial.viewer.say(connection, {"type": "subscribe", "channels": ["color", "depth"]})
+    if held is not None:
+        trial.viewer.with_(connection).holds = False
+        trial.viewer.release(connection, held)
+    came = trial.grows(connection, frames, before + owed - 1, owed * FRAME_SECONDS)
+    trial.expect(
+        came,
+        "no-frame",
+        f"{len(frames) - before} of {owed} frames came when a reader had subscribed to depth too, "
+        f"{how}",
+    )
+    trial.delivered += 1
+    if other is not None:
+        other.close()
 
 
 @check(

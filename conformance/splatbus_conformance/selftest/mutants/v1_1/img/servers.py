@@ -154,6 +154,26 @@ def server_forgets_who_was_reading(patch: Patch) -> None:
     server.TAKES_IMAGE_BACK.wrap(patch, release)
 
 
+MORE = "check_shows_what_is_newly_subscribed_to"
+
+
+@mutant("IMG-25", check=MORE, code="no-frame")
+def server_lets_a_scene_rest(patch: Patch) -> None:
+    """Makes no image for a subscription, unless the newest lacks what is wanted."""
+    Seam(Exchange, "renew").replace(patch, lambda self, client, memory: None)
+
+
+@mutant("IMG-25", check=MORE, code="no-frame")
+def server_takes_the_first_image_for_readable(patch: Patch) -> None:
+    """Makes one image for a subscription, though a release from before it lets that be sent."""
+
+    def take(original: Any, self: Reader, image: Image) -> None:
+        original(self, image)
+        self.readable = self.wants
+
+    Seam(Reader, "take").wrap(patch, take)
+
+
 @mutant("IMG-21", check="check_writes_only_what_is_wanted", code="written-unwanted")
 def server_writes_both_always(patch: Patch) -> None:
     """Writes colour and depth, whatever its readers subscribe to."""
