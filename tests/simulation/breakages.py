@@ -83,6 +83,10 @@ def publishes_too_soon(self: Exchange, view: Any, time: float, fill: Any) -> boo
     return has_news
 
 
+def lets_it_rest(self: Exchange, client: Any, memory: Any) -> None:
+    """Who subscribes to more of a scene at rest is owed nothing."""
+
+
 def counts_anew(self: Exchange, former: Any, memory: Any, *other: Any, **named: Any) -> bool:
     """Numbers begin again when the size changes."""
     replaced = _REPLACE(self, former, memory, *other, **named)
@@ -202,6 +206,7 @@ BREAKAGES = {
     "a release forgets nothing": Breakage(Exchange, "take_back", takes_nothing_back, 0),
     "news of an image is lost": Breakage(Exchange, "publish", rings_for_nobody, 0),
     "an image is published too soon": Breakage(Exchange, "publish", publishes_too_soon, 0),
+    "a scene at rest owes nothing": Breakage(Exchange, "renew", lets_it_rest, 0),
     "seq begins anew after a resize": Breakage(Exchange, "replace", counts_anew, 0),
     "control is not passed on": Breakage(Control, "leave", keeps_control, 0),
     "who waits for control is forgotten": Breakage(Control, "move", forgets_who_waits, 0),

@@ -73,6 +73,7 @@ def serve(session: Session) -> None:
     clients = _welcome(session)
     _steer(session, clients)
     _ask(session, clients)
+    _subscribe(session)
     if clients and draw.random() < 0.5:
         _resize(session, clients)
     if len(clients) > 1:
@@ -234,6 +235,19 @@ def _ask(session: Session, clients: list[Client]) -> None:
         world.look("a question is answered", question is None or question.done(), question)
     for client in clients:
         world.look("figures come", client.value == 1e6, client.name, client.value)
+
+
+def _subscribe(session: Session) -> None:
+    """Who subscribes to other channels of a scene at rest is shown them."""
+    world, needs = session.world, {"frames", "subscribe"}
+    for _ in range(2):
+        readers = [c for c in _readers(session) if needs <= {*c.setting.capabilities}]
+        for client in readers:
+            client.subscribe()
+        world.run(world.now + SERVED_SECONDS)
+        for client in readers:
+            holds = client.wants <= client.read
+            world.look("who subscribes is shown it", holds, client.name, client.wants, client.read)
 
 
 def _resize(session: Session, clients: list[Client]) -> None:

@@ -158,6 +158,8 @@ class Client(Node):
     Attributes:
         seen: the number of the image that was read last, and of which server.
         shown: where the camera of that image is.
+        read: the channels that it read of that image.
+        wants: those that it wants.
         value: of telemetry, that came last.
         sent: where it has put the camera.
         has_lens: it has sent intrinsics, which are refused where the size has changed.
@@ -180,6 +182,8 @@ class Client(Node):
         self.is_running = True
         self.seen: tuple[Server | None, int] = (None, 0)
         self.shown: float | None = None
+        self.read: frozenset[str] = frozenset()
+        self.wants = self.setting.channels
         self.sent: float | None = None
         self.has_lens = False
         self.value: object = None
@@ -313,8 +317,16 @@ class Client(Node):
             told = picture.number, "and half", half, "of its", channel, "is of", found
             self.look("an image is whole", found == picture.number, *told)
         self.seen, self.shown = (server, picture.number), frame.camera.pose.position[0]
+        self.read = loan.channels
 
     # Steering
+
+    def subscribe(self) -> None:
+        """Reads other channels from now on."""
+        self.wants = self.world.random.choice(CHANNELS)
+        self.reading.subscribe(self.wants)
+        self.ipc.flush(self.clock())
+        self.wake()
 
     def act(self) -> None:
         """Does one of the things that a viewer's user does."""
@@ -335,9 +347,7 @@ class Client(Node):
         elif kind == "figures":
             self.tell(SubscribeTelemetry(draw.choice((None, frozenset({"value"})))))
         elif kind == "subscribe":
-            self.reading.subscribe(draw.choice(CHANNELS))
-            self.ipc.flush(self.clock())
-            self.wake()
+            self.subscribe()
         else:
             index = draw.randrange(9)
             requests: dict[str, Request] = {
