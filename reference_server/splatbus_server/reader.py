@@ -25,7 +25,7 @@ class Reader:
         told_at: when.
         wants: channels, from the newest `subscribe`.
         due: channels that it wanted when it began to wait for the next image, and may read of that.
-        readable: channels that it may read of the image that it was lent last [IMG-22].
+        readable: channels that it has wanted since it waited for the image lent last [IMG-25].
         lease: the image that it holds.
         shown: serial of the newest camera pose whose image it was sent.
     """
@@ -55,7 +55,7 @@ class Reader:
     def take(self, image: Image) -> None:
         """Notes that it holds an image."""
         self.lease = image
-        self.readable = self.due
+        self.readable = self.due & self.wants
 
     def give_back(self) -> None:
         """Notes that it holds no image any more, and waits for the next."""

@@ -316,6 +316,7 @@ class Session:
         if reader is None:
             return connection.complain(Refusal("unsupported", "there is no memory to read from"))
         reader.wants = channels
+        reader.readable &= channels
         return None
 
     def lend(self, connection: Connection, reader: Reader, memory: FrameMemory) -> None:
