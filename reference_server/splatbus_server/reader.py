@@ -25,7 +25,8 @@ class Reader:
         told_at: when.
         wants: channels, from the newest `subscribe`.
         due: channels that it wanted when it began to wait for the next image, and may read of that.
-        readable: channels that it has wanted since it waited for the image lent last [IMG-25].
+        kept: those of `due` that it has wanted ever since.
+        readable: those that it has wanted ever since it waited for the image lent last [IMG-25].
         lease: the image that it holds.
         shown: serial of the newest camera pose whose image it was sent.
     """
@@ -37,6 +38,7 @@ class Reader:
     told_at: float = 0.0
     wants: frozenset[str] = BOTH
     due: frozenset[str] = BOTH
+    kept: frozenset[str] = BOTH
     readable: frozenset[str] = BOTH
     lease: Image | None = None
     shown: int = 0
@@ -50,17 +52,23 @@ class Reader:
         """Notes that it has opened a generation, and waits for an image of that."""
         if generation not in self.opened:  # to say it again changes nothing
             self.opened.add(generation)
-            self.due = self.wants
+            self.due = self.kept = self.wants
+
+    def subscribe(self, channels: frozenset[str]) -> None:
+        """Notes what it wants from now on."""
+        self.wants = channels
+        self.kept &= channels
+        self.readable &= channels
 
     def take(self, image: Image) -> None:
         """Notes that it holds an image."""
         self.lease = image
-        self.readable = self.due & self.wants
+        self.readable = self.kept
 
     def give_back(self) -> None:
         """Notes that it holds no image any more, and waits for the next."""
         self.lease = None
-        self.due = self.wants
+        self.due = self.kept = self.wants
 
     @property
     def needs(self) -> frozenset[str]:

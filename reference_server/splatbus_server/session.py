@@ -315,8 +315,7 @@ class Session:
         reader = self.readers.get(connection)
         if reader is None:
             return connection.complain(Refusal("unsupported", "there is no memory to read from"))
-        reader.wants = channels
-        reader.readable &= channels
+        reader.subscribe(channels)
         return None
 
     def lend(self, connection: Connection, reader: Reader, memory: FrameMemory) -> None:

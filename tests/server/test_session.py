@@ -137,6 +137,17 @@ def test_who_wants_again_what_it_gave_up_is_sent_it(stage: Stage) -> None:
     assert stage.view() is not None
 
 
+def test_who_gives_up_and_wants_again_while_it_waits_is_sent_two_images(stage: Stage) -> None:
+    """[IMG-25]: it may read the first whole, and reads what it has wanted all the time."""
+    reader = stage.reader()
+    for channels in (["color"], ["color", "depth"]):
+        reader.say({"type": "subscribe", "channels": channels})
+    for _ in range(2):
+        stage.publish()
+        reader.release(reader.frame())
+    assert stage.view() is None
+
+
 def test_an_image_without_depth_is_not_sent_to_who_wants_it(stage: Stage) -> None:
     """[IMG-20]"""
     flat = stage.connect()
