@@ -68,7 +68,7 @@ namespace SplatBus
         public const int MaxShmNameChars = 30;
         /// <summary>Most slots of a ring, in slots [MEM-8].</summary>
         public const int MaxSlots = 1024;
-        /// <summary>Time within which an idle client is sent a newer image, in seconds [IMG-11].</summary>
+        /// <summary>Time within which an idle client is sent a newer image, in seconds [IMG-11, IMG-25].</summary>
         public const int FrameSeconds = 5;
         /// <summary>Time for which a server reads on after it has ended its side, in seconds [NEG-34].</summary>
         public const int LastWordsSeconds = 5;

@@ -74,7 +74,7 @@ inline constexpr std::int64_t max_reason_chars = 1024;
 inline constexpr std::int64_t max_shm_name_chars = 30;
 /// Most slots of a ring, in slots [MEM-8].
 inline constexpr std::int64_t max_slots = 1024;
-/// Time within which an idle client is sent a newer image, in seconds [IMG-11].
+/// Time within which an idle client is sent a newer image, in seconds [IMG-11, IMG-25].
 inline constexpr std::int64_t frame_seconds = 5;
 /// Time for which a server reads on after it has ended its side, in seconds [NEG-34].
 inline constexpr std::int64_t last_words_seconds = 5;
