@@ -29,6 +29,7 @@ from splatbus_wire.messages import (
 from splatbus_wire.negotiation import answer_hello
 from splatbus_wire.packet_reader import COMPLETION_SECONDS, PacketReader
 
+from splatbus_server.share import Share
 from splatbus_server.states import OPEN, TURNS, State, Turn
 
 REQUESTS = ("get_viewport_size", "get_camera_pose")
@@ -86,6 +87,7 @@ class Connection:
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
+        share: of the thread's time.
         rests_until: when what it sent after a long packet is looked at.
         is_known: it has sent something valid [CHN-25].
         state: in which of its states it is.
@@ -100,6 +102,7 @@ class Connection:
         self.welcome: Welcome | None = None
         self.ending: str | None = None
         self.is_held = False
+        self.share = Share()
         self.rests_until = -math.inf
         self.is_known = False
         self.state = State.NEW
@@ -119,8 +122,9 @@ class Connection:
     @property
     def deadline(self) -> float:
         """The moment at which to call `expire`; infinity if there is none."""
-        deadlines = (self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
-        return min(*deadlines, self.rests_until if self.is_resting else math.inf)
+        ends = (self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
+        rests = (self.share.rests_until, self.rests_until if self.is_resting else math.inf)
+        return min(*ends, *rests)
 
     @property
     def is_open(self) -> bool:
@@ -168,8 +172,21 @@ class Connection:
 
     @property
     def is_ready(self) -> bool:
-        """Whether what it sent can be looked at, as far as that hangs on this connection."""
-        return not self.is_held and not self.is_resting and len(self.unsent) <= FULL_BYTES
+        """Whether what it sent is looked at."""
+        rests = self.is_resting or self.share.is_resting
+        return not self.is_held and not rests and len(self.unsent) <= FULL_BYTES
+
+    def measure(self, now: float) -> None:
+        """Counts the time that a packet takes only while what comes is looked at [FRM-5]."""
+        if self.is_ready and self.is_open:
+            self.reader.go_on(now)
+        else:
+            self.reader.hold()
+
+    def charge(self, worked: float, resting: int, now: float) -> None:
+        """Takes it that the thread worked so long for it: see `Share.charge`."""
+        self.share.charge(worked, resting, now)
+        self.measure(now)
 
     @property
     def is_resting(self) -> bool:
@@ -189,8 +206,7 @@ class Connection:
     def go_on(self, now: float) -> None:
         """Has events again, of what was received meanwhile."""
         self.is_held = False
-        if not self.is_resting:
-            self.reader.go_on(now)
+        self.measure(now)
 
     def send(self, message: ServerMessage) -> None:
         """Queues a message."""
@@ -207,6 +223,7 @@ class Connection:
             self.abort(f"it left {len(self.unsent)} bytes unread [LIM-2]")
         elif count or self._send_by == math.inf:
             self._send_by = now + LIMITS["stalled_reader_seconds"]
+        self.measure(now)
 
     def end(self, reason: str, now: float) -> None:
         """Takes no more events; what is unsent still goes out."""
@@ -236,10 +253,10 @@ class Connection:
             )
         elif now >= self.hello_by:
             self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)
-        elif self.is_resting and now >= self.rests_until:
-            self.rests_until = -math.inf
-            if not self.is_held:
-                self.reader.go_on(now)
+        else:
+            self.share.expire(now)
+            self.rests_until = -math.inf if now >= self.rests_until else self.rests_until
+            self.measure(now)
 
     def abort(self, reason: str) -> None:
         """Ends without waiting for what is unsent."""

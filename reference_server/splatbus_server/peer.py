@@ -10,7 +10,6 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from splatbus_server.connection import Connection
-from splatbus_server.share import Share
 
 
 def has_hung_up(connection: socket.socket) -> bool:
@@ -33,7 +32,6 @@ class Peer:
         name: for the log.
         awaits: what the selector looks out for; nothing while it is not registered there.
         noted: how often was refused what, by the error's code.
-        share: of the thread's time.
         is_behind: it has sent more than was handled in its last turn.
         is_ending: the log says already why the connection ends.
         is_shut: the client has been told that nothing more will come.
@@ -44,7 +42,6 @@ class Peer:
     connection: Connection
     awaits: int = selectors.EVENT_READ
     noted: Counter[str] = field(default_factory=Counter)
-    share: Share = field(default_factory=Share)
     is_behind: bool = False
     is_shut: bool = False
     is_ending: bool = False
@@ -52,4 +49,4 @@ class Peer:
     @property
     def waits(self) -> bool:
         """Whether what it sends is not looked at for the time being."""
-        return self.is_behind or self.share.is_resting or not self.connection.is_ready
+        return self.is_behind or not self.connection.is_ready

@@ -94,11 +94,11 @@ class Service:
             self._ringer.close()
 
     def _turn(self) -> None:
-        deadlines = [min(p.connection.deadline, p.share.rests_until) for p in self.peers]
+        deadlines = [p.connection.deadline for p in self.peers]
         deadline = min([self._accept_from, self._session.deadline, *deadlines])
         now = time.monotonic()
         wait = None if deadline == math.inf else max(0.0, deadline - now)
-        if self._session.has_news or any(p.is_behind and self._is_due(p) for p in self.peers):
+        if self._session.has_news or any(map(self._is_due, self.peers)):
             wait = 0.0
         for key, _ in self.selector.select(wait):
             key.data()
@@ -118,19 +118,17 @@ class Service:
         for peer in self.peers:
             if now >= peer.connection.deadline:
                 peer.connection.expire(now)
-            if now >= peer.share.rests_until:
-                peer.share.expire(now)
                 peer.is_behind = True
         if now >= self._session.deadline:
             self._session.has_news = True
 
     def _hear_on(self) -> None:
         """Goes on with what clients sent that had to wait."""
-        for peer in [p for p in self.peers if p.is_behind and self._is_due(p)]:
+        for peer in list(filter(self._is_due, self.peers)):
             self._guarded(peer, self._handle_all)
 
     def _is_due(self, peer: Peer) -> bool:
-        return peer.connection.is_ready and not peer.share.is_resting
+        return peer.is_behind and peer.connection.is_ready
 
     def _begin_anew(self) -> None:
         """Ends all connections, whatever state they are in."""
@@ -266,16 +264,16 @@ class Service:
         try:
             work(peer)
             if peer in self.peers:
-                self._charge(peer.share, clock() - began)
+                self._charge(peer.connection, clock() - began)
                 self.flush(peer, time.monotonic())
         except Exception:
             log.exception("%s: dropped because of a defect of this server", peer.name)
             if peer in self.peers:
                 self.drop(peer)
 
-    def _charge(self, share: Share, worked: float) -> None:
-        resting = sum(peer.share.is_resting for peer in self.peers)
-        share.charge(worked, resting, time.monotonic())
+    def _charge(self, whom: Connection | Share, worked: float) -> None:
+        resting = sum(peer.connection.share.is_resting for peer in self.peers)
+        whom.charge(worked, resting, time.monotonic())
 
     def _read(self, peer: Peer) -> None:
         if peer.connection.input_ended or peer.waits:

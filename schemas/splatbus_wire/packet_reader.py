@@ -65,5 +65,6 @@ class PacketReader:
 
     def go_on(self, now: float) -> None:
         """Measure the peer's time again, from now on."""
-        self._is_held = False
-        self.deadline = now + COMPLETION_SECONDS
+        if self._is_held:
+            self._is_held = False
+            self.deadline = now + COMPLETION_SECONDS if self.incomplete else math.inf

@@ -127,6 +127,36 @@ def test_who_does_not_read_is_not_heard_before_it_does() -> None:
     assert len(events(connection, REQUEST)) == 2
 
 
+def test_half_a_packet_is_not_late_while_the_server_does_not_look() -> None:
+    """[FRM-5] Neither behind replies that are not read nor in a rest of the client's share."""
+    connection = Connection("msg", OPEN, 0.0)
+    events(connection, REQUEST[:5])
+    connection.unsent += bytes(FULL_BYTES + 100)
+    for second in range(20):
+        connection.sent(0 if second % 4 else 1, float(second))
+        connection.expire(float(second))
+    assert connection.is_open
+    connection.sent(100, 20.0)
+    assert connection.reader.deadline == 20.0 + LIMITS["packet_completion_seconds"]
+    connection.sent(len(connection.unsent), 20.0)
+    connection.charge(1.0, 0, 21.0)
+    assert connection.deadline == connection.share.rests_until > 31.0
+    assert events(connection, REQUEST[5:], 40.0) == []
+    connection.expire(connection.deadline)
+    assert connection.next_event(41.0) == GetViewportSize()
+    assert connection.next_event(41.0) is None
+    assert connection.deadline == math.inf
+
+
+def test_time_begins_with_a_packet_not_with_the_end_of_a_rest() -> None:
+    """[FRM-5, CHN-9]"""
+    connection = Connection("msg", OPEN, 0.0)
+    connection.unsent += bytes(FULL_BYTES + 1)
+    connection.sent(0, 0.0)
+    connection.sent(FULL_BYTES + 1, 1.0)
+    assert connection.deadline == math.inf
+
+
 @pytest.mark.parametrize(
     ("message", "known"),
     [(hello(), True), ({"type": "get_viewport_size"}, True), (camera_pose(), True), (b"{}", False)],

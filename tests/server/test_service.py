@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import socket
 import threading
 import time
@@ -11,6 +12,7 @@ import pytest
 import splatbus_server
 from splatbus_schemas import LIMITS
 from splatbus_server import connection as connection_module
+from splatbus_server import share
 from splatbus_server.peer import Peer
 from splatbus_server.service import Service
 from splatbus_wire import packet_reader
@@ -114,9 +116,11 @@ def test_a_packet_that_is_never_complete_ends_its_connection(
 
 @pytest.mark.usefixtures("short_limits")
 def test_a_client_that_never_reads_is_closed_and_costs_the_others_nothing(
-    bus: splatbus_server.Bus, caplog: pytest.LogCaptureFixture
+    bus: splatbus_server.Bus, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """[LIM-2, CHN-14]"""
+    # With rests, the system's buffers, some megabytes, would take ten seconds and more to be full.
+    monkeypatch.setattr(share, "BURST_SECONDS", math.inf)
     caplog.set_level(logging.INFO)
     flood = packet({"type": "get_camera_pose", "cam_idx": 0}) * 1000
     stop = threading.Event()
