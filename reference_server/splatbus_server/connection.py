@@ -88,7 +88,6 @@ class Connection:
         ending: why no more is read from this connection; None while it is served.
         is_held: it has a request whose reply takes time; what it sent after that waits [NEG-29].
         share: of the thread's time.
-        rests_until: when what it sent after a long packet is looked at.
         is_known: it has sent something valid [CHN-25].
         state: in which of its states it is.
         reader: what was received, as packets.
@@ -103,7 +102,6 @@ class Connection:
         self.ending: str | None = None
         self.is_held = False
         self.share = Share()
-        self.rests_until = -math.inf
         self.is_known = False
         self.state = State.NEW
         self._terms = terms
@@ -123,8 +121,7 @@ class Connection:
     def deadline(self) -> float:
         """The moment at which to call `expire`; infinity if there is none."""
         ends = (self.hello_by, self.reader.deadline, self._send_by, self.linger_until)
-        rests = (self.share.rests_until, self.rests_until if self.is_resting else math.inf)
-        return min(*ends, *rests)
+        return min(*ends, self.share.rests_until)
 
     @property
     def is_open(self) -> bool:
@@ -161,7 +158,8 @@ class Connection:
             return refusal
         if payload is not None:
             if len(payload) > LONG_BYTES:
-                self.rest(now + REST_SECONDS * len(payload) / MAX_PAYLOAD_BYTES)
+                self.share.rest(now + REST_SECONDS * len(payload) / MAX_PAYLOAD_BYTES)
+                self.measure(now)
             event = self.understand(payload, now)
             self.is_known = self.is_known or not isinstance(event, Refusal)
             return event
@@ -173,8 +171,7 @@ class Connection:
     @property
     def is_ready(self) -> bool:
         """Whether what it sent is looked at."""
-        rests = self.is_resting or self.share.is_resting
-        return not self.is_held and not rests and len(self.unsent) <= FULL_BYTES
+        return not (self.is_held or self.share.is_resting or len(self.unsent) > FULL_BYTES)
 
     def measure(self, now: float) -> None:
         """Counts the time that a packet takes only while what comes is looked at [FRM-5]."""
@@ -187,16 +184,6 @@ class Connection:
         """Takes it that the thread worked so long for it: see `Share.charge`."""
         self.share.charge(worked, resting, now)
         self.measure(now)
-
-    @property
-    def is_resting(self) -> bool:
-        """Whether what it sent after a long packet waits."""
-        return self.rests_until > -math.inf
-
-    def rest(self, until: float) -> None:
-        """Has no more events until then, so that whoever sends long packets holds up few others."""
-        self.rests_until = until
-        self.reader.hold()
 
     def hold(self) -> None:
         """Has no more events until it is told to `go_on`."""
@@ -237,7 +224,8 @@ class Connection:
 
     def complain(self, refusal: Refusal) -> Refusal:
         """Sends it as an `error`, where the client has said hello [NEG-22]; returns it."""
-        self.send_error(refusal.code, refusal.reason, refusal.pointer, refusal.id)
+        if self.welcome is not None:
+            self.send(error_message(*refusal))
         return refusal
 
     def expire(self, now: float) -> None:
@@ -255,7 +243,6 @@ class Connection:
             self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)
         else:
             self.share.expire(now)
-            self.rests_until = -math.inf if now >= self.rests_until else self.rests_until
             self.measure(now)
 
     def abort(self, reason: str) -> None:
@@ -317,15 +304,8 @@ class Connection:
             self.send(error_message(error.code, str(error), error.pointer))
             self.end("a hello that breaks NEG-2 [NEG-35]", now)
         is_request = self.channel == "msg" and kind in REQUESTS_1_1
-        self.send_error(error.code, str(error), error.pointer, request if is_request else None)
-        return Refusal(error.code, str(error))
-
-    def send_error(
-        self, code: str, text: str, pointer: str | None = None, request: int | None = None
-    ) -> None:
-        """Queues an `error`, where the client has said hello [NEG-22]."""
-        if self.welcome is not None:
-            self.send(error_message(code, text, pointer, request))
+        answered = request if is_request else None
+        return self.complain(Refusal(error.code, str(error), error.pointer, answered))
 
 
 def error_message(

@@ -48,8 +48,6 @@ from splatbus_server.steering import objection, within
 from splatbus_server.telemetry import Readings
 from splatbus_server.viewport import Viewport
 
-__all__ = ["CAPABILITIES", "MESSAGE_CAPABILITIES", "Reader", "Session"]
-
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 """What this server can do on the IPC channel; `cuda_ipc` takes the place of `host_shm` where its
 memory is on a GPU."""
@@ -142,7 +140,7 @@ class Session:
         connection.abort("it was lost")  # a wish of it may be under way, and is nobody's now
         self.told_busy.discard(connection)
         self.control.leave(connection)
-        self.viewport.leave(connection)
+        self.viewport.askers.discard(connection)
         self.readings.unsubscribe(connection)
         reader = self.readers.pop(connection, None)
         if reader is not None:
@@ -183,7 +181,7 @@ class Session:
             self.end_who_keeps(now)
             self.free_replaced(now)
         if self.viewport.is_left_over and self.can_all_follow:
-            self.viewport.go_back()
+            self.viewport.begin(None, SetViewport(*self.exchange.own_size))
         self.readings.pass_on()
 
     def _is_legacy_slot_seen(self, memory: FrameMemory) -> bool:

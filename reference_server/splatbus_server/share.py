@@ -54,7 +54,11 @@ class Share:
         self._worked = max(0.0, self._worked - (now - self._at) / slowness) + worked
         self._at = now
         if self._worked > BURST_SECONDS:
-            self.rests_until = now + (self._worked - BURST_SECONDS) * slowness + SHORTEST_SECONDS
+            self.rest(now + (self._worked - BURST_SECONDS) * slowness + SHORTEST_SECONDS)
+
+    def rest(self, until: float) -> None:
+        """Rests until then, or for longer where it does already."""
+        self.rests_until = max(until, self.rests_until) if self.is_resting else until
 
     def expire(self, now: float) -> None:
         """Ends a rest that is over."""

@@ -95,14 +95,6 @@ class Viewport:
         self.begin(asker, request)
         asker.hold()
 
-    def leave(self, asker: Connection) -> None:
-        """Notes that a connection has ended."""
-        self.askers.discard(asker)
-
-    def go_back(self) -> None:
-        """Begins to make images as large as the renderer has them itself."""
-        self.begin(None, SetViewport(*self.exchange.own_size))
-
     @property
     def is_left_over(self) -> bool:
         """Whether nobody is there any more who asked for the size that images have."""
@@ -114,7 +106,7 @@ class Viewport:
         )
 
     def begin(self, asker: Connection | None, request: SetViewport) -> None:
-        """Has memory made of another size."""
+        """Has memory made of another size, which a client asked for or the renderer had."""
         self.change = Change(asker, request, self.exchange.memory)
         self.chores.append(self.change.allocate)
 

@@ -98,7 +98,7 @@ def test_who_sends_long_packets_rests_so_that_others_need_not() -> None:
     longest = LIMITS["max_payload_bytes"]
     (pose,) = events(connection, long_pose(longest) + REQUEST + REQUEST[:5], 1.0)
     assert isinstance(pose, CameraPose)
-    assert connection.is_resting
+    assert connection.share.is_resting
     assert connection.deadline == 1.0 + REST_SECONDS
     connection.expire(1.0 + REST_SECONDS)
     assert isinstance(connection.next_event(1.0 + REST_SECONDS), GetViewportSize)
