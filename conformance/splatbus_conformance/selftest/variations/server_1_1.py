@@ -20,6 +20,7 @@ from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import renderer, server
 from splatbus_conformance.selftest.faults.surgery import Json, messages, of_type
 from splatbus_conformance.selftest.mutant import variation
+from splatbus_conformance.selftest.mutants.v1_1.ctl import unsaid
 from splatbus_conformance.selftest.mutants.v1_1.neg.servers import (
     announces_cuda_memory,
     at_once,
@@ -59,13 +60,7 @@ def server_announces_cuda_memory(patch: Patch) -> None:
 def server_reports_nothing_that_it_need_not(patch: Patch) -> None:
     """Ignores what is broken without a word, but for requests."""
 
-    def send_error(
-        original: Any, self: Connection, code: str, text: str, pointer: Any = None, id: Any = None
-    ) -> None:
-        if code not in NEEDLESS:
-            original(self, code, text, pointer, id)
-
-    server.SENDS_ERROR.wrap(patch, send_error)
+    unsaid(patch, *NEEDLESS)
 
 
 @variation()

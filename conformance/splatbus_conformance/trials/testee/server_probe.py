@@ -62,6 +62,8 @@ class ServerFacts:
     """That image is of the scene of `conformance/SCENE.md`."""
     scene: Json | None = None
     """The reply to `get_scene`."""
+    errs: bool = False
+    """It answered a `hello` by an `error` that only who speaks 1.1 has."""
     unauthorized: bool = False
     """It requires a token that it was not given."""
     guarded: bool = False
@@ -92,7 +94,7 @@ class ServerFacts:
 
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""
-        return "1.1" if any(self.welcome.values()) or self.unauthorized else "1.0"
+        return "1.1" if any(self.welcome.values()) or self.errs else "1.0"
 
     def capabilities(self, channel: Channel = "ipc") -> list[str]:
         """What it granted on a channel to a client that offered everything."""
@@ -220,6 +222,7 @@ def _greet(connection: Connection, peer: Peer, viewer: ScriptedClient, facts: Se
     peer.until(lambda: dealings.welcome or connection.ended, REPLY_SECONDS)
     facts.welcome[channel] = dealings.welcome
     facts.unauthorized |= "unauthorized" in dealings.errors()
+    facts.errs |= any(map(_is_of_1_1, dealings.heard))
     if channel == "ipc" and dealings.welcome:
         peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)
         peer.pump(WHOLE_SECONDS)
@@ -302,6 +305,14 @@ def reach(peer: Peer, testee: Testee, channel: Channel, seconds: float) -> Conne
 
     peer.until(tried, seconds)
     return found[0] if found else None
+
+
+def _is_of_1_1(message: Json) -> bool:
+    """An error of who speaks 1.1, which 1.0 has none of; a later version would not list it."""
+    is_other = message.get("code") == "unsupported_version"
+    return message.get("type") == "error" and not (
+        is_other and "1.1" not in texts(message.get("supported"))
+    )
 
 
 def _first(dealings: DialledConnection) -> CapturedFrame | None:

@@ -18,14 +18,13 @@ PASSES = "check_control_passes_with_the_newest_poses"
 ENDS, REFUSED = "check_lens_and_time_end_with_their_client", "check_refused_poses_count_for_nothing"
 
 
-def unsaid(patch: Patch, code: str) -> None:
-    """Do what calls for this error, and do not say so."""
+def unsaid(patch: Patch, *codes: str) -> None:
+    """Do what calls for these errors, and do not say so."""
 
-    def send_error(original: Any, self: Connection, said: str, *more: Any) -> None:
-        if said != code:
-            original(self, said, *more)
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        return refusal if refusal.code in codes else original(self, refusal)
 
-    server.SENDS_ERROR.wrap(patch, send_error)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("CTL-1", check=TOLD, code="not-told-busy")

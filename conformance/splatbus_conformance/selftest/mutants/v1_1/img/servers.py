@@ -6,7 +6,8 @@ from typing import Any
 from splatbus_server.connection import Connection
 from splatbus_server.exchange import BOTH, Exchange, Image
 from splatbus_server.memory import Memory
-from splatbus_server.session import Reader, Session
+from splatbus_server.reader import Reader
+from splatbus_server.session import Session
 from splatbus_wire.messages import OpenFailed, Release, SetTime
 
 from splatbus_conformance.selftest.faults.patching import Patch

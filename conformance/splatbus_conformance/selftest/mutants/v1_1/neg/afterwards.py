@@ -36,14 +36,15 @@ def server_greets_only_who_greets_first(patch: Patch) -> None:
 def server_has_enough_of_errors(patch: Patch) -> None:
     """Closes a connection after a hundred errors."""
 
-    def send_error(original: Any, self: Connection, *arguments: Any) -> None:
-        original(self, *arguments)
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        original(self, refusal)
         counted[self] += 1
         if counted[self] == 100:
             self.end("enough", 0.0)
+        return refusal
 
     counted: Counter[Connection] = Counter()
-    server.SENDS_ERROR.wrap(patch, send_error)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("NEG-28", check="check_answers_repeat_an_id_that_was_used", code="wrong-id")

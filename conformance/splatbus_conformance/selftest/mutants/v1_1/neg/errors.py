@@ -1,5 +1,6 @@
 """Mutants that break NEG: their errors, and their replies after `hello`."""
 
+from collections.abc import Callable
 from typing import Any
 
 from splatbus_server import connection as connections
@@ -13,6 +14,7 @@ from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.faults.surgery import messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_1.ctl import unsaid
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS
 
@@ -20,12 +22,11 @@ from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS
 def reports_to_all(patch: Patch) -> None:
     """Send each error, whether or not there was a hello."""
 
-    def send_error(
-        original: Any, self: Connection, code: str, text: str, pointer: Any = None, id: Any = None
-    ) -> None:
-        self.send(ErrorMessage(code, text[:1000], id=id, pointer=pointer))
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Refusal:
+        self.send(connections.error_message(*refusal))
+        return refusal
 
-    server.SENDS_ERROR.wrap(patch, send_error)
+    server.COMPLAINS.wrap(patch, complain)
 
 
 @mutant("NEG-22", check="check_reports_nothing_before_hello", code="before-hello")
@@ -52,6 +53,17 @@ def server_points_without_a_slash(patch: Patch) -> None:
     messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))
 
 
+def says_twice(patch: Patch, such: Callable[[str], bool]) -> None:
+    """Send each error of such a code twice."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        if such(refusal.code):
+            original(self, refusal)
+        return original(self, refusal)
+
+    server.COMPLAINS.wrap(patch, complain)
+
+
 @mutant("NEG-23", code="bad-string", through="NEG-26")
 def server_reports_at_length(patch: Patch) -> None:
     """Says more than 1,024 characters."""
@@ -62,11 +74,7 @@ def server_reports_at_length(patch: Patch) -> None:
 def server_reports_what_it_answers_twice(patch: Patch) -> None:
     """Says twice what is wrong with a request."""
 
-    def send_error(original: Any, self: Connection, code: str, *more: Any, **named: Any) -> None:
-        for _ in range(2 if code not in CLOSING_ERRORS else 1):
-            original(self, code, *more, **named)
-
-    server.SENDS_ERROR.wrap(patch, send_error)
+    says_twice(patch, lambda code: code not in CLOSING_ERRORS)
 
 
 @mutant("NEG-25", check="check_closes_after_an_error_that_ends", code="waits")
@@ -86,11 +94,7 @@ def server_reads_on_after_a_bad_header(patch: Patch) -> None:
 def server_repeats_its_last_error(patch: Patch) -> None:
     """Says twice why it closes."""
 
-    def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
-        for _ in range(2 if code in CLOSING_ERRORS else 1):
-            original(self, code, *more)
-
-    server.SENDS_ERROR.wrap(patch, send_error)
+    says_twice(patch, lambda code: code in CLOSING_ERRORS)
 
 
 @mutant("NEG-26", check="check_goes_on_after_an_error", code="no-longer-served")
@@ -157,11 +161,7 @@ def server_answers_backwards(patch: Patch) -> None:
 def server_keeps_quiet_about_rotations(patch: Patch) -> None:
     """Drops a pose whose quaternion is no rotation without a word."""
 
-    def send_error(original: Any, self: Connection, code: str, *more: Any) -> None:
-        if code != "invalid_rotation":
-            original(self, code, *more)
-
-    server.SENDS_ERROR.wrap(patch, send_error)
+    unsaid(patch, "invalid_rotation")
 
 
 @mutant("NEG-32", check="check_reports_what_is_no_rotation", code="ignores")

@@ -5,7 +5,8 @@ from typing import Any
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
-from splatbus_server.session import Reader, Session
+from splatbus_server.reader import Reader
+from splatbus_server.session import Session
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import CudaMemory, LegacyBuffers
 from splatbus_wire.messages import (
@@ -93,6 +94,18 @@ def server_wants_to_know_who_says_hello(patch: Patch) -> None:
             raise ProtocolError("invalid_message", "who is there?", requirement="NEG-2")
         given: Answer = usual(hello)
         return given
+
+    greets(patch, answer)
+
+
+@mutant("NEG-6", code="version-in-common", through="NEG-33")
+def server_takes_the_versions_that_it_lacks(patch: Patch) -> None:
+    """Looks for a version that it does not speak, and refuses whoever lists only those it does."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        strange = [it for it in hello.versions if it not in terms["versions"]]
+        given: Answer = usual(hello._replace(versions=("1.1",) if strange else ("0.0",)))
+        return given._replace(version=strange[0]) if isinstance(given, Welcome) else given
 
     greets(patch, answer)
 
