@@ -80,6 +80,14 @@ class Adapter:
             return {"seq": None}
         return {"seq": image.seq, "color": _sha256(image.color), "depth": _sha256(image.depth)}
 
+    def frame(self) -> Json:
+        image = self._mirror.newest
+        if image is None or image.camera is None:
+            return {"seq": None}
+        camera = {**image.camera._asdict(), **self._told(self._camera, image.camera.pose)}
+        objects = [{**it._asdict(), **self._told(self._object, it.pose)} for it in image.objects]
+        return {"seq": image.seq, "camera": camera, "time": image.time, "objects": objects}
+
     def composite(self, color: list[float], depth: float | str, at: list[list[int]]) -> Json:
         image = self._mirror.newest
         if image is None or image.color is None or image.depth is None:
@@ -92,7 +100,10 @@ class Adapter:
     def _reply(self, reply: Any) -> Json:
         if not isinstance(reply, Pose):
             return {"width": reply[0], "height": reply[1]}
-        return (self._camera.from_wire(reply) if self._camera else reply)._asdict()
+        return self._told(self._camera, reply)
+
+    def _told(self, engine: Engine | None, pose: Pose) -> Json:
+        return (engine.from_wire(pose) if engine else pose)._asdict()
 
     def _watch(self) -> None:
         questions = Questions(self._session)

@@ -22,6 +22,7 @@ class Copied(NamedTuple):
         camera: what it was rendered with; None where a server of 1.0 does not say.
         semantics: how its numbers are meant.
         objects: where objects were in it, as far as they were moved.
+        time: in the scene, seconds.
     """
 
     seq: int
@@ -30,6 +31,7 @@ class Copied(NamedTuple):
     camera: FrameCamera | None
     semantics: Semantics
     objects: tuple[Placement, ...] = ()
+    time: float = 0.0
 
 
 class Mirror:
@@ -70,4 +72,4 @@ def copy_of(lease: FrameLease) -> Copied:
     color = lease.copy("color") if "color" in lease.channels else None
     depth = lease.copy("depth") if "depth" in lease.channels else None
     camera = lease.camera if lease.has_camera else None
-    return Copied(lease.seq, color, depth, camera, lease.semantics, lease.objects)
+    return Copied(lease.seq, color, depth, camera, lease.semantics, lease.objects, lease.time)

@@ -27,10 +27,10 @@ using namespace splatbus;
 
 /// A copy of an image, rows from the bottom up.
 struct Image {
-  std::int64_t seq = 0, width = 0, height = 0;
+  std::int64_t width = 0, height = 0;
   std::vector<float> color, depth;  ///< empty where they were not subscribed to
   Semantics semantics;
-  FrameCamera camera;
+  Frame frame;
 
   /// Of the pixel in this column from the left and row from the top.
   std::size_t index(std::int64_t column, std::int64_t row) const { return static_cast<std::size_t>((height - 1 - row) * width + column); }
@@ -55,7 +55,7 @@ class Adapter {
     out_.member("unitsPerMetre", std::int64_t{axes_ == "unreal" ? 100 : 1});
     out_.member("precision", "double");
     out_.name("can");
-    out_.texts(std::array<std::string_view, 10>{"start", "stop", "send_camera", "send_object", "ask", "subscribe", "init_packet", "pixels", "digest", "composite"});
+    out_.texts(std::array<std::string_view, 11>{"start", "stop", "send_camera", "send_object", "ask", "subscribe", "init_packet", "pixels", "digest", "frame", "composite"});
     end_line();
   }
 
@@ -89,6 +89,7 @@ class Adapter {
     const std::optional<Image> image = newest();
     if (name == "pixels") return pixels(image, *command.member("at"));
     if (name == "digest") return digest(image);
+    if (name == "frame") return frame(image);
     if (name == "composite") return composite(image, command);
     return "no such command";
   }
@@ -113,7 +114,7 @@ class Adapter {
     FrameLease lease = client_->take_frame(std::chrono::milliseconds(100));
     if (!lease) return;
     Image copy;
-    copy.seq = lease.frame().seq;
+    copy.frame = lease.frame();
     copy.width = lease.packet().meta.w;
     copy.height = lease.packet().meta.h;
     const auto pixels = static_cast<std::size_t>(copy.width * copy.height);
@@ -125,7 +126,6 @@ class Adapter {
       if (lease.depth() != nullptr) copy.depth.assign(lease.depth(), lease.depth() + pixels);
     }
     copy.semantics = lease.packet().semantics;
-    copy.camera = lease.frame().camera;
     const bool is_good = lease.is_still_lent();
     lease = FrameLease();  // which waits for the stream
     if (!is_good) return;
@@ -191,12 +191,15 @@ class Adapter {
       out_.member("width", size->viewport_size[0]);
       out_.member("height", size->viewport_size[1]);
     } else if (const auto* camera = std::get_if<Camera>(&replied.reply)) {
-      const Pose wire{camera->position, camera->rotation};
-      const Pose pose = axes_ == "unreal" ? unreal::from_wire(wire) : axes_ == "opengl" ? opengl::from_wire(wire) : wire;
-      list("position", pose.position);
-      list("rotation", pose.rotation);
+      tell({camera->position, camera->rotation});
     }
     out_.end_object();
+  }
+
+  void tell(const Pose& wire) {
+    const Pose pose = axes_ == "unreal" ? unreal::from_wire(wire) : axes_ == "opengl" ? opengl::from_wire(wire) : wire;
+    list("position", pose.position);
+    list("rotation", pose.rotation);
   }
 
   const char* subscribe(Value channels) {
@@ -260,6 +263,35 @@ class Adapter {
     return nullptr;
   }
 
+  const char* frame(const std::optional<Image>& image) {
+    if (!seq(image)) return nullptr;
+    const FrameCamera& camera = image->frame.camera;
+    out_.name("camera");
+    out_.begin_object();
+    tell(Pose{camera.position, camera.rotation});
+    out_.member("fx", camera.fx);
+    out_.member("fy", camera.fy);
+    out_.member("cx", camera.cx);
+    out_.member("cy", camera.cy);
+    out_.member("width", camera.width);
+    out_.member("height", camera.height);
+    out_.member("near", camera.near_);
+    out_.member("far", camera.far_);
+    out_.end_object();
+    out_.member("time", image->frame.time);
+    out_.name("objects");
+    out_.begin_array();
+    for (const Placement& each : image->frame.objects.value_or(std::vector<Placement>{})) {
+      out_.begin_object();
+      out_.member("object", each.object);
+      tell(Pose{each.position, each.rotation});
+      out_.member("scale", each.scale);
+      out_.end_object();
+    }
+    out_.end_array();
+    return nullptr;
+  }
+
   const char* composite(const std::optional<Image>& image, Value command) {
     if (!image || image->color.empty() || image->depth.empty()) {
       seq(std::nullopt);
@@ -274,7 +306,7 @@ class Adapter {
     out_.name("color");
     at_each(*image, *command.member("at"), [&](std::size_t at, std::int64_t column, std::int64_t row) {
       const float* color = &image->color[4 * at];
-      const float depth = planar_depth(image->depth[at], color[3], image->semantics, image->camera, column, row);
+      const float depth = planar_depth(image->depth[at], color[3], image->semantics, image->frame.camera, column, row);
       const auto mixed = [&](std::size_t i) { return over(color[i], color[3], depth, is_straight, static_cast<float>(own[i]), own_depth); };
       list({mixed(0), mixed(1), mixed(2)});
     });
@@ -283,7 +315,7 @@ class Adapter {
 
   bool seq(const std::optional<Image>& image) {
     out_.name("seq");
-    if (image) out_.number(image->seq);
+    if (image) out_.number(image->frame.seq);
     else out_.null();
     return image.has_value();
   }

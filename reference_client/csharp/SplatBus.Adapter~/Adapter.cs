@@ -16,7 +16,7 @@ namespace SplatBus.Adapter
     static class Adapter
     {
         const int ReplySeconds = 8;
-        static readonly string[] Can = { "start", "stop", "send_camera", "send_object", "ask", "subscribe", "init_packet", "pixels", "digest", "composite" };
+        static readonly string[] Can = { "start", "stop", "send_camera", "send_object", "ask", "subscribe", "init_packet", "pixels", "digest", "frame", "composite" };
         static readonly UTF8Encoding Utf8 = new UTF8Encoding(false);
         static readonly Stream Out = Console.OpenStandardOutput();
         static readonly PacketWriter Writer = new PacketWriter();
@@ -80,6 +80,7 @@ namespace SplatBus.Adapter
                 case "init_packet": Announced(client.Status.Images); break;
                 case "pixels": Pixels(Mirror.Newest, Member(command, "at")); break;
                 case "digest": Digest(Mirror.Newest); break;
+                case "frame": Told(Mirror.Newest); break;
                 case "composite": Composite(Mirror.Newest, command); break;
                 default: throw new ArgumentException("no such command");
             }
@@ -112,13 +113,18 @@ namespace SplatBus.Adapter
                 else
                 {
                     Camera camera = ((Task<Camera>)each).Result;
-                    Pose pose = UnityAxes.FromWire(Pose.Of(camera.Position, camera.Rotation));
-                    Numbers("position", pose.X, pose.Y, pose.Z);
-                    Numbers("rotation", pose.QX, pose.QY, pose.QZ, pose.QW);
+                    Placed(camera.Position, camera.Rotation);
                 }
                 Writer.EndObject();
             }
             Writer.EndArray();
+        }
+
+        static void Placed(double[] position, double[] rotation)
+        {
+            Pose pose = UnityAxes.FromWire(Pose.Of(position, rotation));
+            Numbers("position", pose.X, pose.Y, pose.Z);
+            Numbers("rotation", pose.QX, pose.QY, pose.QZ, pose.QW);
         }
 
         static long Index(double number) { return (long)number; }
@@ -195,6 +201,36 @@ namespace SplatBus.Adapter
             if (!Seq(image)) return;
             Hashed("color", image.Color, 4 * image.Width, image.Height);
             Hashed("depth", image.Depth, image.Width, image.Height);
+        }
+
+        static void Told(Image image)
+        {
+            if (!Seq(image)) return;
+            FrameCamera camera = image.Camera;
+            Writer.Name("camera");
+            Writer.BeginObject();
+            Placed(camera.Position, camera.Rotation);
+            Numbers("fx", camera.Fx);
+            Numbers("fy", camera.Fy);
+            Numbers("cx", camera.Cx);
+            Numbers("cy", camera.Cy);
+            Numbers("width", camera.Width);
+            Numbers("height", camera.Height);
+            Numbers("near", camera.Near);
+            Numbers("far", camera.Far);
+            Writer.EndObject();
+            Numbers("time", image.Time);
+            Writer.Name("objects");
+            Writer.BeginArray();
+            foreach (Placement each in image.Objects)
+            {
+                Writer.BeginObject();
+                Writer.Member("object", each.Object);
+                Placed(each.Position, each.Rotation);
+                Numbers("scale", each.Scale);
+                Writer.EndObject();
+            }
+            Writer.EndArray();
         }
 
         static void Composite(Image image, JsonValue command)

@@ -12,6 +12,8 @@ namespace SplatBus.Adapter
         internal float[] Color, Depth;
         internal Semantics Semantics;
         internal FrameCamera Camera;
+        internal Placement[] Objects;
+        internal double Time;
 
         /// <summary>Of the pixel at [column from the left, row from the top].</summary>
         internal long Index(JsonValue place)
@@ -65,8 +67,27 @@ namespace SplatBus.Adapter
                 Color = lease.HasColor ? lease.Color.ToArray() : null,
                 Depth = lease.HasDepth ? lease.Depth.ToArray() : null,
                 Semantics = lease.Packet.Semantics,
-                Camera = new FrameCamera { Fx = camera.Fx, Fy = camera.Fy, Cx = camera.Cx, Cy = camera.Cy },
+                Camera = new FrameCamera
+                {
+                    Position = (double[])camera.Position.Clone(),
+                    Rotation = (double[])camera.Rotation.Clone(),
+                    Fx = camera.Fx,
+                    Fy = camera.Fy,
+                    Cx = camera.Cx,
+                    Cy = camera.Cy,
+                    Width = camera.Width,
+                    Height = camera.Height,
+                    Near = camera.Near,
+                    Far = camera.Far,
+                },
+                Objects = Array.ConvertAll(lease.Frame.Objects ?? new Placement[0], Copy),
+                Time = lease.Frame.Time,
             };
+        }
+
+        static Placement Copy(Placement it)
+        {
+            return new Placement { Object = it.Object, Position = (double[])it.Position.Clone(), Rotation = (double[])it.Rotation.Clone(), Scale = it.Scale };
         }
     }
 }

@@ -28,6 +28,7 @@ HARMLESS: dict[str, dict[str, Any]] = {
     "init_packet": {},
     "pixels": {"at": [[0, 0]]},
     "digest": {},
+    "frame": {},
     "composite": {"color": [0.0, 0.5, 1.0], "depth": 4.0, "at": [[0, 0]]},
     "subscribe": {"channels": ["color", "depth"]},
 }
