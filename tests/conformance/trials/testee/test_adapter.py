@@ -190,4 +190,4 @@ def test_the_schema_is_one():
 
 def test_the_example_is_short():
     example = PAGE.parents[1] / "reference_client" / "splatbus_viewer" / "adapter.py"
-    assert len(example.read_text("utf-8").splitlines()) < 160
+    assert len(example.read_text("utf-8").splitlines()) <= 160
