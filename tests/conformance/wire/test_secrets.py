@@ -102,3 +102,12 @@ def test_a_run_says_it_nowhere(tmp_path: Path) -> None:
     status, _ = run("server", "--launch", command, "--patience", "1", "--json", str(report))
     assert status == 3
     assert TOKEN not in report.read_text("utf-8")
+
+
+@pytest.mark.parametrize("says", [True, False])
+def test_it_is_said_that_a_server_lets_in_who_does_not_say_it(says: bool) -> None:
+    command = f'"{sys.executable}" -m splatbus_renderer --quiet'
+    command = command if says else f"env -u SPLATBUS_TOKEN {command}"
+    status, output = run("server", "--launch", command, "--select", "NEG-30")
+    assert status == 0
+    assert ("the server lets in who does not say it" in output) is not says

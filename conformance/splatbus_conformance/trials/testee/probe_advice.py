@@ -13,6 +13,11 @@ from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLIENT_1_0, IN
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.recording import WORDS, Channel
 
+OPEN = (
+    "SPLATBUS_TOKEN is set here, and the server lets in who does not say it: if it was to require "
+    "it, it does not; if not, unset the variable (NEG-18, NEG-19)."
+)
+
 
 class ObservedConnection(NamedTuple):
     """One connection, as it was seen while both sides were left alone."""
@@ -57,9 +62,14 @@ def on_client(
     ]
 
 
-def on_server(met: Sequence[ObservedConnection]) -> list[str]:
-    """What the first meeting suggests to the author of a server, or to who started it."""
-    return [*_foreign(met), *_swapped_server(met)]
+def on_server(met: Sequence[ObservedConnection], is_open: bool = False) -> list[str]:
+    """What the first meeting suggests to the author of a server, or to who started it.
+
+    Args:
+        met: its connections.
+        is_open: it speaks 1.1, and lets in who lacks the token that is set here.
+    """
+    return [*_foreign(met), *_swapped_server(met), *[OPEN] * is_open]
 
 
 def _foreign(met: Sequence[ObservedConnection]) -> list[str]:

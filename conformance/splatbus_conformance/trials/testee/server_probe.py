@@ -201,7 +201,8 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         facts.init_packet = facts.init_packet or next(iter(told), None)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
-    facts.advice = probe_advice.on_server([_met(it, viewer) for it in peer.connections])
+    is_open = viewer.token is not None and any(facts.welcome.values()) and not facts.guarded
+    facts.advice = probe_advice.on_server([_met(it, viewer) for it in peer.connections], is_open)
     facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()
     peer.pump(GONE_SECONDS)

@@ -20,7 +20,8 @@ from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
-from splatbus_conformance.wire.messages import encode
+from splatbus_conformance.wire.message_kinds import CAPABILITIES
+from splatbus_conformance.wire.messages import encode, hello
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
@@ -40,6 +41,8 @@ NOBODYS: tuple[tuple[object, bytes], ...] = (
     *((text.kind, text.payload) for text in broken_texts(UNKNOWN)),
 )
 """Payloads on the IPC channel of 1.0, where no client says anything, by their kind."""
+HELLO = ("hello", encode(hello(CAPABILITIES["ipc"], None)))
+"""One more, to who speaks 1.0 alone."""
 
 
 @check("CHN-1", observable="both ports accept connections, and the message channel answers")
@@ -79,7 +82,8 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
 def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     """Messages that no client of 1.0 sends there, broken text, and the longest packet."""
     connection = trial.dial("ipc")
-    for _, payload in trial.each(NOBODYS, kind=lambda it: it[0], spare=SPARE):
+    said = NOBODYS if trial.facts.version() != "1.0" else (HELLO, *NOBODYS)
+    for _, payload in trial.each(said, kind=lambda it: it[0], spare=SPARE):
         connection.send(packet(payload))
         closed = trial.ends(connection, REACTION_SECONDS / 40)
         outcome = trial.fate() or ("closes" if closed else "ignores")

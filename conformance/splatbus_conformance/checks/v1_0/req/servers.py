@@ -11,8 +11,10 @@ from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.wire import messages
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import show
+from splatbus_conformance.wire.message_kinds import CAPABILITIES
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
@@ -124,6 +126,16 @@ def check_unknown_messages_are_ignored(trial: ServerTrial, message: Json) -> Non
     """Types that nobody knows, or that are no strings, and messages without any."""
     outcome = trial.outcome_on_msg(in_use(trial), packet(encode(message)))
     trial.judge(outcome, f"the message {shorten(str(message))}")
+
+
+@check("REQ-8", observable="no reply, and the connection goes on", may_crash=True)
+def check_hello_is_nothing_to_1_0(trial: ServerTrial) -> None:
+    """The `hello` of a client of 1.1, where the server speaks 1.0 alone."""
+    if trial.facts.version() != "1.0":
+        trial.not_observable("the server knows hello")
+    hello = packet(encode(messages.hello(CAPABILITIES["msg"], None)))
+    trial.judge(trial.outcome_on_msg(in_use(trial), hello), "a hello")
+    trial.delivered += 1
 
 
 @check("REQ-9", observable="no reply; the connection is closed or goes on", may_crash=True)

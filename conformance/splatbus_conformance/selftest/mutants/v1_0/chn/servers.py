@@ -18,6 +18,7 @@ from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seams import server
 from splatbus_conformance.selftest.faults.surgery import crash
 from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.selftest.mutants.v1_0.req.servers import stumbles_over_hello
 from splatbus_conformance.wire.messages import init_packet_1_0, init_packet_1_1
 
 NEIGHBOURS = "check_others_are_served_whatever_one_does"
@@ -64,6 +65,12 @@ def server_wants_silence_on_ipc(patch: Patch) -> None:
         return event
 
     server.UNDERSTANDS.wrap(patch, understand)
+
+
+@mutant("CHN-7", check="check_bytes_do_not_end_an_ipc_connection", code="closes")
+def server_of_1_0_stumbles_over_hello_on_ipc(patch: Patch) -> None:
+    """Speaks 1.0 alone, and drops whoever says hello on the IPC channel."""
+    stumbles_over_hello(patch)
 
 
 @mutant(

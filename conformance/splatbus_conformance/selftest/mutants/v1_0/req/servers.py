@@ -104,6 +104,21 @@ def server_answers_unknown_types(patch: Patch) -> None:
     server.UNDERSTANDS.wrap(patch, understand)
 
 
+def stumbles_over_hello(patch: Patch) -> None:
+    """Drop whoever says `hello`, and speak 1.0 with the others."""
+
+    def answer(original: Any, *arguments: Any, **named: Any) -> Any:
+        raise KeyError("hello")
+
+    server.ANSWERS_HELLO.wrap(patch, answer)
+
+
+@mutant("REQ-8", check="check_hello_is_nothing_to_1_0", code="closes")
+def server_of_1_0_stumbles_over_hello(patch: Patch) -> None:
+    """Speaks 1.0 alone, and drops whoever says hello on the message channel."""
+    stumbles_over_hello(patch)
+
+
 @mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
 def server_answers_broken_requests(patch: Patch) -> None:
     """Takes camera 0 for an index that it cannot read."""
