@@ -1,8 +1,11 @@
 """Checks on what is looked at first, and on a `hello` that comes again (spec 1.1 chapter 2)."""
 
+import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
+
+from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.checks.v1_1.neg.tokens import with_token
@@ -14,11 +17,19 @@ from splatbus_conformance.wire.json_values import show
 from splatbus_conformance.wire.messages import Json, camera_pose, encode, hello
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
-from splatbus_conformance.wire.sockets import Connection
+from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
 OF_FORM = ("invalid_message", "invalid_number", "invalid_rotation")
 UNGRANTED = ("unsupported", "unknown_type")
 NO_ROTATION = camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))
+
+
+LENGTHS = {
+    0: "malformed_packet",
+    LIMITS["max_payload_bytes"] + 1: "packet_too_large",
+    2**32 - 1: "packet_too_large",
+}
+"""That no packet may have, and what is said of each."""
 
 
 class TwoFaults(NamedTuple):
@@ -116,6 +127,28 @@ def expect_the_first(
         told = f"{faults.what}, {where}, was answered by the error {show(error.get('code'))}"
         trial.expect(error.get("code") in faults.codes, "later-fault", told)
         trial.delivered += 1
+
+
+def codes_of(trial: ServerTrial, connection: Connection) -> list[str]:
+    """The codes of the errors that come before the connection ends, or in time."""
+    dealings = trial.viewer.with_(connection)
+    trial.wait(lambda: dealings.errors() or connection.ended)
+    return dealings.errors()
+
+
+@check("NEG-36", observable="the code of the error that answers a header", needs=("1.1",))
+def check_says_what_is_wrong_with_a_length(trial: ServerTrial) -> None:
+    """Headers of too much and of nothing, after `hello`; judged where an error comes."""
+    for channel, (length, code) in trial.each(itertools.product(CHANNELS, LENGTHS.items())):
+        connection = trial.greeted(channel)
+        connection.send(length.to_bytes(4, "little"))
+        for told in codes_of(trial, connection):
+            what = f"{channel}: a length of {length} was answered by {show(told)}"
+            trial.expect(told == code, "another-code", what)
+            trial.delivered += 1
+        connection.close()
+    if not trial.delivered:
+        trial.not_observable("the server says nothing of a length that is none")
 
 
 @check("NEG-36", observable="the code of the error that comes of two faults", needs=("1.1",))

@@ -9,6 +9,7 @@ from splatbus_wire.messages import Hello
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.faults.seams import server
+from splatbus_conformance.selftest.faults.surgery import messages, of_type
 from splatbus_conformance.selftest.mutant import mutant
 
 AGAIN = "check_answers_no_further_hello"
@@ -23,6 +24,16 @@ def server_asks_for_the_capability_last(patch: Patch) -> None:
         return original(*payload, agreed=agreed, **named)
 
     server.DECODES.wrap(patch, decode)
+
+
+@mutant("NEG-36", check="check_says_what_is_wrong_with_a_length", code="another-code")
+def server_says_of_any_length_that_it_is_too_much(patch: Patch) -> None:
+    """Says `packet_too_large` of every header that it does not like."""
+    too_large = {"code": "packet_too_large"}
+    messages(
+        patch,
+        of_type("error", lambda e: e | too_large if e["code"] == "malformed_packet" else e),
+    )
 
 
 @mutant("NEG-36", check="check_looks_at_control_last", code="later-fault")
