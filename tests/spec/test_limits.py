@@ -77,6 +77,7 @@ QUOTATIONS = {
     ("max_objects", "SCN-2"): "array of 1 to {} objects",
     ("reinit_seconds", "VPT-5"): "within {} on",
     ("free_seconds", "VPT-7"): "within {} once",
+    ("free_seconds", "VPT-10"): "in use for {}",
     ("let_go_seconds", "VPT-8"): "that, {} after",
     ("max_series", "TEL-1"): "array of at most {} different",
     ("max_series", "TEL-2"): "array of 1 to {} objects",

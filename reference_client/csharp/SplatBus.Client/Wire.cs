@@ -86,7 +86,7 @@ namespace SplatBus
         public const int MaxObjects = 256;
         /// <summary>Time within which all connections are told of another size, in seconds [VPT-5].</summary>
         public const int ReinitSeconds = 5;
-        /// <summary>Time within which memory that nobody has any more is freed, in seconds [VPT-7].</summary>
+        /// <summary>Time within which memory that nobody has any more is freed, in seconds [VPT-7, VPT-10].</summary>
         public const int FreeSeconds = 5;
         /// <summary>Time within which a client lets go of former memory, in seconds [VPT-8].</summary>
         public const int LetGoSeconds = 10;

@@ -197,6 +197,23 @@ def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+@check("VPT-10", observable="the answers to the client that has control", needs=RESIZES)
+def check_is_not_busy_for_ever(trial: ServerTrial) -> None:
+    """The size changes again and again, and the only reader lets go of what was before."""
+    with resizing(trial):
+        client, reader = controlling(trial), trial.reading()
+        for size in trial.each([*other_sizes(trial)[:3], trial.facts.size]):
+            code = asked_again(trial, client, size, "busy")
+            code = asked_again(trial, client, size, "busy") if code == "busy" else code
+            if code != "busy" or trial.testee.expendable:  # else others may be there, who read
+                what = f"set_viewport to {size[0]}×{size[1]} was answered by busy"
+                trial.expect(code != "busy", "busy-for-ever", f"{what} for {2 * EFFECT_SECONDS} s")
+            if code != "viewport_size":
+                trial.not_observable(f"the server has no images of {size[0]}×{size[1]}: {code}")
+            wait_until_told(trial, size, reader)
+            trial.delivered += 1
+
+
 @check("VPT-5", observable="the init packets of all readers", needs=RESIZES)
 def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
     """Up to three readers, of which one holds a frame, and one takes none; the size changes again

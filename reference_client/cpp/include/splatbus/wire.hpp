@@ -92,7 +92,7 @@ inline constexpr std::int64_t max_scale = 1000000;
 inline constexpr std::int64_t max_objects = 256;
 /// Time within which all connections are told of another size, in seconds [VPT-5].
 inline constexpr std::int64_t reinit_seconds = 5;
-/// Time within which memory that nobody has any more is freed, in seconds [VPT-7].
+/// Time within which memory that nobody has any more is freed, in seconds [VPT-7, VPT-10].
 inline constexpr std::int64_t free_seconds = 5;
 /// Time within which a client lets go of former memory, in seconds [VPT-8].
 inline constexpr std::int64_t let_go_seconds = 10;

@@ -246,3 +246,16 @@ def server_obeys_who_waits_for_control(patch: Patch) -> None:
         return None if stands and asker in self.control.sent else refusal
 
     server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
+
+
+@mutant("VPT-10", check="check_is_not_busy_for_ever", code="busy-for-ever")
+def server_keeps_the_second_size_for_ever(patch: Patch) -> None:
+    """Says `busy` from the second change on, as one does that never has former memory freed."""
+
+    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+        if self.exchange.memory.generation > 1:
+            return Refusal("busy", "memory of the former size is in use")
+        given: Refusal | None = original(self, asker)
+        return given
+
+    server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
