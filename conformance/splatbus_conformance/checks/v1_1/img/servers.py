@@ -291,22 +291,31 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+REST = ("waiting", "holding", "waiting, having given it up")
+"""How a reader of a scene at rest comes to want depth."""
+
+
 @check(
     "IMG-25",
     observable="a frame after each release of a scene at rest, until one can be read as subscribed",
     needs=(*LENDS, "capability:subscribe"),
     given=lambda trial: nullcontext(trial.reading()),
-    cases=Cases(("waiting", "holding", "waiting beside another", "holding beside another")),
+    cases=Cases((*REST, *(f"{how} beside another" for how in REST[:2]))),
 )
 def check_shows_what_is_newly_subscribed_to(
     trial: ServerTrial, connection: Connection, how: str
 ) -> None:
     """A reader of colour subscribes to depth too, while it waits or holds a frame, and nothing else
-    happens; another may read both, so that the newest image has depth already.
+    happens; another may read both, so that the newest image has depth already. Or it gives depth up
+    and wants it again, after an image that it might have read whole.
     """
     frames = frames_of(trial, connection)
     other = joined(trial) if how.endswith("another") else None
-    trial.viewer.say(connection, {"type": "subscribe", "channels": ["color"]})
+    if how.endswith("another") and other is None:
+        trial.not_observable("the server serves one reader at a time")
+    some = {"type": "subscribe", "channels": ["color"]}
+    if how != REST[2]:
+        trial.viewer.say(connection, some)
     for _ in range(2):  # the first may have been on its way
         expect_shown(trial, connection, trial.move())
     held = pinning(trial, connection) if how.startswith("holding") else None
@@ -314,6 +323,8 @@ def check_shows_what_is_newly_subscribed_to(
         fell_silent(trial, connection, "no frame came when the camera moved")
     quiet(trial, frames)
     before, owed = len(frames), 1 if held else 2
+    if how == REST[2]:
+        trial.viewer.say(connection, some)
     trial.viewer.say(connection, {"type": "subscribe", "channels": ["color", "depth"]})
     if held is not None:
         trial.viewer.with_(connection).holds = False

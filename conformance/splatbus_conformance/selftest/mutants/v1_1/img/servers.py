@@ -175,6 +175,16 @@ def server_takes_the_first_image_for_readable(patch: Patch) -> None:
     Seam(Reader, "take").wrap(patch, take)
 
 
+@mutant("IMG-25", check=MORE, code="no-frame")
+def server_forgets_what_was_given_up(patch: Patch) -> None:
+    """Goes by what a reader wanted when it began to wait, and by what it wants now."""
+
+    def subscribe(original: Any, self: Reader, channels: frozenset[str]) -> None:
+        self.wants = channels
+
+    Seam(Reader, "subscribe").wrap(patch, subscribe)
+
+
 @mutant("IMG-21", check="check_writes_only_what_is_wanted", code="written-unwanted")
 def server_writes_both_always(patch: Patch) -> None:
     """Writes colour and depth, whatever its readers subscribe to."""
