@@ -118,6 +118,15 @@ def errors_only_after_hello(conversation: Conversation) -> Iterator[Sighting]:
         yield about(conversation, message, "NEG-22", None if hello else breach)
 
 
+@rule("NEG-41")
+def no_error_owns_up_to_a_defect(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-41: `internal` is no answer."""
+    for message, _ in _errors(conversation):
+        text = f"internal, {show((message.value or {}).get('message'))}"
+        breach = Breach("owns-up", text) if _code(message) == "internal" else None
+        yield about(conversation, message, "NEG-41", breach, "/code")
+
+
 @rule("NEG-23")
 def well_formed_error(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-23: the members of `error`, its code, and that its id is of a request that it answers."""
@@ -228,5 +237,6 @@ RULES: tuple[Rule, ...] = (
     unauthorized_is_all,
     errors_only_after_hello,
     well_formed_error,
+    no_error_owns_up_to_a_defect,
     closing_errors_end,
 )

@@ -259,3 +259,13 @@ def server_keeps_the_second_size_for_ever(patch: Patch) -> None:
         return given
 
     server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
+
+
+@mutant("NEG-41", code="owns-up", through="VPT-2")
+def server_fails_at_other_sizes(patch: Patch) -> None:
+    """Answers every change of size by `internal`."""
+
+    def begin(original: Any, self: Viewport, *arguments: Any) -> None:
+        raise KeyError("size")
+
+    server.BEGINS_OTHER_SIZE.wrap(patch, begin)
