@@ -19,6 +19,13 @@ OPEN = (
 )
 
 
+BLANK = (
+    "The server grants frames and announced no memory to read them from: nothing of its images is "
+    "judged. If it makes memory late, for a scene that it still loads, wait for that before it is "
+    "met (--connect)."
+)
+
+
 class ObservedConnection(NamedTuple):
     """One connection, as it was seen while both sides were left alone."""
 
@@ -62,14 +69,17 @@ def on_client(
     ]
 
 
-def on_server(met: Sequence[ObservedConnection], is_open: bool = False) -> list[str]:
+def on_server(
+    met: Sequence[ObservedConnection], is_open: bool = False, is_blank: bool = False
+) -> list[str]:
     """What the first meeting suggests to the author of a server, or to who started it.
 
     Args:
         met: its connections.
         is_open: it speaks 1.1, and lets in who lacks the token that is set here.
+        is_blank: it granted `frames`, and announced no memory.
     """
-    return [*_foreign(met), *_swapped_server(met), *[OPEN] * is_open]
+    return [*_foreign(met), *_swapped_server(met), *[OPEN] * is_open, *[BLANK] * is_blank]
 
 
 def _foreign(met: Sequence[ObservedConnection]) -> list[str]:

@@ -202,7 +202,9 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     is_open = viewer.token is not None and any(facts.welcome.values()) and not facts.guarded
-    facts.advice = probe_advice.on_server([_met(it, viewer) for it in peer.connections], is_open)
+    is_blank = "frames" in facts.capabilities("ipc") and facts.init_packet is None
+    met = [_met(it, viewer) for it in peer.connections]
+    facts.advice = probe_advice.on_server(met, is_open, is_blank)
     facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()
     peer.pump(GONE_SECONDS)
