@@ -68,13 +68,13 @@ def test_ids_decide_between_requests_of_one_kind() -> None:
 
 def test_an_error_with_an_id_answers_that_request() -> None:
     asked = {**ASK_SIZE, "id": 1}
-    found = matched(*GREETING, client(asked), server(error("internal", id=1)))
+    found = matched(*GREETING, client(asked), server(error("busy", id=1)))
     assert not found.unanswered
 
 
 def test_an_error_with_an_id_keeps_to_the_order_too() -> None:
     first, second = {**ASK_SIZE, "id": 1}, {**ASK_SIZE, "id": 2}
-    overtaken = (*GREETING, client(first), client(second), server(error("internal", id=2)))
+    overtaken = (*GREETING, client(first), client(second), server(error("busy", id=2)))
     assert [p.late for p in matched(*overtaken).pairs] == [1]
     assert breaches(talk("msg", *overtaken)) == {("server", "NEG-29"): 1}
 
@@ -89,7 +89,7 @@ def test_an_error_without_id_may_be_the_answer_of_what_is_passed_over() -> None:
         *GREETING,
         client(ASK_SIZE),
         client(ASK_CAMERA),
-        server(error("internal")),
+        server(error("busy")),
         server(TYPED_CAMERA),
     )
     assert [p.late for p in found.pairs] == [0]

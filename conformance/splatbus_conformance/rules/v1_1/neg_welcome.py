@@ -8,6 +8,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.v1_1 import neg_hello
 from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
 from splatbus_conformance.rules.v1_1.neg_hello import listing, named
 from splatbus_conformance.wire.conversation import Conversation, Message
@@ -55,6 +56,12 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
             text = f"unsupported_version, although {', '.join(common)} is both offered and spoken"
             breach = Breach("version-in-common", text)
             yield about(conversation, message, "NEG-6", breach if common else None, "/supported")
+        elif _code(message) in ("invalid_message", "unknown_type"):
+            is_good = all(it.breach is None for it in neg_hello.hello(greeted.value or {}))
+            breach = Breach(
+                "refuses-a-good-hello", f"{_code(message)}, of a hello that keeps NEG-2"
+            )
+            yield about(conversation, message, "NEG-6", breach if is_good else None)
 
 
 @rule("NEG-31")

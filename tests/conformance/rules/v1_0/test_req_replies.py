@@ -157,7 +157,7 @@ def test_half_a_size_breaks_req_4() -> None:
 
 def test_no_size_is_told_while_nothing_is_rendered() -> None:
     assert breaches(joined(MEMORY, told([0, 0]))) == {}
-    rendering = session(server(frame()), server(error("internal")), conn=3)
+    rendering = session(server(frame()), server(error("busy")), conn=3)
     late = talk("msg", client(ASK_SIZE), server({"viewport_size": [0, 0]}), start=9.0)
     assert breaches(joined(rendering, late)) == {("server", "REQ-4"): 1}
 

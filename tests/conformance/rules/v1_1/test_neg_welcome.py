@@ -65,7 +65,15 @@ CASES = [
     Case("NEG-22", "server", answers(BUSY), msg(server(BUSY))),
     Case("NEG-23", "server", answers(BUSY), answers(error("teapot"))),
     Case("NEG-25", "server", answers(FULL), answers(FULL, BUSY)),
+    Case("NEG-41", "server", answers(BUSY), answers(error("internal"))),
 ]
+
+
+@pytest.mark.parametrize("code", ["invalid_message", "unknown_type"])
+def test_a_good_hello_is_not_refused_as_a_bad_one(code: str) -> None:
+    assert breaches(answers(error(code))) == {("server", "NEG-6"): 1}
+    bad = talk("msg", client({**hello(), "versions": []}), server(error(code)))
+    assert ("server", "NEG-6") not in breaches(bad)
 
 
 def test_with_a_welcome_to_1_0_nothing_of_1_1_is_agreed() -> None:

@@ -110,6 +110,18 @@ def server_takes_the_versions_that_it_lacks(patch: Patch) -> None:
     greets(patch, answer)
 
 
+@mutant("NEG-6", code="refuses-a-good-hello", through="NEG-33")
+def server_knows_no_good_hello(patch: Patch) -> None:
+    """Finds fault with every hello."""
+
+    def answer(usual: Any, hello: Hello, terms: Any) -> Answer:
+        fault = ProtocolError("invalid_message", "that is none", requirement="NEG-2")
+        fault.received = {"type": "hello"}
+        raise fault
+
+    greets(patch, answer)
+
+
 @mutant("NEG-6", code="not-listed", through="NEG-10")
 def server_welcomes_who_speaks_another_version(patch: Patch) -> None:
     """Names its own version in welcome, whether or not hello lists it."""
