@@ -57,10 +57,10 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
             breach = Breach("version-in-common", text)
             yield about(conversation, message, "NEG-6", breach if common else None, "/supported")
         elif _code(message) in ("invalid_message", "unknown_type"):
-            is_good = all(it.breach is None for it in neg_hello.hello(greeted.value or {}))
-            breach = Breach(
-                "refuses-a-good-hello", f"{_code(message)}, of a hello that keeps NEG-2"
-            )
+            only = len(conversation.of("hello")) == 1 and not greeted.faults
+            is_good = only and all(it.breach is None for it in neg_hello.hello(greeted.value or {}))
+            text = f"{_code(message)}, of a hello that keeps NEG-2"
+            breach = Breach("refuses-a-good-hello", text)
             yield about(conversation, message, "NEG-6", breach if is_good else None)
 
 
