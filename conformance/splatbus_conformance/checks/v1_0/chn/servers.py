@@ -41,7 +41,7 @@ NOBODYS: tuple[tuple[object, bytes], ...] = (
     *((text.kind, text.payload) for text in broken_texts(UNKNOWN)),
 )
 """Payloads on the IPC channel of 1.0, where no client says anything, by their kind."""
-HELLO = ("hello", encode(hello(CAPABILITIES["ipc"], None)))
+HELLO = ("hello", encode(hello([*CAPABILITIES["ipc"]], None)))
 """One more, to who speaks 1.0 alone."""
 
 

@@ -133,7 +133,7 @@ def check_hello_is_nothing_to_1_0(trial: ServerTrial) -> None:
     """The `hello` of a client of 1.1, where the server speaks 1.0 alone."""
     if trial.facts.version() != "1.0":
         trial.not_observable("the server knows hello")
-    hello = packet(encode(messages.hello(CAPABILITIES["msg"], None)))
+    hello = packet(encode(messages.hello([*CAPABILITIES["msg"]], None)))
     trial.judge(trial.outcome_on_msg(in_use(trial), hello), "a hello")
     trial.delivered += 1
 
