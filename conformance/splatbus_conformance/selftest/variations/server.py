@@ -178,7 +178,8 @@ def server_tells_no_size_at_first(patch: Patch) -> None:
     def handle(
         original: Any, self: Session, connection: Connection, message: Any, *rest: Any
     ) -> Any:
-        if isinstance(message, GetViewportSize) and self.exchange.shown is None:
+        nothing_yet = self.exchange.memory.ring.last_seq == 0
+        if isinstance(message, GetViewportSize) and nothing_yet:
             connection.send(ViewportSize(0, 0, message.id))
             return None
         return original(self, connection, message, *rest)
