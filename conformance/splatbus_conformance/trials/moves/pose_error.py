@@ -118,6 +118,14 @@ def off(
     )
 
 
+def misread(
+    got: Pose, wire: Pose, engine: Engine, *, single: bool, size: tuple[int, int]
+) -> PoseError:
+    """How far what a client took a pose on the wire for is from that in its axes; as `off`."""
+    right = engine.position_from_wire(wire.position), engine.quaternion_from_wire(wire.rotation)
+    return off(got, *right, single=single, size=size)
+
+
 def _error_of_rotation(got: Sequence[float], right: Exact, single: bool) -> float:
     """In u; a client may have brought q to unit length, or send −q, which is the same rotation."""
     if single and any(

@@ -17,8 +17,6 @@ OPEN = (
     "SPLATBUS_TOKEN is set here, and the server lets in who does not say it: if it was to require "
     "it, it does not; if not, unset the variable (NEG-18, NEG-19)."
 )
-
-
 BLANK = (
     "The server grants frames and announced no memory to read them from: nothing of its images is "
     "judged. If it makes memory late, for a scene that it still loads, wait for that before it is "

@@ -14,7 +14,7 @@ from splatbus_conformance.trials.moves.exchanges.odd_replies import OddReplies
 from splatbus_conformance.trials.moves.pose_error import (
     PoseError,
     engine_of,
-    off,
+    misread,
     rotation_budget,
     why,
 )
@@ -88,8 +88,7 @@ def understood(
     size = trial.role.width, trial.role.height
 
     def error(wire: Pose) -> PoseError:
-        right = engine.position_from_wire(wire.position), engine.quaternion_from_wire(wire.rotation)
-        return off(got, *right, single=trial.greeting.single, size=size)
+        return misread(got, wire, engine, single=trial.greeting.single, size=size)
 
     found = ((wire, error(wire)) for wire in answering.possible(index))
     # Of two that are as near, such as of which one number is tiny, the worst number tells.

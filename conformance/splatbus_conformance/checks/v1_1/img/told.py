@@ -14,7 +14,7 @@ from splatbus_conformance.checks.v1_1.img.adapter import READS
 from splatbus_conformance.images.painted import coordinates
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import FrameLender
-from splatbus_conformance.trials.moves.pose_error import Kind, engine_of, off, why
+from splatbus_conformance.trials.moves.pose_error import Kind, engine_of, misread, why
 from splatbus_conformance.wire.messages import Json, encode
 
 OBSERVABLE = "what the client made of the frame of its newest image, told by the adapter"
@@ -83,9 +83,8 @@ def judge_pose(trial: ClientTrial, kind: Kind, said: Json, told: Json, what: str
     """A pose on the wire, and what the client took it for."""
     engine = engine_of(trial.greeting, kind)
     wire, taken = (Pose(tuple(it["position"]), tuple(it["rotation"])) for it in (said, told))
-    right = engine.position_from_wire(wire.position), engine.quaternion_from_wire(wire.rotation)
     size = trial.role.width, trial.role.height
-    found = off(taken, *right, single=trial.greeting.single, size=size)
+    found = misread(taken, wire, engine, single=trial.greeting.single, size=size)
     if found.far:
         reason = why(wire, taken, engine, "in") or f"it is {found.away_by} away"
         trial.violated("another-pose", f"{what} at {wire} was taken to be at {taken}: {reason}")
