@@ -185,6 +185,22 @@ def server_forgets_what_was_given_up(patch: Patch) -> None:
     Seam(Reader, "subscribe").wrap(patch, subscribe)
 
 
+@mutant("IMG-25", check="check_shows_it_beside_who_reads_both", code="no-frame")
+def server_takes_what_others_read_for_readable(patch: Patch) -> None:
+    """Lets a reader go without the next image where the newest has depth, made for another."""
+
+    def subscribe(
+        original: Any, self: Session, connection: Connection, channels: frozenset[str]
+    ) -> Any:
+        refusal = original(self, connection, channels)
+        newest, reader = self.exchange.newest, self.readers[connection]
+        if newest is not None and channels <= newest.view.wants:
+            reader.kept = reader.readable = channels
+        return refusal
+
+    Seam(Session, "subscribe").wrap(patch, subscribe)
+
+
 @mutant("IMG-21", check="check_writes_only_what_is_wanted", code="written-unwanted")
 def server_writes_both_always(patch: Patch) -> None:
     """Writes colour and depth, whatever its readers subscribe to."""
