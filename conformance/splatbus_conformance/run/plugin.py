@@ -25,6 +25,7 @@ from splatbus_conformance.reports.findings import Traffic
 from splatbus_conformance.rules import LOST, guilty
 from splatbus_conformance.rules.tally import add, rules_on, tally
 from splatbus_conformance.run.deaths import note_deaths
+from splatbus_conformance.run.second_look import SecondLook
 from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.run.vital_signs import forbids_loss
 from splatbus_conformance.selection import RULE, Item
@@ -114,6 +115,7 @@ class CheckPlugin:
         """
         self._note_alive(self._latest)
         self._last_verdict = Verdict.SKIP
+        self._second_look = SecondLook(testbed.testee)
         self._began = (time.monotonic(), time.process_time())
         leave_nothing_where_the_user_works()
         self._keep(0, "introduction")
@@ -142,6 +144,17 @@ class CheckPlugin:
         items[:] = self.order(items)
 
     @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(
+        self, item: pytest.Item, nextitem: pytest.Item | None
+    ) -> Generator[None, object, object]:
+        """Judge a check once more where others before it may have taken what it needs."""
+        done = yield
+        if self._second_look.why:
+            self.testbed.testee.stop()
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=nextitem)
+        return done
+
+    @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
@@ -154,7 +167,8 @@ class CheckPlugin:
         if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
             result = self._result(item, call)
             self._last_verdict = result.verdict
-            report.user_properties.append((RESULT, (item.stash[PLACE], result)))
+            if not self._is_to_be_judged_again(result):
+                report.user_properties.append((RESULT, (item.stash[PLACE], result)))
         elif call.when == "teardown":
             report.user_properties.append((TRAFFIC, self.traffic))
             self.traffic = self._nothing_yet()
@@ -168,6 +182,7 @@ class CheckPlugin:
         if reason := self._missing(check):
             pytest.skip(reason)
         self._began = (time.monotonic(), time.process_time())
+        self._second_look.begin()
         trial = self.trial_now = self.testbed.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
         told = " ".join((request.function.__doc__ or "").split())
@@ -323,6 +338,13 @@ class CheckPlugin:
             missed=verdict is Verdict.SKIP and self._came_late(),
             code=code,
         )
+
+    def _is_to_be_judged_again(self, result: Result) -> bool:
+        if self._second_look.why:
+            if told := self._second_look.end(result):
+                self.traffic.advice.append(told)
+            return False
+        return self.trial_now is not None and self._second_look.is_wanted(result)
 
     def _came_late(self) -> bool:
         """The testee has shown what the check needs, and may have been left too little time."""
