@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 RESULTS = Path(__file__).parent / "results"
-JUDGED, FAMILIES = RESULTS / "machine.json", RESULTS / "families.json"
+FORMER, NEWEST = RESULTS / "machine.former.json", RESULTS / "machine.json"
+"""What led to checks, and what was drawn afterwards with another seed."""
+FAMILIES = RESULTS / "families.json"
 PAGE = Path(__file__).parents[1] / "conformance" / "SURVIVORS.md"
 SEEN = ("killed", "not executed")
 HEAD = (
@@ -51,9 +53,13 @@ def families() -> list[Family]:
 
 
 def survivors() -> list[dict[str, Any]]:
-    """Those that a run executes and no check broke a MUST over."""
-    judged = json.loads(JUDGED.read_text("utf-8"))["judged"]
-    return [it | {"name": short(it["name"])} for it in judged if it["fate"] not in SEEN]
+    """Those that a run executes and no check broke a MUST over; of one judged twice, the newest."""
+    judged = {
+        it["name"]: it
+        for path in (FORMER, NEWEST)
+        for it in json.loads(path.read_text("utf-8"))["judged"]
+    }
+    return [it | {"name": short(it["name"])} for it in judged.values() if it["fate"] not in SEEN]
 
 
 def short(name: str) -> str:
@@ -71,12 +77,20 @@ def sorted_into(found: list[Family]) -> dict[str, list[dict[str, Any]]]:
 
 def page() -> str:
     """As Markdown."""
-    result = json.loads(JUDGED.read_text("utf-8"))
-    told = [f"Seed {result['seed']}, at `{result['commit'][:12]}`:", ""]
-    told += [f"- {line}" for line in result["summary"]]
+    told = [line for path in (NEWEST, FORMER) for line in figures(path)]
     found = families()
     those = sorted_into(found)
-    return HEAD + "\n".join([*told, *(line for it in found for line in section(it, those))]) + "\n"
+    lines = [*told[:-1], *(line for it in found for line in section(it, those))]
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def figures(path: Path) -> list[str]:
+    """What is said of one result."""
+    result = json.loads(path.read_text("utf-8"))
+    drawn = f"{len(result['judged']):,} drawn with seed {result['seed']}"
+    since = ", before what they showed was mended" if path == FORMER else ""
+    head = f"{drawn}, at `{result['commit'][:12]}`{since}:"
+    return [head, "", *(f"- {line}" for line in result["summary"]), ""]
 
 
 def section(family: Family, those: dict[str, list[dict[str, Any]]]) -> Iterator[str]:

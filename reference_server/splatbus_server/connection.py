@@ -180,9 +180,9 @@ class Connection:
         else:
             self.reader.hold()
 
-    def charge(self, worked: float, resting: int, now: float) -> None:
+    def charge(self, worked: float, owing: int, now: float) -> None:
         """Takes it that the thread worked so long for it: see `Share.charge`."""
-        self.share.charge(worked, resting, now)
+        self.share.charge(worked, owing, now)
         self.measure(now)
 
     def hold(self) -> None:

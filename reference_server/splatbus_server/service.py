@@ -272,8 +272,9 @@ class Service:
                 self.drop(peer)
 
     def _charge(self, whom: Connection | Share, worked: float) -> None:
-        resting = sum(peer.connection.share.is_resting for peer in self.peers)
-        whom.charge(worked, resting, time.monotonic())
+        now = time.monotonic()
+        owing = sum(now < peer.connection.share.owes_until for peer in self.peers)
+        whom.charge(worked, owing, now)
 
     def _read(self, peer: Peer) -> None:
         if peer.connection.input_ended or peer.waits:

@@ -30,31 +30,35 @@ class Share:
 
     Attributes:
         rests_until: when what it sends is looked at again; infinity while it is.
+        owes_until: until when it rests for what it had, or had last; not for what it sent, which
+            slows nobody else down.
     """
 
     def __init__(self) -> None:
         self.rests_until = math.inf
+        self.owes_until = -math.inf
         self._worked = 0.0  # seconds that no rest has paid for
         self._at = -math.inf
 
     @property
     def is_resting(self) -> bool:
-        """Whether it has had more than its share."""
+        """Whether what it sends is not looked at."""
         return self.rests_until < math.inf
 
-    def charge(self, worked: float, resting: int, now: float) -> None:
+    def charge(self, worked: float, owing: int, now: float) -> None:
         """Takes it that the thread worked so long for it, in seconds.
 
         Args:
             worked: by `clock`.
-            resting: how many others do.
+            owing: how many others have had more than their share.
             now: the moment.
         """
-        slowness = REST * (1 + resting)
+        slowness = REST * (1 + owing)
         self._worked = max(0.0, self._worked - (now - self._at) / slowness) + worked
         self._at = now
         if self._worked > BURST_SECONDS:
-            self.rest(now + (self._worked - BURST_SECONDS) * slowness + SHORTEST_SECONDS)
+            self.owes_until = now + (self._worked - BURST_SECONDS) * slowness + SHORTEST_SECONDS
+            self.rest(self.owes_until)
 
     def rest(self, until: float) -> None:
         """Rests until then, or for longer where it does already."""

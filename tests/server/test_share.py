@@ -63,3 +63,13 @@ def test_who_asks_one_thing_after_the_other_never_waits_long() -> None:
             now = share.rests_until
             share.expire(now)
     assert 0.0 < max(rests) < 0.001
+
+
+def test_who_rests_after_a_long_packet_slows_nobody_else_down() -> None:
+    share = Share()
+    share.rest(5.0)
+    share.charge(BURST_SECONDS / 2, 0, 1.0)
+    assert share.is_resting
+    assert share.owes_until < 1.0
+    share.charge(2 * BURST_SECONDS, 0, 1.0)
+    assert 1.0 < share.owes_until < share.rests_until == 5.0
