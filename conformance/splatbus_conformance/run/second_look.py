@@ -39,5 +39,6 @@ class SecondLook:
             self._in_vain |= {why, result.text}
             return ""
         return (
-            f"{result.check} was judged of one started anew: after the checks before, it said {why}"
+            f"{result.check} could show nothing of a testee that other checks had used ({why}), "
+            "and was judged of one started anew"
         )
