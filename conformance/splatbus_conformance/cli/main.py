@@ -244,6 +244,9 @@ def main(argv: Sequence[str] | None = None, further: Iterable[Declare] = ()) -> 
         return EXIT_NO_VERDICT
     except KeyboardInterrupt:
         complain("interrupted")
+        # Where it came in an `exec`, as a dataclass is made of, `python -m` ends by the signal
+        # whatever is returned here, unless another has ended well.
+        exec("")
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

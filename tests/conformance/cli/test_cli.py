@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 import splatbus_renderer.cli
@@ -17,6 +18,7 @@ from splatbus_conformance.cli.main import main, parser
 from splatbus_conformance.cli.options import FORMATS
 from splatbus_conformance.plan import SIDES, Usage
 from splatbus_conformance.reports.console import console
+from splatbus_conformance.verdicts import EXIT_INTERRUPTED
 from splatbus_schemas import LIMITS, version
 
 LINES = [
@@ -185,3 +187,19 @@ def test_an_id_that_is_none_is_answered_with_what_is_near(
 ) -> None:
     assert main(["--plain", "explain", word]) == 2
     assert told in capsys.readouterr().out
+
+
+def test_an_interrupt_ends_with_its_status_wherever_it_comes(tmp_path: Path) -> None:
+    """Python notes one in an `exec`, and would end `python -m` by the signal."""
+    (tmp_path / "interrupted.py").write_text(
+        "import sys\n"
+        "from splatbus_conformance.cli.main import main\n"
+        "def declare(commands):\n"
+        "    there = commands.add_parser('wait')\n"
+        "    there.set_defaults(run=lambda *_: exec('raise KeyboardInterrupt'))\n"
+        "sys.exit(main(['wait'], further=(declare,)))\n",
+        "utf-8",
+    )
+    line = [sys.executable, "-m", "interrupted"]
+    ended = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (EXIT_INTERRUPTED, "interrupted\n")

@@ -198,7 +198,7 @@ def server_takes_what_others_read_for_readable(patch: Patch) -> None:
             reader.kept = reader.readable = channels
         return refusal
 
-    Seam(Session, "subscribe").wrap(patch, subscribe)
+    server.TAKES_SUBSCRIPTION.wrap(patch, subscribe)
 
 
 @mutant("IMG-21", check="check_writes_only_what_is_wanted", code="written-unwanted")
