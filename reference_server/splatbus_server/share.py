@@ -16,7 +16,7 @@ BURST_SECONDS = 0.001
 come in the turn of one who behaves."""
 REST = 20.0
 """Times as long a client rests as it had the thread work beyond that, and again so long for each
-other client that rests: all that send as much as they can have a twentieth of the time together."""
+other that does: all that send as much as they can have a twentieth of the time together."""
 SHORTEST_SECONDS = 0.0003
 """Of a rest: who asks one thing after the other waits often and shortly, not long at times."""
 
