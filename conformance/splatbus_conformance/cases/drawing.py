@@ -6,7 +6,7 @@ search meets the same ones if the testee makes the same errors.
 """
 
 import math
-import tempfile
+import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -30,7 +30,8 @@ _CONSTANTS = type(providers.CONSTANTS_CACHE)(1024) if _KNOWS_THEM else None
 
 def leave_nothing_where_the_user_works() -> None:
     """Have Hypothesis keep its table of characters elsewhere, for the rest of this process."""
-    set_hypothesis_home_dir(Path(tempfile.gettempdir(), "splatbus-hypothesis"))
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    set_hypothesis_home_dir(cache / "splatbus-conformance" / "hypothesis")
 
 
 @contextmanager

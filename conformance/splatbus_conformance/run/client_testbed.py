@@ -7,7 +7,7 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.cases import rings
 from splatbus_conformance.images.memory.device import STAND_IN
-from splatbus_conformance.images.memory.host import HostMemory, free_bytes, sweep
+from splatbus_conformance.images.memory.host import HostMemory, free_bytes
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.run.vital_signs import lost_by_client
 from splatbus_conformance.trials.client import ClientTrial
@@ -36,7 +36,6 @@ class ClientTestbed:
         self.device = device_for(plan, self.stand_in)
         device = self.stand_in.environment() if self.stand_in else {}
         self.facts = ClientFacts()
-        sweep()
         with ExitStack() as undo:
             self.peer = _listening(plan)
             undo.callback(self.peer.close)

@@ -6,36 +6,15 @@ import mmap
 import os
 import secrets
 import sys
-import time
 from multiprocessing import resource_tracker, shared_memory
 from pathlib import Path
 from typing import Self
 
+from splatbus_conformance import guard
+from splatbus_conformance.guard import Kind, uninterrupted
+
 LINUX_FOLDER = Path("/dev/shm")
-YOUNG_SECONDS = 60
 PREFIX = "splatbus-check-"
-
-
-def sweep() -> None:
-    """Remove what runs of the harness that were killed have left behind.
-
-    Each run holds a lock on its memory, and the system drops the lock when it dies. What was made
-    a moment ago is left alone: its maker may not have come to lock it yet.
-    """
-    if sys.platform != "linux":
-        return
-    import fcntl
-
-    for path in LINUX_FOLDER.glob(f"{PREFIX}*"):
-        with contextlib.suppress(OSError):
-            if time.time() - path.stat().st_mtime < YOUNG_SECONDS:
-                continue
-            file = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                path.unlink()
-            finally:
-                os.close(file)
 
 
 def free_bytes() -> int | None:
@@ -70,13 +49,15 @@ class HostMemory:
             import fcntl
 
             flags = os.O_CREAT | os.O_EXCL | os.O_RDWR
-            self._file = os.open(LINUX_FOLDER / self.name, flags, 0o600)
+            with uninterrupted():
+                self._file = os.open(LINUX_FOLDER / self.name, flags, 0o600)
+                guard.watch(Kind.PATH, LINUX_FOLDER / self.name)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             try:
                 _reserve(self._file, size)
             except OSError:
                 os.close(self._file)
-                (LINUX_FOLDER / self.name).unlink(missing_ok=True)
+                self._remove()
                 raise
             self._map: mmap.mmap | None = mmap.mmap(self._file, size) if size else None
         elif sys.platform == "win32":
@@ -111,10 +92,14 @@ class HostMemory:
             self._map.close()
         if self._file is not None:
             os.close(self._file)
-            (LINUX_FOLDER / self.name).unlink(missing_ok=True)
+            self._remove()
         if self._shared is not None:
             self._shared.close()
             self._shared.unlink()
+
+    def _remove(self) -> None:
+        (LINUX_FOLDER / self.name).unlink(missing_ok=True)
+        guard.forget(Kind.PATH, LINUX_FOLDER / self.name)
 
     def _view(self) -> memoryview | mmap.mmap:
         if self._map is not None:

@@ -23,6 +23,7 @@ from splatbus_conformance.trials.testee.process import (
     Command,
     Ended,
     end,
+    forget_if_gone,
     lives_of,
 )
 from splatbus_conformance.wire.json_reading import shorten
@@ -108,8 +109,10 @@ class Adapted:
 
     def ensure_running(self) -> bool:
         """Start it if it does not run, with its client. Raises NoVerdict, AdapterBroken."""
-        if self._process is not None and self._process.poll() is None:
-            return False
+        if self._process is not None:
+            if self._process.poll() is None:
+                return False
+            forget_if_gone(self._process)
         self.open()
         with contextlib.suppress(ClientCrashed):  # `ended` says so
             self.ask("start")

@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from splatbus_conformance import guard
+from splatbus_conformance.guard import Kind, uninterrupted
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.trials.testee import diagnostics
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -113,7 +115,9 @@ class Command:
         words = self.argv if os.name == "posix" else [line]
         told = [word.replace(NAMED, token) for word in words]
         self._line = told if os.name == "posix" else told[0]
-        file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
+        with uninterrupted():
+            file, name = tempfile.mkstemp(prefix="splatbus-testee-", suffix=".log")
+            guard.watch(Kind.PATH, name)
         os.close(file)
         self._log = Path(name)
 
@@ -122,11 +126,12 @@ class Command:
     ) -> subprocess.Popen[bytes]:
         """Start it with these variables added; what it prints is kept, but for a stdout of its own.
 
-        Raises NoVerdict if it cannot be started.
+        It ends with the harness, where `end` has not ended it. Raises NoVerdict if it cannot be
+        started.
         """
-        with self._log.open("ab") as log:
+        with self._log.open("ab") as log, uninterrupted():
             try:
-                return subprocess.Popen(
+                process = subprocess.Popen(
                     self._line,
                     env={**self._environment, **added},
                     stdin=stdin,
@@ -134,6 +139,8 @@ class Command:
                     stderr=log,
                     **GROUPED,
                 )
+                guard.watch(Kind.GROUP, process.pid)
+                return process
             except OSError as error:
                 program = self.argv[0] if self.argv else ""
                 raise NoVerdict(
@@ -149,6 +156,7 @@ class Command:
     def forget(self) -> None:
         """Remove what it printed."""
         self._log.unlink(missing_ok=True)
+        guard.forget(Kind.PATH, self._log)
 
 
 def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
@@ -165,6 +173,16 @@ def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
     _signal(process, process.kill, FORCE)
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(STOP_SECONDS)
+        guard.forget(Kind.GROUP, process.pid)
+
+
+def forget_if_gone(process: subprocess.Popen[bytes]) -> None:
+    """Of one that has ended, and nothing of its group is left: another may come to its number."""
+    if sys.platform != "win32":
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            guard.forget(Kind.GROUP, process.pid)
 
 
 def lives_of(
@@ -230,8 +248,10 @@ class Launched:
 
     def ensure_running(self) -> bool:
         """Start it if it does not run. Raises NoVerdict if the command cannot be started."""
-        if self._process is not None and self._process.poll() is None:
-            return False
+        if self._process is not None:
+            if self._process.poll() is None:
+                return False
+            forget_if_gone(self._process)
         self._starts.append(time.monotonic())
         self._process = self._command.start(self._added, subprocess.DEVNULL)
         return True

@@ -1,9 +1,6 @@
 """The harness's side of the device: files, handles, and what is left behind."""
 
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -12,7 +9,6 @@ if sys.platform != "linux":
 
 from splatbus_conformance.images.memory.cuda_stand_in.device import (
     HANDLE_BYTES,
-    PREFIX,
     PROGRESS,
     StandInDevice,
 )
@@ -69,22 +65,3 @@ def test_nothing_is_left_when_it_is_closed(device: StandInDevice) -> None:
     device.event()
     device.close()
     assert not device.folder.exists()
-
-
-def test_what_a_killed_run_left_is_removed_by_the_next(device: StandInDevice) -> None:
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    left = device.folder.with_name(f"{PREFIX}{ended.pid}-left")
-    left.mkdir()
-    (left / "memory-0").write_bytes(b"0")
-    odd = device.folder.with_name(f"{PREFIX}odd-{os.getpid()}")
-    odd.mkdir()
-    try:
-        StandInDevice().close()
-        swept = device.folder.parent == Path("/dev/shm")
-        assert left.exists() is not swept
-        assert odd.exists()
-        assert device.folder.exists()
-    finally:
-        odd.rmdir()
-        device.close()

@@ -7,12 +7,12 @@ import contextlib
 import os
 import re
 import secrets
-import shutil
 import struct
 import sys
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
+
+from splatbus_conformance import guard
 
 PARENT = Path("/dev/shm")
 PREFIX = "splatbus-device-"
@@ -118,9 +118,8 @@ class StandInDevice:
     uuid, ordinal = DEVICE_UUID, 0
 
     def __init__(self) -> None:
-        _sweep()
         parent = PARENT if PARENT.is_dir() else None
-        self.folder = Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-", dir=parent))
+        self.folder = guard.folder(f"{PREFIX}{os.getpid()}-", parent)
         self._shared: list[Shared] = []
 
     def named(self, uuid: object) -> "StandInDevice":
@@ -163,14 +162,4 @@ class StandInDevice:
         for shared in self._shared:
             with contextlib.suppress(OSError):
                 shared.free()
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def _sweep() -> None:
-    """Remove what runs of the harness that were killed have left behind."""
-    for folder in PARENT.glob(f"{PREFIX}*-*"):
-        with contextlib.suppress(ValueError, PermissionError):
-            try:
-                os.kill(int(folder.name.removeprefix(PREFIX).split("-")[0]), 0)
-            except ProcessLookupError:
-                shutil.rmtree(folder, ignore_errors=True)
+        guard.remove(self.folder)

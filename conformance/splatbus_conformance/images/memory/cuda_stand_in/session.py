@@ -1,10 +1,8 @@
 """The stand-in as a run of the harness has it: library, device, trace, and a testee's variables."""
 
 import os
-import shutil
-import tempfile
-from pathlib import Path
 
+from splatbus_conformance import guard
 from splatbus_conformance.images.memory.cuda_stand_in.building import library_folder
 from splatbus_conformance.images.memory.cuda_stand_in.device import StandInDevice
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call, Trace
@@ -26,7 +24,7 @@ class StandIn:
     def __init__(self) -> None:
         self._library = library_folder()
         self.device = StandInDevice()
-        self._folder = Path(tempfile.mkdtemp(prefix="splatbus-trace-"))
+        self._folder = guard.folder("splatbus-trace-")
         self._trace = Trace(self._folder / "calls.jsonl")
 
     def environment(self) -> dict[str, str]:
@@ -46,4 +44,4 @@ class StandIn:
     def close(self) -> None:
         """Free the device, remove the trace."""
         self.device.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        guard.remove(self._folder)
